@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -154,7 +155,7 @@ def _calibrations(seeds: list[int]) -> tuple[CalibrationAccuracy, ...]:
 def _calibrations_as_dict(runs: tuple[CalibrationAccuracy, ...]) -> dict[str, Any]:
     targets = calibration_targets(runs)
     return {
-        "seeds": [run.as_dict() for run in runs],
+        "seeds": [asdict(run) for run in runs],
         "targets": {name: [each.as_dict() for each in some] for name, some in targets.items()},
     }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -64,7 +65,7 @@ def evaluate(
     if as_json:
         figures: dict[str, Any] = {
             **result.as_dict(),
-            "breakdown": classes.as_dict(),
+            "breakdown": asdict(classes),
             **listed(tuple(counted.false)),
         }
         if opened.alignment is not None:

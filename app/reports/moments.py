@@ -22,7 +22,7 @@ from observer.jsonl import line_pose
 from observer.observer import Observer
 from observer.parameters import Parameters, preset
 from observer.recording.payloads import MatchedTruth
-from observer.recording.replay import recorded_mount, replay_revisions
+from observer.recording.replay import replay_revisions
 from observer.recording.source import RecordingSource
 from observer.types import FullTrace, NoTrace, StereoFrame
 
@@ -127,9 +127,8 @@ class Moments:
         return max(found, key=lambda m: len(m.false_px)) if found else None
 
     def _observed(self, position: int, parameters: Parameters, before: int) -> Moment | None:
-        calibration = self._source.calibration
-        assert calibration is not None
-        observer = Observer(calibration, parameters, mount=recorded_mount(self._source.recording))
+        mount = self._source.recording.facts.camera_mount()
+        observer = Observer(self._source.calibration, parameters, mount=mount)
         begin = max(position - before, 0)
         self._source.seek(begin)
         trace = FullTrace()

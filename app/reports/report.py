@@ -7,7 +7,7 @@ import io
 import json
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -177,7 +177,7 @@ def _error_rows(
 ) -> list[list[Any]]:
     header = ["experiment", "method", *SpeedErrors.__dataclass_fields__]
     return [header] + [
-        [experiment, method, *each.as_dict().values()]
+        [experiment, method, *asdict(each).values()]
         for experiment, method, errors in found
         for each in errors
     ]

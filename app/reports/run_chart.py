@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from itertools import pairwise
 from typing import Any
 
@@ -35,7 +36,7 @@ def chart_values(gathered: Gathered) -> dict[str, Any]:
         "alignment": None if alignment is None else alignment_facts(alignment),
         "curves": list(_curves(gathered)),
         "changes": list(_changes(gathered.seen)),
-        "errors": [each.as_dict() for each in speed_errors(gathered.seen, gathered.true)]
+        "errors": [asdict(each) for each in speed_errors(gathered.seen, gathered.true)]
         if gathered.true
         else [],
     }

@@ -1,1 +1,1 @@
-"""How good the observer is, against truth."""
+"""Evaluation of the observer against ground truth."""

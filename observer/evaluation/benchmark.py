@@ -33,10 +33,10 @@ DEFAULT_MAX_FRAMES = 300
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a benchmark has come.
+    """Progress of a benchmark.
 
     Attributes:
-        done, total: frames. what: the run at hand, for people.
+        done, total: frames. what: the current run, for people.
     """
 
     done: int
@@ -57,7 +57,7 @@ def run_benchmark(
     """Run every preset over every source, at full speed.
 
     Each frame is read once and observed by all presets in turn, so that they see the same noise
-    and share the machine's moods. On some of the frames OpenCV's calls are timed in place of the
+    and share the machine's load. On some of the frames OpenCV's calls are timed in place of the
     stages.
 
     Args:

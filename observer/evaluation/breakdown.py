@@ -9,10 +9,10 @@ their lower limit and not their upper one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 from math import inf
-from typing import Any, Literal
+from typing import Literal
 
 from observer.evaluation.evaluate import (
     coverage,
@@ -42,10 +42,10 @@ DIRECTIONS: tuple[Direction, ...] = ("lateral", "diagonal", "radial")
 
 @dataclass(frozen=True)
 class Scale:
-    """By what measure a place is judged: a room or a road.
+    """Scale on which a place is judged: a room or a road.
 
     Attributes:
-        gate_m: how far an instance may lie from what it is.
+        gate_m: greatest distance of an instance from its body.
         range_limits_m, speed_limits_mps: limits of the classes, ascending, the last one infinite.
     """
 
@@ -61,7 +61,7 @@ ROAD = Scale("road", ROAD_GATE_M, (0.0, 10.0, 20.0, 30.0, inf), (0.0, 5.0, 10.0,
 
 @dataclass(frozen=True)
 class Group:
-    """The figures of one class; names and None as in ``Evaluation``.
+    """Figures of one class; names and None as in ``Evaluation``.
 
     Attributes:
         count: samples, that is moving obstacles in sight summed over frames. matched: found.
@@ -89,17 +89,13 @@ class DelayGroup:
 
 @dataclass(frozen=True)
 class Breakdown:
-    """One preset's accuracy in classes, in the order in which they are shown."""
+    """Accuracy of one preset in classes, in the order in which they are shown."""
 
     by_range: tuple[Group, ...]
     by_speed: tuple[Group, ...]
     by_direction: tuple[Group, ...]
     by_kind: tuple[Group, ...]
     delays: tuple[DelayGroup, ...]
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; what is unknown is None."""
-        return asdict(self)
 
 
 # Attribute of the breakdown, and its title.
@@ -112,7 +108,7 @@ GROUPINGS: Mapping[str, str] = {
 
 
 def direction_of(radial: float) -> Direction:
-    """The class of a motion by its share along the line of sight, 0 to 1."""
+    """Return the class of a motion by its share along the line of sight, 0 to 1."""
     if radial < LATERAL_BELOW:
         return "lateral"
     return "radial" if radial >= RADIAL_FROM else "diagonal"
@@ -123,7 +119,7 @@ def break_down(
     scale: Scale = LAB,
     kinds: Mapping[str, Sequence[Tally]] | None = None,
 ) -> Breakdown:
-    """The figures of several runs together, by class.
+    """Return the figures of several runs together, by class.
 
     Args:
         kinds: the same runs by what their scenarios declare, as ``{"ideal": [...]}``.
@@ -150,7 +146,7 @@ def break_down(
 
 
 def breakdown_tables(breakdowns: Mapping[str, Breakdown]) -> str:
-    """Markdown: a table for each grouping, the presets beneath each other in each class.
+    """Return a Markdown table for each grouping, the presets beneath each other in each class.
 
     Args:
         breakdowns: by preset; one without a name gets no column for it.
@@ -198,7 +194,7 @@ def _cells(group: Group | DelayGroup) -> list[str]:
 
 
 def _scored(tallies: Iterable[Tally]) -> list[tuple[Sample, bool]]:
-    """All samples, and whether their errors of position and speed count."""
+    """Return all samples, each with True if its errors of position and speed count."""
     return [(s, t.scored_for == "everything") for t in tallies for s in t.samples]
 
 

@@ -1,8 +1,8 @@
-"""How good a calibration from a hand-held board is, where the cameras are known exactly.
+"""Accuracy of a calibration by a hand-held board, where the cameras are known exactly.
 
-The whole way is gone: a simulated person shows a board, its corners are searched in noisy images,
-both cameras are fitted, and with the result the depth of another simulated place is measured.
-Everything is compared with the cameras as they were simulated.
+A simulated person shows a board, its corners are detected in noisy images, both cameras are fitted,
+and the depth of another simulated place is measured with the result. All of it is compared with
+the cameras as simulated.
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -43,21 +42,21 @@ POSES = 20
 SCENES = 6
 # Where depth is judged, metres along the left camera's axis.
 DEPTH_M = (2.5, 3.5)
-# Every so many pixels across and down a ray is cast.
+# A ray is cast every so many pixels in both directions.
 _STEP_PX = 2
 
 
 @dataclass(frozen=True)
 class CameraErrors:
-    """By how much a calibration differs from the cameras as they are; sizes, without a sign.
+    """Differences of a calibration from the true cameras, absolute values.
 
     Attributes:
         focal_percent: of the worst of fx and fy of both cameras.
         baseline_percent: of the distance of the two cameras.
-        rotation_deg: angle of the turn from R as it is to R as it was found.
-        turn_y_deg: part of that turn about the right camera's y axis.
-        pitch_deg, vergence_deg, roll_deg: of ``view_angles_deg``: what both images show is turned
-            by so much too much. A principal point that is wrong makes up for a part of ``turn_y``.
+        rotation_deg: angle of the rotation from the true R to the found one.
+        turn_y_deg: part of that rotation about the right camera's y axis.
+        pitch_deg, vergence_deg, roll_deg: errors of ``view_angles_deg``, by which both images are
+            rotated. A wrong principal point makes up for a part of ``turn_y``.
     """
 
     focal_percent: float
@@ -74,8 +73,8 @@ class DepthAccuracy:
     """Relative errors of distances along the left camera's lines of sight, by dense stereo.
 
     Attributes:
-        count: lines of sight that meet something within ``DEPTH_M`` and were matched.
-        matched: share of those that meet something there.
+        count: lines of sight that meet a surface within ``DEPTH_M`` and were matched.
+        matched: share of those that meet a surface there.
         median_percent: of the errors' sizes. bias_percent: median of the errors; positive where
             things seem too far. spread_percent: half the distance between the errors' 16th and
             84th percentile. All None where nothing was matched.
@@ -90,7 +89,7 @@ class DepthAccuracy:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A pair of a simulated place.
+    """Pair of images of a simulated place.
 
     Attributes:
         time: seconds. left, right: as taken, (H, W) grey.
@@ -103,7 +102,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class CalibrationAccuracy:
-    """What one seed gave.
+    """Result of one seed.
 
     Attributes:
         seed: of both scenarios.
@@ -114,9 +113,9 @@ class CalibrationAccuracy:
         held_out_p95_px: of the vertical errors on views that the fit left out; None where the
             views were too few.
         exact_p95_px: of the vertical errors of corners without noise, at all poses of the
-            scenario, shown or not: what the calibration alone is wrong.
+            scenario, shown or not: the error of the calibration alone.
         depth: measured with this calibration. depth_by_truth: measured in the same images with
-            the cameras as they are, which is what is left to matching.
+            the true cameras, which leaves the errors of matching.
         detection_s: of the corners in all images. fit_s: of the calibration.
     """
 
@@ -132,10 +131,6 @@ class CalibrationAccuracy:
     depth_by_truth: DepthAccuracy
     detection_s: float
     fit_s: float
-
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return asdict(self)
 
 
 def calibration_accuracy(
@@ -186,7 +181,7 @@ def calibration_accuracy(
 
 
 def calibration_targets(runs: Sequence[CalibrationAccuracy]) -> dict[str, tuple[Target, ...]]:
-    """What is to be reached and what is, of all seeds: ``worst`` and ``median``."""
+    """Return the targets of all seeds: ``worst`` and ``median``."""
     figures: list[tuple[str, float, list[float | None]]] = [
         ("focal length, %", 0.3, [r.errors.focal_percent for r in runs]),
         ("baseline, %", 0.5, [r.errors.baseline_percent for r in runs]),
@@ -197,17 +192,18 @@ def calibration_targets(runs: Sequence[CalibrationAccuracy]) -> dict[str, tuple[
     ]
 
     def over(choose: Callable[[Sequence[float]], float]) -> tuple[Target, ...]:
-        return tuple(
-            Target(name, None, most, None if None in values or not values
-                   else choose([v for v in values if v is not None]), len(values))
-            for name, most, values in figures
-        )  # fmt: skip
+        found = []
+        for name, most, values in figures:
+            known = [v for v in values if v is not None]
+            value = choose(known) if known and len(known) == len(values) else None
+            found.append(Target(name, None, most, value, len(values)))
+        return tuple(found)
 
     return {"worst": over(max), "median": over(statistics.median)}
 
 
 def camera_errors(found: StereoCalibration, truth: StereoCalibration) -> CameraErrors:
-    """How far a calibration is from the cameras as they are."""
+    """Return the errors of a calibration."""
     focal = [
         abs(K[k, k] / true[k, k] - 1)
         for K, true in ((found.K1, truth.K1), (found.K2, truth.K2))
@@ -227,19 +223,15 @@ def camera_errors(found: StereoCalibration, truth: StereoCalibration) -> CameraE
 
 
 def same_cameras(a: StereoCalibration, b: StereoCalibration) -> bool:
-    """Whether two calibrations are of the same cameras, to the last digit."""
-    return (a.width, a.height, a.distortion_model) == (b.width, b.height, b.distortion_model) and (
-        all(
-            np.array_equal(getattr(a, name), getattr(b, name))
-            for name in ("K1", "D1", "K2", "D2", "R", "T")
-        )
-    )
+    """Tell whether two calibrations are of the same cameras, to the last digit."""
+    names = ("width", "height", "distortion_model", "K1", "D1", "K2", "D2", "R", "T")
+    return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in names)
 
 
 def exact_row_error_p95(world: World, held: HeldBoard, calibration: StereoCalibration) -> float:
-    """95th percentile, px, of the vertical errors of corners where truth places them.
+    """Return the 95th percentile, px, of the vertical errors of corners at their true positions.
 
-    Of all held poses, where both images show the corner.
+    Over all held poses, where both images show the corner.
     """
     truth, errors = world.true_calibration, []
     last = np.array([truth.width, truth.height]) - 1
@@ -256,11 +248,11 @@ def depth_accuracy(
     scenes: Sequence[Scene],
     parameters: StereoParameters | None = None,
 ) -> DepthAccuracy:
-    """Distances by dense stereo with a calibration, against those of the simulated surfaces.
+    """Compare distances by dense stereo with a calibration with the simulated surfaces.
 
-    Each rectified pixel is carried back to the left image as taken, by the calibration, and from
-    there along the ray that the camera really sees by it. A wrong lens therefore counts with what
-    it does to the distance along that ray.
+    Each rectified pixel is mapped back to the left image as taken, by the calibration, and from
+    there to the true camera's ray. A wrong lens therefore counts with its effect on the distance
+    along that ray.
     """
     rectification = Rectification(calibration)
     camera = rectification.camera
@@ -302,7 +294,7 @@ def depth_accuracy(
 def _views(
     world: World, held: HeldBoard, poses: int, clock: Callable[[], float]
 ) -> tuple[list[BoardView], float]:
-    """The board at evenly spread poses, as both cameras saw it; and the seconds of searching."""
+    """Return the board at evenly spread poses, as both cameras saw it; and detection's seconds."""
     imager = StereoImager(world)
     times = held.motion.held_at
     chosen = np.unique(np.linspace(0, len(times) - 1, min(poses, len(times))).round().astype(int))
@@ -319,7 +311,7 @@ def _views(
 
 
 def scenes_of(world: World, count: int) -> list[Scene]:
-    """Pairs of evenly spread instants."""
+    """Return pairs of images at evenly spread instants."""
     imager = StereoImager(world)
     length = world.scenario.duration_s
     scenes = []

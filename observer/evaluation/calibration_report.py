@@ -1,4 +1,4 @@
-"""The accuracy of calibrations as Markdown."""
+"""Report of the accuracy of calibrations as Markdown."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _DEPTH: dict[str, _Figure] = {
 
 
 def calibration_markdown(runs: Sequence[CalibrationAccuracy]) -> str:
-    """Tables: what is to be reached, errors of the cameras and of depth by seed."""
+    """Return tables of targets, and of errors of the cameras and of depth by seed."""
     near, far = DEPTH_M
     return "\n".join(
         [
@@ -58,7 +58,7 @@ def calibration_markdown(runs: Sequence[CalibrationAccuracy]) -> str:
 
 
 def _by_seed(runs: Sequence[CalibrationAccuracy], figures: dict[str, _Figure]) -> str:
-    """A row for each seed, then of each figure the median and the largest in size."""
+    """Return a row for each seed, then each figure's median and its largest by absolute value."""
     rows = [[str(run.seed), *(shown(figure(run)) for figure in figures.values())] for run in runs]
     known = [[v for run in runs if (v := figure(run)) is not None] for figure in figures.values()]
     rows.append(["median", *(shown(statistics.median(each) if each else None) for each in known)])

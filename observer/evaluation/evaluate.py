@@ -1,4 +1,4 @@
-"""The figures by which methods are compared (definitions: ``observer.evaluation.tally``)."""
+"""Figures by which methods are compared (definitions: ``observer.evaluation.tally``)."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ _MAHALANOBIS2_95 = quantile(0.95, df=3)
 
 @dataclass(frozen=True)
 class Evaluation:
-    """How good one or several runs were. A figure that nothing was there to draw from is None.
+    """Accuracy of one or several runs. A figure without data is None.
 
-    Runs that are scored for detection only give no errors of position, speed and velocity.
+    Runs that are scored for detection only have no errors of position, speed and velocity.
 
     Attributes:
-        frames: compared. frames_without_world: left out, their world being unrelated to truth's.
-        frames_degraded, frames_lost: of all frames, by the status that the method gave them.
-        truth_count: obstacles that count, summed over frames. matched: of these were found.
+        frames: compared. frames_without_world: left out, as their world is unrelated to truth's.
+        frames_degraded, frames_lost: of all frames, by the method's status.
+        truth_count: obstacles that count, summed over frames. matched: of these, found ones.
         recall: matched / truth_count.
         false: instances with no moving truth near. false_per_100_frames. duplicates: second
             instances on one obstacle.
@@ -34,10 +34,10 @@ class Evaluation:
         centre_rmse_m: of the position, from the centre, once two faces were seen.
         speed_rmse_mps, velocity_rmse_mps: of the length, and of the vector.
         speed_bias_mps: mean of estimate minus truth.
-        identity_switches: how often a true obstacle got another identity.
+        identity_switches: number of times that a true obstacle got another identity.
         episodes: stretches of motion in sight; episodes_missed: without any report.
-        delay_median_s: from both began to the first confirmed report; None also where half of
-            the episodes or more were missed.
+        delay_median_s: from the time both began to the first confirmed report; None also where
+            half of the episodes or more were missed.
         coverage: share of joint 3D Mahalanobis distances of velocity inside 95 %.
         mota, motp_m: CLEAR-MOT's accuracy (1 at best, no lower limit) and precision (mean
             distance of pairs).
@@ -67,15 +67,15 @@ class Evaluation:
     motp_m: float | None
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON; what is unknown is None."""
+        """Return plain values for JSON; unknown ones are None."""
         return asdict(self)
 
     def markdown(self) -> str:
-        """A table of two columns, figure and value."""
+        """Return a table of two columns, figure and value."""
         return markdown_table(["figure", "value"], [[title, v] for title, v in self.rows()])
 
     def rows(self) -> list[tuple[str, str]]:
-        """Title with unit, and the value as text, for tables."""
+        """Return titles with unit and values as text, for tables."""
         return [(title, shown(getattr(self, name))) for name, title in FIGURE_TITLES.items()]
 
 
@@ -111,7 +111,7 @@ def evaluate(
     Args:
         lines: dictionaries as ``observation_line`` makes them, or what ``read_lines`` returns.
         truth: for a file ``CsvTruth(path)``. Bodies with the role ``observer`` are ignored.
-        gate_m: how far an instance may lie from what it is; ``ROAD_GATE_M`` on the road.
+        gate_m: greatest distance of an instance from its body; ``ROAD_GATE_M`` on the road.
 
     Raises:
         InputError: a line is not as it should be.
@@ -120,7 +120,7 @@ def evaluate(
 
 
 def summarise(tallies: Sequence[Tally]) -> Evaluation:
-    """The figures of several runs together."""
+    """Return the figures of several runs together."""
     samples = [s for t in tallies for s in t.samples]
     pairs = [s for s in samples if s.matched]
     measured = [s for t in tallies if t.scored_for == "everything" for s in t.samples]
@@ -157,37 +157,37 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
 
 
 def recall(samples: Sequence[Sample]) -> float | None:
-    """Share of the samples that were found."""
+    """Return the share of the samples that were found."""
     return sum(s.matched for s in samples) / len(samples) if samples else None
 
 
 def coverage(samples: Iterable[Sample]) -> float | None:
-    """Share of the velocities inside their stated 95 %, of those that state a covariance."""
+    """Return the share of velocities inside their 95 % interval, of those with a covariance."""
     known = (s.mahalanobis2 for s in samples)
     return _mean(float(d <= _MAHALANOBIS2_95) for d in known if d is not None)
 
 
 def delay_median(episodes: Sequence[Episode]) -> float | None:
-    """Seconds to the first report; None without episodes, or if half of them were missed."""
+    """Return the median delay, s; None without episodes, or if half of them were missed."""
     median = float(np.median([e.delay_s for e in episodes])) if episodes else float("inf")
     return median if np.isfinite(median) else None
 
 
 def rms(values: Iterable[float | None]) -> float | None:
-    """Root of the mean square of the values that are known."""
+    """Return the root mean square of the known values."""
     known = _known(values)
     return float(np.sqrt(np.mean(np.square(known)))) if known else None
 
 
 def shown(value: float | int | None) -> str:
-    """A figure as text: three decimals, and a dash for what is unknown."""
+    """Return a figure as text: three decimals, and a dash if unknown."""
     if value is None:
         return "-"
     return str(value) if isinstance(value, int) else f"{value:.3f}"
 
 
 def markdown_table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """A Markdown table; the first column is text, the others are aligned to the right."""
+    """Return a Markdown table; the first column is text, the others are aligned to the right."""
     lines = [
         "| " + " | ".join(header) + " |",
         "|---|" + "---:|" * (len(header) - 1),

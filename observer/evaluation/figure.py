@@ -1,4 +1,4 @@
-"""A benchmark's result as one figure: presets side by side."""
+"""Figure of a benchmark's result: presets side by side."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from observer.evaluation.breakdown import GROUPINGS, Group
 from observer.evaluation.results import Benchmark, PresetResult, SourceResult
 
 _DPI = 130
-# Okabe and Ito's colours that stay apart for colour-blind eyes; the markers tell them apart too.
+# Okabe and Ito's colours, which colour-blind people can tell apart, as they can the markers.
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9")
 _MARKERS = ("o", "s", "^", "D", "v")
 GREY = "#5a5a5a"
@@ -32,7 +32,7 @@ _CLASSES = ("by_range", "by_speed", "by_direction")
 
 
 def save_figure(figure: Figure, path: Path) -> None:
-    """Write a figure in the format of its ending; an interrupted one never replaces another.
+    """Write a figure in the format of its suffix; an incomplete one never replaces another.
 
     Args:
         path: ending in ``.png``, ``.svg`` or ``.pdf``.
@@ -49,7 +49,7 @@ def save_figure(figure: Figure, path: Path) -> None:
 
 
 def benchmark_figure(result: Benchmark) -> Figure:
-    """Recall and velocity error in classes, false instances by source, and cost by stage.
+    """Plot recall and velocity error in classes, false instances by source, and cost by stage.
 
     What was not measured gets no panel.
     """
@@ -121,7 +121,7 @@ def _velocity(
 def _points(
     axes: Axes, presets: Sequence[PresetResult], attribute: str, figure: str, names: Sequence[str]
 ) -> list[float]:
-    """Draw one figure of all presets, and return the values that are known."""
+    """Draw one figure of all presets, and return the known values."""
     labels: list[str] = []
     known: list[float] = []
     for p in presets:
@@ -207,7 +207,7 @@ def _stage_ms(result: PresetResult, stage: str) -> float | None:
 
 
 def _false_by_source(sources: Sequence[SourceResult]) -> list[tuple[str, dict[str, float]]]:
-    """By scenario, its seeds together: what to call it, and false per 100 frames by preset."""
+    """Return each scenario's label, its seeds together, with false per 100 frames by preset."""
     false: dict[str, dict[str, list[int]]] = {}
     for s in sources:
         if s.evaluation is None or s.evaluation.frames == 0:
@@ -236,14 +236,12 @@ def _legend(figure: Figure, names: Sequence[str], sources: Sequence[SourceResult
         fontsize=11,
     )
     first = [s for s in sources if s.preset == names[0]]
-    figure.text(
-        0.993, 0.995, f"{len(first)} sources, {sum(s.frames for s in first)} frames each preset",
-        ha="right", va="top", fontsize=9, color=GREY,
-    )  # fmt: skip
+    counts = f"{len(first)} sources, {sum(s.frames for s in first)} frames each preset"
+    figure.text(0.993, 0.995, counts, ha="right", va="top", fontsize=9, color=GREY)
 
 
 def _apart(number: int, count: int) -> float:
-    """Marks of equal values stand side by side, so that none hides another."""
+    """Return the offset that keeps marks of equal values side by side."""
     return 0.12 * (number - (count - 1) / 2)
 
 
@@ -259,14 +257,12 @@ def _style(number: int) -> dict[str, Any]:
 def _horizontal_target(axes: Axes, value: float, label: str = "") -> None:
     axes.axhline(value, color=TARGET, linewidth=1, linestyle="--", zorder=1)
     if label:
-        axes.text(
-            1.0, value, label, transform=axes.get_yaxis_transform(), ha="right", va="bottom",
-            fontsize=8, color=GREY,
-        )  # fmt: skip
+        place: Mapping[str, Any] = {"transform": axes.get_yaxis_transform(), "ha": "right"}
+        axes.text(1.0, value, label, va="bottom", fontsize=8, color=GREY, **place)
 
 
 def plain_axes(axes: Axes, lines: Literal["x", "y", "both"]) -> None:
-    """Axes without a frame, with a quiet grid across these directions."""
+    """Draw axes without a frame, with a light grid across these directions."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):

@@ -1,4 +1,4 @@
-"""Spreading a benchmark's sources over processes, where only accuracy is asked for."""
+"""Distribution of a benchmark's sources over processes, for accuracy alone."""
 
 from __future__ import annotations
 
@@ -6,7 +6,9 @@ import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from dataclasses import replace
 from multiprocessing.sharedctypes import Synchronized
+from typing import Any
 
 import cv2
 
@@ -19,7 +21,7 @@ _POLL_S = 0.2
 
 
 class WorkerLost(DynamicObserverError):
-    """A process ended in the middle of its work."""
+    """Process that ended in the middle of its work."""
 
 
 def run_sources_in_processes(
@@ -30,10 +32,10 @@ def run_sources_in_processes(
     jobs: int,
     report: Callable[[int], None],
 ) -> list[dict[str, SourceRun]]:
-    """As ``run_source`` for each source, in the order of the sources, without times.
+    """Return ``run_source`` of each source, in the order of the sources, without times.
 
     Args:
-        jobs: how many processes work at a time.
+        jobs: number of processes.
         report: called with the number of frames done over all sources, a few times a second.
 
     Raises:
@@ -64,12 +66,12 @@ def run_sources_in_processes(
         pool.shutdown(cancel_futures=True)
 
 
-# In a worker: where it counts its frames, for the process that started it.
+# In a worker: the counter of its frames, for the process that started it.
 _done: list[Synchronized[int]] = []
 
 
 def _begin(done: Synchronized[int]) -> None:
-    # One core for each process: OpenCV's own threads would only stand in the way of the others.
+    # One core for each process: OpenCV's own threads would only compete with the others.
     cv2.setNumThreads(1)
     _done.append(done)
 
@@ -86,14 +88,11 @@ def _work(
 
     runs = run_source(source, presets, max_frames, gate_m, report)
     _count(planned - counted)
-    return {name: _without_times(run) for name, run in runs.items()}
+    none: dict[str, Any] = {"times_ms": {}, "opencv_ms": [], "recorded_ms": [], "timed_frames": []}
+    return {name: replace(run, **none) for name, run in runs.items()}
 
 
 def _count(frames: int) -> None:
     (done,) = _done
     with done.get_lock():
         done.value += frames
-
-
-def _without_times(run: SourceRun) -> SourceRun:
-    return SourceRun(run.frames, run.skipped, run.image_size, {}, [], [], run.tally)

@@ -1,4 +1,4 @@
-"""The JSON lines of ``observe``, read back and checked."""
+"""Reader of the JSON lines of ``observe``, with checks."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ class _Entry(BaseModel):
 
 
 class PoseEntry(_Entry):
-    """The camera's pose in the segment's world."""
+    """Pose of the camera in the segment's world."""
 
     position: Vector
     orientation_wxyz: Quaternion
 
 
 class ObstacleEntry(_Entry):
-    """What evaluation needs of one reported obstacle; see DESIGN's JSON lines."""
+    """Fields of a reported obstacle that evaluation needs; see ``observer.jsonl``."""
 
     id: int
     state: str
@@ -44,7 +44,7 @@ class ObstacleEntry(_Entry):
 
 
 class Line(_Entry):
-    """One frame."""
+    """Fields of a frame that evaluation needs."""
 
     frame: int
     time: Finite
@@ -55,11 +55,11 @@ class Line(_Entry):
 
 
 def checked_lines(lines: Iterable[Mapping[str, Any] | Line]) -> tuple[Line, ...]:
-    """Lines as ``observer.jsonl.observation_line`` makes them, checked.
+    """Check lines as ``observer.jsonl.observation_line`` makes them.
 
     Raises:
-        InputError: naming the first line and field that is not as it should be, or lines that
-            are not in the order of their times.
+        InputError: naming the first line and field that is invalid, or lines that are not in the
+            order of their times.
     """
     return _checked(enumerate(lines, 1))
 
@@ -74,7 +74,7 @@ def read_lines(path: Path | str) -> tuple[Line, ...]:
 
 
 def read_both(path: Path | str) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]:
-    """The same, and beside it all that the lines hold, as plain dictionaries.
+    """Read a file of JSON lines, and return with them all their content as plain dictionaries.
 
     Raises:
         InputError: as ``read_lines``.
@@ -84,7 +84,7 @@ def read_both(path: Path | str) -> tuple[tuple[Line, ...], tuple[dict[str, Any],
 
 
 def _contents(path: Path) -> list[tuple[int, Any]]:
-    """What each line that is not empty holds, and its number."""
+    """Return number and content of each line that is not empty."""
     try:
         with path.open(encoding="utf-8") as file:
             contents = [(n, text) for n, text in enumerate(file, 1) if text.strip()]
@@ -113,7 +113,7 @@ def _line(content: Any, number: int) -> Line:
 
 
 def _checked(contents: Iterable[tuple[int, Any]]) -> tuple[Line, ...]:
-    """Lines by their numbers, each as it should be and in the order of their times."""
+    """Check numbered lines and the order of their times."""
     numbered = [(number, _line(content, number)) for number, content in contents]
     for (_, before), (number, after) in pairwise(numbered):
         if after.segment == before.segment and after.time < before.time:

@@ -1,4 +1,4 @@
-"""The machine that figures were measured on, and how busy it was."""
+"""Facts of the machine that figures were measured on, and its load."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import cv2
 
 
 def machine_facts() -> dict[str, Any]:
-    """Return what a reader of figures has to know of the machine, as plain values for JSON."""
+    """Return what a reader of figures must know of the machine, as plain values for JSON."""
     return {
         "platform": platform.platform(),
         "python": platform.python_version(),
@@ -25,7 +25,7 @@ def machine_line() -> str:
 
 
 def load() -> float | None:
-    """Return how many processes wanted a processor, averaged over the last minute.
+    """Return the average number of runnable processes over the last minute.
 
     None where the system does not tell.
     """

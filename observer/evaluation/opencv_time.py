@@ -1,8 +1,8 @@
-"""The bare cost of OpenCV's calls: how long its functions run while a frame is observed.
+"""Bare cost of OpenCV's calls: the time its functions run while a frame is observed.
 
 While a recorder is on, every function of ``cv2`` and every method of its algorithms (detectors,
-matchers) is wrapped by one that takes the time. The wrapping itself costs time, so that nothing
-else should be timed meanwhile.
+matchers) is wrapped by a timer. The wrapping itself costs time, so nothing else should be timed
+meanwhile.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from typing import Any
 
 import cv2
 
-# Classes beside the algorithms that have functions of their own; the rest is read and written.
+# Classes beside the algorithms that have functions; the rest are plain data.
 _OTHER_CLASSES = (cv2.KeyPoint,)
 
 
 class OpenCvRecorder:
-    """Sums up the time that passes inside OpenCV's calls, by the call's name.
+    """Sums up the time inside OpenCV's calls, by the call's name.
 
     A call made within another one (from Python) counts as part of that one. Calls of several
-    threads are added up. It must be on in one place of a process at a time.
+    threads are added up. Only one recorder of a process may be on at a time.
     """
 
     def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
@@ -58,7 +58,7 @@ class OpenCvRecorder:
                 setattr(owner, name, original)
 
     def take(self) -> Mapping[str, float]:
-        """Milliseconds by call since the last time this was asked, and begin anew."""
+        """Return milliseconds by call since the last call of this, and start again."""
         taken = {name: 1e3 * seconds for name, seconds in self._seconds.items()}
         self._seconds.clear()
         return taken
@@ -85,7 +85,7 @@ class OpenCvRecorder:
 
 @cache
 def _calls() -> tuple[tuple[Any, str, Any], ...]:
-    """What is wrapped: the module or class, the attribute, and what stands there."""
+    """Return what is wrapped: the module or class, the attribute, and its original value."""
     classes = [
         each
         for each in vars(cv2).values()

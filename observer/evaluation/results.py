@@ -1,9 +1,9 @@
-"""What a benchmark found, as plain data for JSON, tables and figures."""
+"""Results of a benchmark, as plain data for JSON, tables and figures."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from observer.evaluation.breakdown import Breakdown, Scale
@@ -12,31 +12,31 @@ from observer.evaluation.sources import BenchmarkSource
 from observer.evaluation.tally import FalseInstance
 from observer.evaluation.targets import Target
 
-# So many false instances of one preset on one source are listed; the rest are counted only.
+# Number of false instances of a preset on a source that are listed; the rest are only counted.
 FALSE_LISTED = 100
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Milliseconds of one stage over all frames."""
+    """Milliseconds of a stage over all frames."""
 
     median_ms: float
     p95_ms: float
 
     def as_dict(self) -> dict[str, float]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {"median": self.median_ms, "p95": self.p95_ms}
 
 
 @dataclass(frozen=True)
 class OpenCvCost:
-    """The bare cost of OpenCV's calls in ``observe``, taken on frames of their own.
+    """Bare cost of OpenCV's calls in ``observe``, measured on separate frames.
 
     Attributes:
         timing: of all calls of a frame together.
         ratio: median of the whole ``observe`` on the other frames, over the median of this.
-        ratio_within: median of the ratio of both on one and the same frame; the taking of the
-            time counts as ``observe``'s, but a busy machine disturbs it less.
+        ratio_within: median of the ratio of both on the same frame; the overhead of timing counts
+            as ``observe``'s, but a busy machine disturbs it less.
         calls_ms: mean of each call, per frame, the most expensive ones first.
     """
 
@@ -46,7 +46,7 @@ class OpenCvCost:
     calls_ms: Mapping[str, float]
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {
             "per_frame_ms": self.timing.as_dict(),
             "ratio": self.ratio,
@@ -57,7 +57,7 @@ class OpenCvCost:
 
 @dataclass(frozen=True)
 class SourceResult:
-    """One preset on one source.
+    """Result of a preset on a source.
 
     Attributes:
         frames: observed. skipped: frames that the source could not read.
@@ -73,7 +73,7 @@ class SourceResult:
     false: tuple[FalseInstance, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {
             "preset": self.preset,
             "source": self.source.spec,
@@ -88,7 +88,7 @@ class SourceResult:
 
 @dataclass(frozen=True)
 class PresetResult:
-    """One preset over all sources.
+    """Result of a preset over all sources.
 
     Attributes:
         timings: by stage, ``total`` being the whole of ``observe``; without the first frames.
@@ -106,20 +106,20 @@ class PresetResult:
     targets: tuple[Target, ...] = field(default=())
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {
             "preset": self.preset,
             "timings_ms": {stage: t.as_dict() for stage, t in self.timings.items()},
             "opencv": self.opencv.as_dict() if self.opencv else None,
             "evaluation": self.evaluation.as_dict() if self.evaluation else None,
-            "breakdown": self.breakdown.as_dict() if self.breakdown else None,
+            "breakdown": asdict(self.breakdown) if self.breakdown else None,
             "targets": [t.as_dict() for t in self.targets],
         }
 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """What ``run_benchmark`` found.
+    """Result of ``run_benchmark``.
 
     Attributes:
         jobs: processes over which the sources were spread; cost is measured with one only.
@@ -131,7 +131,7 @@ class Benchmark:
     sources: tuple[SourceResult, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {
             "scale": self.scale.name,
             "jobs": self.jobs,
@@ -141,8 +141,8 @@ class Benchmark:
 
 
 def listed(false: tuple[FalseInstance, ...]) -> dict[str, Any]:
-    """The false instances for JSON: the first ones, and how many were left out."""
+    """Return false instances for JSON: the first ones, and the number of the others."""
     return {
-        "false_instances": [each.as_dict() for each in false[:FALSE_LISTED]],
+        "false_instances": [asdict(each) for each in false[:FALSE_LISTED]],
         "false_instances_left_out": max(0, len(false) - FALSE_LISTED),
     }

@@ -1,4 +1,4 @@
-"""Running the presets over one source: what they found, and what they cost.
+"""Runs of presets over one source: results and cost.
 
 Time spent in the source (rendering, reading) is left out of every figure.
 """
@@ -26,21 +26,21 @@ from observer.types import StereoFrame
 
 # Caches and clocks settle first.
 _WARM_UP_FRAMES = 3
-# Share of the frames on which OpenCV's calls are timed in place of the stages. They are drawn, so
-# that nothing which the method does every so many frames falls on one kind only.
+# Share of the frames on which OpenCV's calls are timed in place of the stages. They are drawn at
+# random, so that periodic work of the method falls on both kinds.
 _RECORDED_SHARE = 1 / 3
 
 
 @dataclass(frozen=True)
 class SourceRun:
-    """One preset on one source.
+    """Run of a preset on a source.
 
     Attributes:
         frames: observed. skipped: frames that the source could not read.
         image_size: width, height.
         times_ms: by stage, one value for each frame on which they were taken.
-        opencv_ms: by call, one mapping for each of the other frames. recorded_ms: what the whole
-            of ``observe`` took on these, the taking of their time included.
+        opencv_ms: by call, one mapping for each of the other frames. recorded_ms: time of the
+            whole of ``observe`` on these, overhead of timing included.
         tally: None where the source has no truth, and for a preset that saw only part of it.
         timed_frames: the number of the frame of each value in ``times_ms``.
     """
@@ -65,7 +65,7 @@ def run_source(
 ) -> dict[str, SourceRun]:
     """Observe one source by all presets, frame by frame in turn.
 
-    They see the same noise and share the machine's moods.
+    They see the same noise and share the machine's load.
 
     Args:
         report: called with the number of frames done, before each one.
@@ -90,11 +90,11 @@ def run_opened(
     during: Mapping[str, range] | None = None,
     recorded_share: float = _RECORDED_SHARE,
 ) -> dict[str, SourceRun]:
-    """As ``run_source``, of a source that is open; it stays open.
+    """Observe an open source as ``run_source`` does; it stays open.
 
     Args:
-        during: of a preset that is to see only part of the source, the numbers of its frames.
-        recorded_share: of the frames, those on which OpenCV's calls are timed.
+        during: frame numbers of presets that see only part of the source.
+        recorded_share: share of the frames on which OpenCV's calls are timed.
 
     Raises:
         InputError: the source has no calibration.

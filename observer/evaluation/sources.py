@@ -1,4 +1,4 @@
-"""What a benchmark goes over: sources, and what their scenarios say of themselves."""
+"""Sources of a benchmark, and their scenarios' declarations."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _SIMULATED = "simulated:"
 
 @dataclass(frozen=True)
 class BenchmarkSource:
-    """One source of a benchmark.
+    """Source of a benchmark.
 
     Attributes:
         spec: as ``open_source`` takes it.
-        declares: what its scenario says of its cameras; None where there is no scenario.
-        scored_for: which figures count.
-        frames: how many it has, None where that is not known.
+        declares: its scenario's declaration of its cameras; None without a scenario.
+        scored_for: the figures that count.
+        frames: their number, None where unknown.
     """
 
     spec: str
@@ -31,17 +31,17 @@ class BenchmarkSource:
     frames: int | None
 
     def planned(self, max_frames: int) -> int:
-        """How many frames will be read, for all that is known."""
+        """Return the number of frames that will be read, as far as known."""
         return max_frames if self.frames is None else min(self.frames, max_frames)
 
 
 def simulated_sources(scenarios: Sequence[str], seeds: Sequence[int]) -> tuple[str, ...]:
-    """The specs of every scenario with every seed."""
+    """Return the specs of every scenario with every seed."""
     return tuple(f"{_SIMULATED}{name}?seed={seed}" for name in scenarios for seed in seeds)
 
 
 def described(spec: str) -> BenchmarkSource:
-    """What is known of a source before it is run.
+    """Describe a source before it is run.
 
     Raises:
         InputError: there is no such source or scenario.

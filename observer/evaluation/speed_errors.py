@@ -19,9 +19,8 @@ The definitions:
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +39,14 @@ _GAP_FRAMES = 3.0
 
 @dataclass(frozen=True, eq=False)
 class TrueMotion:
-    """One body through a run.
+    """Motion of a body through a run.
 
     Attributes:
         body: its name.
         times: (N,) seconds on the source's clock, rising.
         speeds: (N,) m/s, NaN where not known.
         directions, ways: N words each, of ``DIRECTIONS`` and ``WAYS``, or ``AT_REST``.
-        in_sight: (N,) whether the camera could see at least half of it.
+        in_sight: (N,) True where the camera could see at least half of it.
     """
 
     body: str
@@ -58,7 +57,7 @@ class TrueMotion:
     in_sight: NDArray[np.bool_]
 
     def speeds_at(self, times: Float64Array) -> Float64Array:
-        """(M,) m/s, NaN in a gap and outside of what was sampled."""
+        """Interpolate speeds (M,) m/s; NaN in a gap and outside of the samples."""
         if len(self.times) == 0:
             return np.full(len(times), np.nan)
         later = np.clip(np.searchsorted(self.times, times), 1, max(len(self.times) - 1, 1))
@@ -66,7 +65,7 @@ class TrueMotion:
             return np.where(times == self.times[0], self.speeds[0], np.nan)
         start, end = self.times[later - 1], self.times[later]
         weight = (times - start) / (end - start)
-        # A sample itself speaks even where its neighbour is missing.
+        # A sample itself counts even where its neighbour is missing.
         before = np.where(weight == 1.0, 0.0, (1.0 - weight) * self.speeds[later - 1])
         after = np.where(weight == 0.0, 0.0, weight * self.speeds[later])
         exact = (weight == 0.0) | (weight == 1.0)
@@ -75,7 +74,7 @@ class TrueMotion:
         return np.where(known, before + after, np.nan)
 
     def nearest(self, times: Float64Array) -> NDArray[np.intp]:
-        """(M,) the samples of truth nearest to these times; there must be one."""
+        """Return the indices (M,) of the nearest samples of truth; there must be one."""
         later = np.clip(np.searchsorted(self.times, times), 0, len(self.times) - 1)
         before = np.maximum(later - 1, 0)
         closer = np.abs(self.times[before] - times) < np.abs(self.times[later] - times)
@@ -84,7 +83,7 @@ class TrueMotion:
 
 @dataclass(frozen=True, eq=False)
 class SeenMotion:
-    """One track as long as it was taken for one body.
+    """Motion of a track while it was matched to one body.
 
     Attributes:
         track: segment and number, as in ``0:3``. body: its name.
@@ -103,12 +102,12 @@ class SeenMotion:
 
 @dataclass(frozen=True)
 class SpeedErrors:
-    """The figures of one group of samples; None is what there was nothing to draw from.
+    """Figures of a group of samples; None without data.
 
     Attributes:
-        group: ``all``, ``body``, ``track``, ``direction`` or ``way``. label: which one.
-        body: its name, None where several are put together.
-        samples: how many. bias_mps: mean error, seen less true. rmse_mps, maximum_mps: of errors.
+        group: ``all``, ``body``, ``track``, ``direction`` or ``way``. label: its name.
+        body: its name, None for several together.
+        samples: count. bias_mps: mean error, seen less true. rmse_mps, maximum_mps: of errors.
         coverage: share within the band of 95 %, and of how many: ``covered_of``.
         seen_share: share of the moving instants in sight; None where groups have no instants.
     """
@@ -124,14 +123,10 @@ class SpeedErrors:
     covered_of: int
     seen_share: float | None
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return asdict(self)
-
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """All of one track: what ``SpeedErrors`` are drawn from, the unknown left out."""
+    """Known samples of a track, of which ``SpeedErrors`` are computed."""
 
     motion: SeenMotion
     errors: Float64Array
@@ -141,7 +136,7 @@ class _Samples:
 
 
 def speed_errors(seen: Sequence[SeenMotion], true: Sequence[TrueMotion]) -> tuple[SpeedErrors, ...]:
-    """All groups that have a sample or an instant: the whole, then by direction, way, body, track.
+    """Return all groups with a sample or an instant: whole run, direction, way, body, track.
 
     Tracks of bodies without truth are left out.
     """
@@ -160,12 +155,12 @@ def speed_errors(seen: Sequence[SeenMotion], true: Sequence[TrueMotion]) -> tupl
 
 
 def sample_errors(seen: SeenMotion, true: TrueMotion) -> Float64Array:
-    """(N,) m/s, of each of a track's speeds; NaN where truth is not known."""
+    """Return the errors (N,) of a track's speeds, m/s; NaN where truth is unknown."""
     return seen.speeds - true.speeds_at(seen.times)
 
 
 def identity_changes(seen: Iterable[SeenMotion]) -> dict[str, int]:
-    """By body: how often another track took its place."""
+    """Count, by body, how often another track took over."""
     order: dict[str, list[tuple[float, str]]] = {}
     for each in seen:
         order.setdefault(each.body, []).extend((t, each.track) for t in each.frame_times)

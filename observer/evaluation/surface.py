@@ -1,4 +1,4 @@
-"""Where a true body's visible surface is, as seen from the camera."""
+"""Visible surface of a true body, as seen from the camera."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.truth.contract import TrueBody
 
-# A side that fills less than this share of what is seen of the body has hardly been seen.
+# A side with less than this share of the body's visible area has hardly been seen.
 _SEEN_SHARE = 0.15
 
 
 @dataclass(frozen=True, eq=False)
 class VisibleSurface:
-    """What of a body's box faces the camera.
+    """Faces of a body's box that the camera sees.
 
     Attributes:
         centre: (3,) metres, world: mean of the faces that look towards the camera, each weighted
@@ -29,7 +29,7 @@ class VisibleSurface:
 
 
 def visible_surface(body: TrueBody, camera_position: Float64Array) -> VisibleSurface:
-    """The faces of the body's box, upright in the world, that a camera at a place sees.
+    """Return the faces of the body's box, upright in the world, that a camera sees.
 
     Occlusion by other bodies is not considered. Inside the box the whole body is "seen".
 

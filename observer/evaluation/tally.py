@@ -1,4 +1,4 @@
-"""Comparing one run with truth, frame by frame; the figures are drawn from what is counted here.
+"""Comparison of one run with truth, frame by frame; all figures follow from these counts.
 
 The definitions, the same for every method:
 
@@ -16,8 +16,8 @@ The definitions, the same for every method:
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -33,7 +33,7 @@ SETTLING_S = 0.6
 GATE_M = 0.5
 ROAD_GATE_M = 3.0
 
-# What a run is judged by: everything, or only status, detection and coverage (where depth is
+# Figures of a run that count: everything, or only status, detection and coverage (where depth is
 # known to be biased, errors of position and speed say nothing about the method).
 ScoredFor = Literal["everything", "detection"]
 
@@ -42,12 +42,12 @@ _REFUSED = 1e9
 
 @dataclass(frozen=True)
 class Sample:
-    """One true obstacle that counts, in one frame.
+    """A true obstacle that counts, in one frame.
 
     Attributes:
         range_m: from the camera. speed_mps: true. radial: share of the true velocity along the
             line of sight, 0 (lateral) to 1 (radial).
-        matched: whether an instance belongs to it; what follows is None otherwise.
+        matched: an instance belongs to it; otherwise what follows is None.
         distance_m: to the instance. surface_error_m: from the middle of the visible surface.
             centre_error_m: from the centre, None before two faces were seen.
         speed_error_mps, velocity_error_mps: signed difference of lengths; length of the difference.
@@ -70,14 +70,14 @@ class Sample:
 
 @dataclass
 class Episode:
-    """One stretch of time in which a true obstacle moved and was visible.
+    """A stretch of time in which a true obstacle moved and was visible.
 
     Attributes:
         body: its id. began, ended: seconds. first_seen: time of the first instance that belongs
             to it, None if there never was one.
         range_m: from the camera, when it began.
         radial: share of the true velocity along the line of sight, mean of its first 0.6 s:
-            what starts slowly or turns on the spot settles its direction then.
+            bodies that start slowly or turn on the spot have settled their direction then.
     """
 
     body: int
@@ -89,20 +89,20 @@ class Episode:
 
     @property
     def delay_s(self) -> float:
-        """From its beginning to the first report, infinite without one."""
+        """Time from its beginning to the first report, infinite without one."""
         return float("inf") if self.first_seen is None else self.first_seen - self.began
 
 
 @dataclass(frozen=True)
 class FalseInstance:
-    """An instance with no moving truth near it: where and when, for whoever looks for the cause.
+    """An instance with no moving truth near it, with place and time to look for the cause.
 
     Attributes:
         frame, segment, time: of its line; the time in seconds. id: of the reported obstacle.
         position: (x, y, z) metres, the truth's world. speed_mps: as reported.
         range_m: from the camera.
         nearest_id: the true body whose centre is nearest, moving or not; None without any.
-        nearest_m: its distance. nearest_moving: whether it moves.
+        nearest_m: its distance. nearest_moving: True if it moves.
     """
 
     frame: int
@@ -116,22 +116,18 @@ class FalseInstance:
     nearest_m: float | None
     nearest_moving: bool | None
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return asdict(self)
-
 
 @dataclass
 class Tally:
-    """What one run came to; several runs are summed up together.
+    """Counts of one run; several runs are summed up together.
 
     Attributes:
         frames: compared frames. frames_without_world: those left out because the segment's
             world cannot be related to the truth's.
-        frames_degraded, frames_lost: of all frames, by the status that the method gave them.
+        frames_degraded, frames_lost: of all frames, by the method's status.
         false: instances with no moving truth near. duplicates: second instances on one body.
-        moved: whether any true obstacle moved at any time, visible or not.
-        scored_for: which of its figures may be drawn.
+        moved: True if any true obstacle moved at any time, visible or not.
+        scored_for: the figures that count.
     """
 
     frames: int = 0
@@ -194,12 +190,12 @@ class _Comparison:
             self._tally.frames += 1
             self._compare(line, world)
         self._tally.episodes += self._running.values()
-        # What moved in sight for a moment only never came to count.
+        # A body that moved in sight only for a moment never counted.
         self._tally.episodes = [e for e in self._tally.episodes if e.ended - e.began >= SETTLING_S]
         return self._tally
 
     def _world(self, line: Line) -> Pose | None:
-        """``T_truth_world`` of the line's segment; None where it cannot be told.
+        """Return ``T_truth_world`` of the line's segment; None where it cannot be told.
 
         The first segment begins where the truth's world does, if it begins with frame 0. Others
         are placed by the camera's true pose, at their first line with a pose.
@@ -266,7 +262,7 @@ class _Comparison:
     def _counting(
         self, moving: list[TrueBody], time: float, camera: Float64Array
     ) -> list[TrueBody]:
-        """Those that count at this frame; begins and ends episodes."""
+        """Return the bodies that count at this frame; begin and end episodes."""
         in_sight = {b.id: b for b in moving if b.visible is None or b.visible >= VISIBLE_SHARE}
         for number in [n for n in self._running if n not in in_sight]:
             self._tally.episodes.append(self._running.pop(number))

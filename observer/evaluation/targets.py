@@ -1,8 +1,8 @@
-"""What the default preset is to reach in the lab's benchmark scenarios, and whether it does.
+"""Targets of the default preset in the lab's benchmark scenarios.
 
 The figures are for obstacles between 0.8 and 4 m from the camera: samples and episodes elsewhere
-do not count here (they do in ``breakdown``). What moves laterally must be found from 0.2 m/s on,
-what moves otherwise from 0.3 m/s on. False instances count wherever they are.
+do not count here (they do in ``breakdown``). Lateral motion must be found from 0.2 m/s on, other
+motion from 0.3 m/s on. False instances count wherever they are.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ OTHER_MPS = 0.3
 
 @dataclass(frozen=True)
 class Cost:
-    """What ``observe`` takes.
+    """Cost of ``observe``.
 
     Attributes:
         image_size: width, height of all images; None where they differ.
@@ -44,13 +44,12 @@ class Cost:
 
 @dataclass(frozen=True)
 class Target:
-    """One figure, between what limits it should lie, and what it is.
+    """A figure with its limits and its measured value.
 
     Attributes:
         least, most: limits, None where there is none.
-        measured: None where nothing was there to draw it from, or where half of the episodes
-            or more never got a report.
-        count: samples, episodes or frames it was drawn from; 0 where it was not measured.
+        measured: None without data, or where half of the episodes or more never got a report.
+        count: samples, episodes or frames it is based on; 0 where it was not measured.
     """
 
     figure: str
@@ -61,14 +60,14 @@ class Target:
 
     @property
     def wanted(self) -> str:
-        """The limits as text."""
+        """Limits as text."""
         if self.least is None:
             return f"<= {self.most:g}" if self.most else "0"
         return f">= {self.least:g}" if self.most is None else f"{self.least:g}-{self.most:g}"
 
     @property
     def reached(self) -> bool | None:
-        """Whether the figure lies within its limits; None where it was not measured."""
+        """True if the figure lies within its limits; None where it was not measured."""
         if self.count == 0:
             return None
         if self.measured is None:
@@ -78,17 +77,17 @@ class Target:
         )
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return asdict(self) | {"reached": self.reached}
 
 
 def targets(
     runs: Sequence[tuple[Tally, str | None]], cost: Cost | None = None
 ) -> tuple[Target, ...]:
-    """The table of one preset.
+    """Return the targets of one preset.
 
     Args:
-        runs: each with what its scenario declares, ``ideal`` or ``faulty``, None where unknown.
+        runs: each with its scenario's declaration, ``ideal`` or ``faulty``, None where unknown.
         cost: None where it was not measured, or not on a quiet machine.
     """
     tallies = [t for t, _ in runs]
@@ -125,7 +124,7 @@ def targets(
 def targets_table(
     by_preset: Mapping[str, Sequence[Target]], title: str = "figure at 0.8-4 m"
 ) -> str:
-    """Markdown: figure, target, then what each preset measured and whether that reaches it."""
+    """Return a Markdown table: figure, target, then each preset's value and verdict."""
     header = [title, "target"]
     for name in by_preset:
         header += [name, "reached"]
@@ -168,12 +167,12 @@ def _false(figure: str, most: float, tallies: Sequence[Tally]) -> Target:
 
 def _errors(kind: str, speed: float, velocity: float, tallies: Sequence[Tally]) -> list[Target]:
     pairs = [s for t in tallies if t.scored_for == "everything" for s in _in_range(t) if s.matched]
+    speed_rms = rms(s.speed_error_mps for s in pairs)
+    velocity_rms = rms(s.velocity_error_mps for s in pairs)
     return [
-        Target(f"speed RMSE, {kind}, m/s", None, speed,
-               rms(s.speed_error_mps for s in pairs), len(pairs)),
-        Target(f"velocity RMSE, {kind}, m/s", None, velocity,
-               rms(s.velocity_error_mps for s in pairs), len(pairs)),
-    ]  # fmt: skip
+        Target(f"speed RMSE, {kind}, m/s", None, speed, speed_rms, len(pairs)),
+        Target(f"velocity RMSE, {kind}, m/s", None, velocity, velocity_rms, len(pairs)),
+    ]
 
 
 def _switches(samples: Sequence[Sample]) -> int | None:

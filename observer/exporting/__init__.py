@@ -1,1 +1,1 @@
-"""What happened in a run as files for other tools: tables, video, point clouds, ROS 2 bags."""
+"""Export of a run as files for other tools: tables, video, point clouds, ROS 2 bags."""

@@ -1,4 +1,4 @@
-"""All of a run in one zip: tables, video, a point cloud, parameters, calibration, and a README."""
+"""Export of a whole run as one zip: tables, video, point cloud, calibration, and a README."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TableFormat = Literal["csv", "parquet"]
 
 @dataclass
 class _Contents:
-    """What is in the zip, for its README."""
+    """Contents of the zip, for its README."""
 
     files: list[tuple[str, str]] = field(default_factory=list)
     tables: list[tuple[Table, int]] = field(default_factory=list)

@@ -1,4 +1,4 @@
-"""The point cloud of a frame, and the file that holds it."""
+"""Point cloud of a frame, and the file that holds it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import IO, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import as_gray
 from observer.exporting.errors import ExportError
 from observer.exporting.foxglove_messages import read_cloud
@@ -30,8 +29,8 @@ class Cloud:
     """Points (N, 3) float32, metres, with colours (N, 3) uint8, RGB.
 
     Attributes:
-        frame: that the points are given in. source: ``recorded``, or ``computed`` from the images.
-        index, time: of the frame that it is of.
+        frame: of the coordinates. source: ``recorded``, or ``computed`` from the images.
+        index, time: of the frame that it belongs to.
     """
 
     points: NDArray[np.float32]
@@ -43,7 +42,7 @@ class Cloud:
 
 
 def cloud_at(recording: Recording, position: int, frame: Frame = "camera") -> Cloud:
-    """The cloud of a frame: as it was recorded, else by dense stereo from the images.
+    """Return the cloud of a frame: as it was recorded, else by dense stereo from the images.
 
     Args:
         position: of the frame in the recording, from 0.
@@ -62,9 +61,8 @@ def cloud_at(recording: Recording, position: int, frame: Frame = "camera") -> Cl
     found = _recorded(recording, position)
     points, colors = found or _computed(recording, position)
     if T_world_camera is not None:
-        points = (points @ T_world_camera.rotation.T + T_world_camera.translation).astype(
-            np.float32
-        )
+        R, t = T_world_camera.rotation, T_world_camera.translation
+        points = (points @ R.T + t).astype(np.float32)
     at = recording.frames[position]
     source: Literal["recorded", "computed"] = "computed" if found is None else "recorded"
     return Cloud(points, colors, frame, source, at.index, at.time)
@@ -135,10 +133,9 @@ def _stereo_parameters(recording: Recording, position: int) -> StereoParameters:
 
 
 def recorded_rectification(recording: Recording) -> Rectification:
-    """That of the cameras as the run was observed with.
+    """Return the rectification that the run was observed with.
 
     Raises:
         CalibrationError: the calibration cannot be used.
     """
-    name = f"the calibration in {recording.path.name}"
-    return Rectification(read_calibration(recording.facts.calibration_yaml, name=name))
+    return Rectification(recording.calibration())

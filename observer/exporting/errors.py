@@ -1,4 +1,4 @@
-"""What cannot be exported, and what is needed for it."""
+"""Errors of exporting."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from observer.errors import InputError
 
 
 class ExportError(InputError):
-    """The recording does not hold what was asked for, or a package for it is not installed."""
+    """Export of what a recording does not hold, or without a package that it needs."""
 
 
 def missing_extra(package: str, extra: str, purpose: str) -> ExportError:
-    """The error where an optional package is not installed.
+    """Return the error for an optional package that is not installed.
 
     Args:
         package: what was imported. extra: of ours, which brings it. purpose: what needs it.

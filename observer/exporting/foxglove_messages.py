@@ -1,6 +1,6 @@
-"""What exports read of Foxglove's messages in a recording: clouds, log, images as they are.
+"""Reader of Foxglove's messages in a recording for exports: clouds, log, time stamps.
 
-Numbers of fields are those of foxglove/PointCloud.proto, Log.proto, CompressedImage.proto and
+Numbers of fields are those of foxglove/PointCloud.proto, Log.proto and
 google/protobuf/timestamp.proto.
 """
 
@@ -18,7 +18,6 @@ _STAMP = 1
 _SECONDS, _NANOSECONDS = 1, 2
 _CLOUD_STRIDE, _CLOUD_DATA = 4, 6
 _LOG_LEVEL, _LOG_MESSAGE, _LOG_NAME = 2, 3, 4
-_JPEG_DATA = 2
 # As ``observer.recording.foxglove.point_cloud`` packs them.
 _POINT = np.dtype([("point", "<f4", 3), ("color", "u1", 4)])
 
@@ -28,7 +27,7 @@ class RecordedCloud:
     """Points (N, 3) float32, metres, camera frame, and colours (N, 3) uint8, RGB.
 
     Attributes:
-        stamp_ns: nanoseconds since 1970, as of the frame that it is of.
+        stamp_ns: nanoseconds since 1970, that of its frame.
     """
 
     stamp_ns: int
@@ -41,7 +40,7 @@ class RecordedLog:
     """A sentence of the log.
 
     Attributes:
-        level: 1 debug, 2 info, 3 warning, 4 error, 5 fatal. name: who says so.
+        level: 1 debug, 2 info, 3 warning, 4 error, 5 fatal. name: of the sender.
     """
 
     stamp_ns: int
@@ -51,12 +50,12 @@ class RecordedLog:
 
 
 def read_cloud(message: memoryview) -> RecordedCloud:
-    """A ``PointCloud``.
+    """Read a ``PointCloud``.
 
     Raises:
         SourceError: the message is damaged or of another layout.
     """
-    fields = {field.number: field.value for field in message_fields(message)}
+    fields = message_fields(message)
     data = fields.get(_CLOUD_DATA, memoryview(b""))
     if (
         fields.get(_CLOUD_STRIDE) != _POINT.itemsize
@@ -73,12 +72,12 @@ def read_cloud(message: memoryview) -> RecordedCloud:
 
 
 def read_log(message: memoryview) -> RecordedLog:
-    """A ``Log``.
+    """Read a ``Log``.
 
     Raises:
         SourceError: the message is damaged.
     """
-    fields = {field.number: field.value for field in message_fields(message)}
+    fields = message_fields(message)
     level = fields.get(_LOG_LEVEL, 0)
     return RecordedLog(
         _stamp(fields.get(_STAMP)),
@@ -89,31 +88,18 @@ def read_log(message: memoryview) -> RecordedLog:
 
 
 def read_stamp(message: memoryview) -> int:
-    """When what a message shows was received, nanoseconds since 1970.
+    """Read the time at which the content of a message was received, nanoseconds since 1970.
 
     Raises:
         SourceError: the message is damaged.
     """
-    fields = (field for field in message_fields(message) if field.number == _STAMP)
-    return _stamp(next((field.value for field in fields), None))
-
-
-def read_jpeg(message: memoryview) -> bytes:
-    """The JPEG's own bytes of a ``CompressedImage``.
-
-    Raises:
-        SourceError: the message is damaged.
-    """
-    for field in message_fields(message):
-        if field.number == _JPEG_DATA and isinstance(field.value, memoryview):
-            return bytes(field.value)
-    raise SourceError("a JPEG image of the recording is damaged")
+    return _stamp(message_fields(message).get(_STAMP))
 
 
 def _stamp(value: int | memoryview | None) -> int:
     if not isinstance(value, memoryview):
         return 0
-    parts = {field.number: field.value for field in message_fields(value)}
+    parts = message_fields(value)
     seconds, nanoseconds = parts.get(_SECONDS, 0), parts.get(_NANOSECONDS, 0)
     if not isinstance(seconds, int) or not isinstance(nanoseconds, int):
         raise SourceError("a message of the recording is damaged")

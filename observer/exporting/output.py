@@ -1,4 +1,4 @@
-"""Puts what is exported in its place when it is whole, and never over what is there unasked."""
+"""Output that takes its place only when it is complete, and replaces nothing unasked."""
 
 from __future__ import annotations
 
@@ -13,11 +13,10 @@ from observer.exporting.errors import ExportError
 
 @contextmanager
 def whole_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
-    """A path of the same name, in a folder beside, to write a file or folder to; it takes its
-    place at the end.
+    """Provide a path of the same name in a temporary folder, for a file or folder.
 
-    What was written of it is deleted when the block ends with an error, and what was there before
-    stays.
+    It takes its place when the block ends. When the block ends with an error, what was written is
+    deleted, and what was there before stays.
 
     Args:
         overwrite: replace what is there.

@@ -1,4 +1,4 @@
-"""What was found in a frame, drawn over a copy of its rectified left image."""
+"""Overlay of what was found in a frame on a copy of its rectified left image."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import cv2
 from observer.drawing import color_copy
 from observer.types import Image
 
-# BGR, as in the panel: what moves, what stands after it moved, what is not seen just now.
+# BGR, as in the panel: moving, stopped, coasting.
 _COLORS = {"moving": (0, 235, 255), "stopped": (255, 170, 80)}
 _COASTING = (160, 160, 160)
 _TEXT = (235, 235, 235)
@@ -19,7 +19,7 @@ _LETTERS_PER_WIDTH = 0.45 / 512
 
 
 def draw_overlay(left: Image, line: Mapping[str, Any]) -> Image:
-    """A BGR picture of its own with rectangles, speeds and the frame's time and status.
+    """Return a new BGR picture with rectangles, speeds and the frame's time and status.
 
     Args:
         left: rectified left image, (H, W) grey or (H, W, 3) BGR; it stays as it is.
@@ -33,13 +33,8 @@ def draw_overlay(left: Image, line: Mapping[str, Any]) -> Image:
         cv2.rectangle(canvas, (u0, v0), (u1, v1), color, 2, cv2.LINE_AA)
         std = entry["speed_std"]
         sure = "" if std is None else f" +-{std:.2f}"
-        _write(
-            canvas,
-            f"#{entry['id']}  {entry['speed']:.2f}{sure} m/s",
-            (u0, max(v0 - 6, round(28 * scale))),
-            color,
-            scale,
-        )
+        text = f"#{entry['id']}  {entry['speed']:.2f}{sure} m/s"
+        _write(canvas, text, (u0, max(v0 - 6, round(28 * scale))), color, scale)
     status = "" if line["status"] == "ok" else f"  {line['status']}"
     text = f"frame {line['frame']}  {line['time']:.3f} s{status}"
     _write(canvas, text, (6, left.shape[0] - 8), _TEXT, scale)

@@ -1,9 +1,9 @@
-"""A run as a bag that ``ros2 bag play`` takes: a folder with metadata.yaml and one data file.
+"""Export of a run as a ROS 2 bag: a folder with metadata.yaml and one data file.
 
-Version 8 of the bag's format with Humble's message types: what Humble, Iron, Jazzy and later read.
+Version 8 of the bag format with Humble's message types, which Humble, Iron, Jazzy and later read.
 Fixed transforms are on /tf_static, kept for late subscribers. Stamps are exposures: the source's
-clock, laid on the wall clock at the first frame, so a bag plays at the pace of its source however
-long observing took.
+clock, set to the wall clock at the first frame, so that a bag plays at the pace of its source
+however long observing took.
 """
 
 from __future__ import annotations
@@ -14,22 +14,20 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import msgspec
+import numpy as np
 
-from observer.calibration.formats.opencv_file import read_calibration
 from observer.errors import SourceError
-from observer.exporting.clouds import recorded_rectification
 from observer.exporting.errors import ExportError
-from observer.exporting.foxglove_messages import read_cloud, read_jpeg, read_log, read_stamp
-from observer.exporting.ros2_clock import ExposureClock
+from observer.exporting.foxglove_messages import read_cloud, read_log, read_stamp
 from observer.exporting.ros2_messages import RosMessages
 from observer.jsonl import line_pose
 from observer.recording import topics
 from observer.recording.camera_frames import camera_model, fixed_frames
 from observer.recording.contents import Message
-from observer.recording.images import raw_pixels
+from observer.recording.images import jpeg_data, raw_pixels
 from observer.recording.payloads import MatchedTruth, RecordedFrame
 from observer.recording.reader import Recording
-from observer.recording.replay import recorded_mount
+from observer.vision.rectification import Rectification
 
 BagStorage = Literal["sqlite3", "mcap"]
 BAG_VERSION: Literal[8] = 8
@@ -40,10 +38,11 @@ _SIDES: dict[str, Literal["left", "right"]] = {
 
 _TF, _STATIC = "tf2_msgs/msg/TFMessage", "/tf_static"
 _MARKERS = "visualization_msgs/msg/MarkerArray"
+_SECOND_NS = 1_000_000_000
 
 
 class _Told(NamedTuple):
-    """One message of the bag."""
+    """Message of the bag."""
 
     topic: str
     kind: str
@@ -65,7 +64,7 @@ def write_ros2_bag(
         progress: called with observations done and the number of frames.
 
     Returns:
-        how many messages there are by topic.
+        Number of messages by topic.
 
     Raises:
         ExportError: rosbags is not installed, the folder exists, cannot be written, or nothing
@@ -101,21 +100,20 @@ def write_ros2_bag(
 
 
 class _Run:
-    """Reads a recording's messages as those of the bag, in the order of the recording."""
+    """Converts a recording's messages to those of the bag, in the order of the recording."""
 
     def __init__(self, recording: Recording) -> None:
         self.ros = RosMessages()
         self._recording = recording
-        name = f"the calibration in {recording.path.name}"
-        self._calibration = read_calibration(recording.facts.calibration_yaml, name=name)
-        self._rectified = recorded_rectification(recording)
+        self._calibration = recording.calibration()
+        self._rectified = Rectification(self._calibration)
         if not recording.frames:
             raise ExportError(f"{recording.path.name} holds no frame, so there is nothing to play")
         self._clock = ExposureClock(recording)
 
     def messages(self) -> Iterator[_Told]:
         begin = self._clock.begin_ns
-        fixed = fixed_frames(self._rectified, recorded_mount(self._recording))
+        fixed = fixed_frames(self._rectified, self._recording.facts.camera_mount())
         yield _Told(_STATIC, _TF, begin, self.ros.transforms(fixed, begin))
         read: dict[str, Callable[[Message, str], Iterator[_Told]]] = {
             **dict.fromkeys(_SIDES, self._image),
@@ -138,10 +136,10 @@ class _Run:
             image = self.ros.image(raw_pixels(message.data), side, at)
             yield _Told(f"/camera/{side}/image_raw", "sensor_msgs/msg/Image", at, image)
         else:
-            jpeg = self.ros.compressed(read_jpeg(message.data), side, at)
+            jpeg = self.ros.compressed(jpeg_data(message.data), side, at)
             name, kind = f"/camera/{side}/image_raw/compressed", "sensor_msgs/msg/CompressedImage"
             yield _Told(name, kind, at, jpeg)
-        # With the very stamp of its image, by which ROS pairs them.
+        # With exactly the stamp of its image, by which ROS pairs them.
         given = self._calibration
         model = camera_model(given, self._rectified, side)
         info = self.ros.camera_info(model, given.width, given.height, side, at)
@@ -184,7 +182,7 @@ class _Run:
 
 
 def _latched() -> list[Any]:
-    """The quality of service of what late subscribers get, too."""
+    """Return the quality of service of topics that late subscribers get, too."""
     from rosbags.interfaces import (
         Qos,
         QosDurability,
@@ -209,3 +207,46 @@ def _latched() -> list[Any]:
             avoid_ros_namespace_conventions=False,
         )
     ]
+
+
+class ExposureClock:
+    """Clock for tools that know only one: nanoseconds since 1970 at the pace of the source's clock.
+
+    It starts with the first frame. The wall clock at reception would do for live cameras, but not
+    for what was observed faster or slower than it happened: speeds by its stamps would be wrong.
+    Where the source's clock goes back, it continues from the wall clock, or from the frame before
+    if that is later.
+
+    Args:
+        recording: with at least one frame.
+    """
+
+    def __init__(self, recording: Recording) -> None:
+        anchor, frames = recording.facts.anchor, recording.frames
+        wall = [anchor.wall_time_ns(frame.received) for frame in frames]
+        stamps = [wall[0]]
+        base_ns, base_time = wall[0], frames[0].time
+        for k in range(1, len(frames)):
+            if frames[k].time <= frames[k - 1].time:
+                base_ns, base_time = max(wall[k], stamps[-1] + 1), frames[k].time
+            stamps.append(base_ns + round((frames[k].time - base_time) * _SECOND_NS))
+        self._wall = np.maximum.accumulate(np.array(wall, dtype=np.int64))
+        self._stamps = np.array(stamps, dtype=np.int64)
+        self._by_frame = {
+            (frame.index, frame.time): stamp for frame, stamp in zip(frames, stamps, strict=True)
+        }
+
+    @property
+    def begin_ns(self) -> int:
+        """Stamp of the first frame."""
+        return int(self._stamps[0])
+
+    def of_frame(self, index: int, time: float) -> int:
+        """Return the stamp of a frame by number and time; the last one if it was not recorded."""
+        return self._by_frame.get((index, time), int(self._stamps[-1]))
+
+    def of_wall(self, wall_ns: int) -> int:
+        """Return the stamp at an instant of the wall clock: a frame's, if it was received then."""
+        k = max(0, int(np.searchsorted(self._wall, wall_ns, side="right")) - 1)
+        stamp = int(self._stamps[k]) + max(0, wall_ns - int(self._wall[k]))
+        return stamp if k + 1 == len(self._stamps) else min(stamp, int(self._stamps[k + 1]))

@@ -1,4 +1,4 @@
-"""A run's messages as those of ROS 2, built by the ``rosbags`` package.
+"""Messages of ROS 2 made of a run's, by the ``rosbags`` package.
 
 Frames are those of ``observer.recording.camera_frames``; times are those of ``ExposureClock``.
 """
@@ -80,8 +80,8 @@ class RosMessages:
 
     # --- images ------------------------------------------------------------------------------
 
-    def compressed(self, jpeg: bytes, side: str, wall_ns: int) -> Any:
-        """``sensor_msgs/CompressedImage`` of the recorded JPEG itself."""
+    def compressed(self, jpeg: memoryview, side: str, wall_ns: int) -> Any:
+        """Return a ``sensor_msgs/CompressedImage`` of the recorded JPEG itself."""
         return self._make(
             "sensor_msgs/msg/CompressedImage",
             self._header(wall_ns, f"camera_{side}"),
@@ -90,7 +90,7 @@ class RosMessages:
         )
 
     def image(self, pixels: Image, side: str, wall_ns: int) -> Any:
-        """``sensor_msgs/Image`` of (H, W) grey or (H, W, 3) BGR."""
+        """Return a ``sensor_msgs/Image`` of (H, W) grey or (H, W, 3) BGR."""
         height, width = pixels.shape[:2]
         grey = pixels.ndim == 2
         return self._make(
@@ -107,7 +107,7 @@ class RosMessages:
     def camera_info(
         self, camera: CameraModel, width: int, height: int, side: str, wall_ns: int
     ) -> Any:
-        """``sensor_msgs/CameraInfo`` of the images as taken (REP-104)."""
+        """Return the ``sensor_msgs/CameraInfo`` of the images as taken (REP-104)."""
         return self._make(
             "sensor_msgs/msg/CameraInfo",
             self._header(wall_ns, f"camera_{side}"),
@@ -124,7 +124,7 @@ class RosMessages:
         )
 
     def cloud(self, told: RecordedCloud, wall_ns: int) -> Any:
-        """``sensor_msgs/PointCloud2`` with x, y, z and rgb, in the camera frame."""
+        """Return a ``sensor_msgs/PointCloud2`` with x, y, z and rgb, in the camera frame."""
         packed = np.zeros(len(told.points), dtype=[("xyz", "<f4", 3), ("bgra", "u1", 4)])
         packed["xyz"] = told.points
         packed["bgra"][:, :3] = told.colors[:, ::-1]
@@ -148,7 +148,7 @@ class RosMessages:
     # --- poses -------------------------------------------------------------------------------
 
     def transforms(self, poses: Sequence[tuple[str, str, Pose]], wall_ns: int) -> Any:
-        """``tf2_msgs/TFMessage`` of (parent, child, ``T_parent_child``)."""
+        """Return a ``tf2_msgs/TFMessage`` of (parent, child, ``T_parent_child``)."""
         return self._make(
             "tf2_msgs/msg/TFMessage",
             [
@@ -167,7 +167,7 @@ class RosMessages:
         )
 
     def pose(self, T_world_camera: Pose, wall_ns: int) -> Any:
-        """``geometry_msgs/PoseStamped`` of the camera in the world."""
+        """Return the ``geometry_msgs/PoseStamped`` of the camera in the world."""
         return self._make(
             "geometry_msgs/msg/PoseStamped",
             self._header(wall_ns, "world"),
@@ -175,7 +175,7 @@ class RosMessages:
         )
 
     def odometry(self, told: OdometryPayload, wall_ns: int) -> Any:
-        """``nav_msgs/Odometry`` by the robot's wheels; its twist and variances are not known."""
+        """Return ``nav_msgs/Odometry`` by the robot's wheels; twist and variances are unknown."""
         unknown = np.diag(np.full(6, _UNKNOWN_VARIANCE)).ravel()
         half = told.yaw / 2
         zero = self._xyz("Vector3", (0, 0, 0))
@@ -195,10 +195,10 @@ class RosMessages:
             ),
         )
 
-    # --- what was seen, in words and boxes ---------------------------------------------------
+    # --- what was seen, as text and boxes ----------------------------------------------------
 
     def obstacles(self, line: Mapping[str, Any], wall_ns: int) -> Any:
-        """``visualization_msgs/MarkerArray``: box, velocity of one second and label of each."""
+        """Return a ``visualization_msgs/MarkerArray``: box, velocity and label of each."""
         markers = [self._clearing(wall_ns)]
         for entry in line["obstacles"]:
             if entry["position"] is None or entry["orientation_wxyz"] is None:
@@ -222,7 +222,7 @@ class RosMessages:
         return self._make("visualization_msgs/msg/MarkerArray", markers)
 
     def true_bodies(self, bodies: Sequence[MatchedBody], wall_ns: int) -> Any:
-        """The same of true bodies in the world of the obstacles."""
+        """Return a ``MarkerArray`` of true bodies in the world of the obstacles."""
         markers = [self._clearing(wall_ns)]
         for body in bodies:
             length, width, height = body.size
@@ -242,16 +242,14 @@ class RosMessages:
         return self._make("visualization_msgs/msg/MarkerArray", markers)
 
     def text(self, text: str) -> Any:
-        """``std_msgs/String``."""
+        """Return a ``std_msgs/String``."""
         return self._make("std_msgs/msg/String", text)
 
     def log(self, told: RecordedLog, wall_ns: int) -> Any:
-        """``rcl_interfaces/Log``."""
+        """Return a ``rcl_interfaces/Log``."""
         level = _LEVELS.get(told.level, 20)
-        return self._make(
-            "rcl_interfaces/msg/Log",
-            self._time(wall_ns), level, told.name, told.text, "", "", 0,
-        )  # fmt: skip
+        at = self._time(wall_ns)
+        return self._make("rcl_interfaces/msg/Log", at, level, told.name, told.text, "", "", 0)
 
     def _body(
         self,
@@ -288,7 +286,7 @@ class RosMessages:
         return found
 
     def _clearing(self, wall_ns: int) -> Any:
-        """What was drawn before goes first, so that nothing stays that is seen no more."""
+        """Return a marker that deletes what was drawn before and is no longer seen."""
         nowhere = self._pose((0, 0, 0), (1, 0, 0, 0))
         return self._marker(wall_ns, "", 0, 0, _WHITE, nowhere, (0.0, 0.0, 0.0), action=_DELETE_ALL)
 

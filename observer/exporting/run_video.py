@@ -1,4 +1,4 @@
-"""The video of a run: what was found, drawn over the recorded images."""
+"""Video of a run: what was found, drawn over the recorded images."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def write_run_video(
         progress: called with frames done and their number.
 
     Returns:
-        the finished video, for what it was encoded as.
+        The finished video, which tells its codec.
 
     Raises:
         ExportError: the recording holds no images, or the file cannot be written.
@@ -64,7 +64,7 @@ def write_run_video(
 
 
 def frame_rate(recording: Recording) -> float:
-    """Frames a second of a run, by the middle distance of its frames."""
+    """Return the frame rate of a run, 1/s, by the median interval of its frames."""
     times = np.array([frame.time for frame in recording.frames])
     steps = np.diff(times)
     steps = steps[steps > 0]

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator
+from itertools import islice
 from typing import IO, Any
 
 from observer.exporting.errors import missing_extra
-from observer.exporting.tables import Row, Table
+from observer.exporting.tables import Table
 from observer.recording.reader import Recording
 
-# Rows of a Parquet file that are packed at once.
+# Rows of a Parquet file that are written at once.
 _BATCH = 65_536
 
 
@@ -21,7 +21,7 @@ def write_csv(table: Table, recording: Recording, file: IO[str]) -> int:
         file: opened with ``newline=""``.
 
     Returns:
-        how many rows there were.
+        Number of rows.
     """
     writer = csv.DictWriter(file, table.names, lineterminator="\n")
     writer.writeheader()
@@ -33,7 +33,7 @@ def write_csv(table: Table, recording: Recording, file: IO[str]) -> int:
 
 
 def write_parquet(table: Table, recording: Recording, file: IO[bytes]) -> int:
-    """The same as Parquet, each column with its help as metadata.
+    """Write a table as Parquet, each column with its help as metadata; return its rows' number.
 
     Raises:
         ExportError: pyarrow is not installed.
@@ -46,16 +46,16 @@ def write_parquet(table: Table, recording: Recording, file: IO[bytes]) -> int:
             for column in table.columns
         ]
     )
-    count = 0
+    count, rows = 0, table.rows(recording)
     with parquet.ParquetWriter(file, schema) as writer:
-        for batch in _batches(table.rows(recording)):
+        while batch := list(islice(rows, _BATCH)):
             writer.write_table(pyarrow.Table.from_pylist(batch, schema=schema))
             count += len(batch)
     return count
 
 
 def check_parquet() -> None:
-    """Find out early whether Parquet can be written.
+    """Check early that Parquet can be written.
 
     Raises:
         ExportError: it cannot.
@@ -70,14 +70,3 @@ def _pyarrow() -> tuple[Any, Any]:
     except ImportError:
         raise missing_extra("pyarrow", "parquet", "a Parquet file") from None
     return pyarrow, parquet
-
-
-def _batches(rows: Iterable[Row]) -> Iterator[list[Row]]:
-    batch: list[Row] = []
-    for row in rows:
-        batch.append(row)
-        if len(batch) >= _BATCH:
-            yield batch
-            batch = []
-    if batch:
-        yield batch

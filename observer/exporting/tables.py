@@ -1,4 +1,4 @@
-"""What happened in a run as flat tables: one row an instant, the unit at the column's end.
+"""Flat tables of a run: one row an instant, the unit at the column's end.
 
 ``_m`` metres, ``_mps`` m/s, ``_s`` seconds, ``_rad`` radians, ``_px`` pixels, ``_m2`` and
 ``_m2ps2`` their squares. ``time_s`` is the source's clock, ``received_s`` the host's monotonic
@@ -23,7 +23,7 @@ Row = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Column:
-    """One column.
+    """Column of a table.
 
     Attributes:
         name: ends with the unit. kind: of its values. help: what it is, for the README.
@@ -36,7 +36,7 @@ class Column:
 
 @dataclass(frozen=True)
 class Table:
-    """One table: what its columns are, and how its rows are read, one by one.
+    """Table with its columns, and the reader of its rows, one by one.
 
     Attributes:
         rows: values by column; None is not known.
@@ -49,7 +49,7 @@ class Table:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the columns."""
+        """Names of the columns."""
         return tuple(column.name for column in self.columns)
 
 
@@ -118,7 +118,7 @@ def _obstacle_rows(recording: Recording) -> Iterator[Row]:
 
 
 def obstacle_row(line: Mapping[str, Any], entry: Mapping[str, Any]) -> Row:
-    """One obstacle of a JSON line as a row of the table ``obstacles``."""
+    """Return an obstacle of a JSON line as a row of the table ``obstacles``."""
     return {
         **_at(line["frame"], line["time"]),
         "segment": line["segment"],
@@ -321,7 +321,7 @@ TABLES: Mapping[str, Table] = {
 
 
 def find_table(name: str) -> Table:
-    """A table by its name.
+    """Return a table by its name.
 
     Raises:
         ExportError: there is no such table.

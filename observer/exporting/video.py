@@ -1,4 +1,4 @@
-"""Writes pictures as MP4: H.264, which browsers play, by ffmpeg where the machine has it.
+"""Writer of MP4 video: H.264, which browsers play, by ffmpeg where it is installed.
 
 Without it OpenCV's own encoder makes MPEG-4 (``mp4v``), which players show and browsers do not.
 """
@@ -25,7 +25,7 @@ MPEG4 = "MPEG-4 (mp4v), which browsers do not play; with ffmpeg installed it wou
 # Of H.264, lower is better: text stays sharp at this.
 _QUALITY = 20
 _PATIENCE_S = 60.0
-# A stop in the source is shown as it was, but not for longer.
+# A pause of the source is shown in real time up to this.
 _LONGEST_STILL_S = 5.0
 
 
@@ -47,7 +47,7 @@ class OverlayVideo:
     Args:
         path: of the file; written as pictures come.
         frame_rate: 1/s.
-        ffmpeg: the programme, None for OpenCV's encoder; looked for where it is left out.
+        ffmpeg: path of the program, None for OpenCV's encoder; searched where it is left out.
 
     Raises:
         ExportError: nothing can be written there; so do all methods.
@@ -68,12 +68,12 @@ class OverlayVideo:
 
     @property
     def codec(self) -> str:
-        """What the pictures are encoded as, in words."""
+        """Name of the codec, for people."""
         return MPEG4 if self._ffmpeg is None else H264
 
     @property
     def pictures(self) -> int:
-        """How many the file holds so far."""
+        """Number of pictures in the file so far."""
         return self._written
 
     def add(self, picture: Image, time: float) -> None:
@@ -129,7 +129,7 @@ class OverlayVideo:
 
 
 def find_ffmpeg() -> str | None:
-    """The programme, where it is installed and can make H.264."""
+    """Return the path of ffmpeg, where it is installed and can encode H.264."""
     ffmpeg = shutil.which("ffmpeg")
     if ffmpeg is None:
         return None
@@ -149,7 +149,7 @@ def find_ffmpeg() -> str | None:
 class _Ffmpeg:
     def __init__(self, ffmpeg: str, path: Path, width: int, height: int, rate: Fraction) -> None:
         self._path = path
-        # What it says, kept in a file: a full pipe that nobody reads would stop it.
+        # Its messages, kept in a file: a full pipe that nobody reads would stop it.
         self._said: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115
         arguments = [
             ffmpeg, "-hide_banner", "-loglevel", "error", "-y",
@@ -177,7 +177,7 @@ class _Ffmpeg:
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(picture.data)
-        except (BrokenPipeError, OSError):
+        except OSError:
             self._close()
             raise self._failure() from None
 

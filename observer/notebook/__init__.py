@@ -1,1 +1,1 @@
-"""For notebooks: what ``observer.open`` and ``observer.load`` give."""
+"""Notebook interface: the objects that ``observer.open`` and ``observer.load`` return."""

@@ -1,4 +1,4 @@
-"""A source that is observed step by step, for notebooks and scripts."""
+"""Source that is observed step by step, for notebooks and scripts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from observer.vision.rectification import Rectification
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """One frame and what was found in it.
+    """A frame and what was found in it.
 
     Attributes:
         frame: as the source gave it. observation: what was found.
@@ -44,16 +44,16 @@ class Step:
 
     @property
     def obstacles(self) -> tuple[Obstacle, ...]:
-        """The confirmed and coasting ones."""
+        """Confirmed and coasting obstacles."""
         return self.observation.reported
 
     @cached_property
     def line(self) -> ObservationLine:
-        """As ``observe`` writes it, see ``observer.jsonl``."""
+        """JSON line as ``observe`` writes it, see ``observer.jsonl``."""
         return observation_line(self.observation)
 
     def picture(self) -> Image:
-        """(H, W, 3) RGB: the rectified left image with what was found, for ``plt.imshow``."""
+        """Return the rectified left image with overlay, (H, W, 3) RGB, for ``plt.imshow``."""
         left, _ = self._rectification.apply(self.frame.left, self.frame.right)
         return np.ascontiguousarray(draw_overlay(left, self.line)[:, :, ::-1])
 
@@ -99,17 +99,17 @@ class ObservedSource:
 
     @property
     def info(self) -> SourceInfo:
-        """What the source says of itself."""
+        """Description of the source."""
         return self._opened.source.info
 
     @property
     def truth(self) -> Truth | None:
-        """What is truly known of the same world."""
+        """Ground truth of the same world, or None."""
         return self._opened.truth
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those in force, by dotted name."""
+        """Parameters in force, by dotted name."""
         return dict(self._observer.parameters.flat())
 
     def set(self, changes: Mapping[str, Any]) -> None:

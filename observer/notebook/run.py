@@ -1,4 +1,4 @@
-"""A recorded run as arrays, for notebooks and scripts."""
+"""Recorded run as arrays, for notebooks and scripts."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ _UNKNOWN3 = (np.nan, np.nan, np.nan)
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """One obstacle under one identity; N frames by rising time, NaN is not known.
+    """An obstacle under one identity; N frames by rising time, unknown values are NaN.
 
     Attributes:
-        segment, id: by which it is told from others.
+        segment, id: of the track.
         frames: (N,) numbers. times: (N,) seconds on the source's clock.
         positions: (N, 3) metres, velocities: (N, 3) m/s, the segment's world.
         velocity_times: (N,) the instants that the velocities belong to.
         speeds, speed_stds: (N,) m/s. ranges: (N,) metres from the camera.
-        coasting: (N,) whether it was not seen in that frame.
+        coasting: (N,) True where it was not seen in that frame.
     """
 
     segment: int
@@ -63,7 +63,7 @@ class Track:
 
 @dataclass(frozen=True, eq=False)
 class SpeedsBesideTruth:
-    """Speeds of one track and of the body it was taken for, at the same N instants.
+    """Speeds of a track and of the body it was matched to, at the same N instants.
 
     Attributes:
         body: the body's name. segment, id: of the track. times: (N,) seconds, source's clock.
@@ -80,7 +80,7 @@ class SpeedsBesideTruth:
 
     @property
     def errors(self) -> Float64Array:
-        """(N,) m/s, seen minus true."""
+        """Errors (N,) m/s, seen minus true."""
         return self.seen - self.true
 
     @property
@@ -115,7 +115,7 @@ class LoadedRun:
 
     @cached_property
     def lines(self) -> tuple[dict[str, Any], ...]:
-        """What was observed, a dictionary a frame as ``observe`` writes it."""
+        """JSON lines as ``observe`` writes them, a dictionary a frame."""
         return tuple(self.recording.lines())
 
     def __iter__(self) -> Iterator[dict[str, Any]]:
@@ -123,26 +123,30 @@ class LoadedRun:
 
     @cached_property
     def times(self) -> Float64Array:
-        """(frames,) seconds on the source's clock."""
+        """Times of the frames (N,), seconds on the source's clock."""
         return np.array([frame.time for frame in self.recording.frames])
 
     @cached_property
     def tracks(self) -> tuple[Track, ...]:
-        """All obstacles, by segment and id."""
-        return tracks_of(self.lines)
+        """Tracks of all obstacles, by segment and id."""
+        seen: dict[tuple[int, int], list[tuple[dict[str, Any], dict[str, Any]]]] = defaultdict(list)
+        for line in self.lines:
+            for entry in line["obstacles"]:
+                seen[line["segment"], entry["id"]].append((line, entry))
+        return tuple(_track(*key, rows) for key, rows in sorted(seen.items(), key=lambda e: e[0]))
 
     @cached_property
     def truth(self) -> SampledTruth | None:
-        """The true bodies in the truth's own world; None where none were recorded."""
+        """True bodies in the truth's own world; None where none were recorded."""
         return self.recording.truth()
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """Those that the run began with, by dotted name."""
+        """Parameters that the run began with, by dotted name."""
         return dict(replay_revisions(self.recording)[0][0].flat())
 
     def speeds_beside_truth(self) -> tuple[SpeedsBesideTruth, ...]:
-        """Each track's speed beside the truth's, as matched while the run was recorded.
+        """Return each track's speed beside the truth's, as matched while the run was recorded.
 
         True speeds are interpolated to the instants that the seen ones belong to; where a body is
         not known on both sides they are NaN.
@@ -167,19 +171,19 @@ class LoadedRun:
             known = np.interp(track.velocity_times, times, speeds, left=np.nan, right=np.nan)
             found.append(
                 SpeedsBesideTruth(
-                    name,
-                    track.segment,
-                    track.id,
-                    track.velocity_times,
-                    track.speeds,
-                    track.speed_stds,
-                    np.asarray(known, dtype=np.float64),
+                    body=name,
+                    segment=track.segment,
+                    id=track.id,
+                    times=track.velocity_times,
+                    seen=track.speeds,
+                    std=track.speed_stds,
+                    true=np.asarray(known, dtype=np.float64),
                 )
             )
         return tuple(found)
 
     def table(self, name: str) -> dict[str, NDArray[Any]]:
-        """A table as arrays by column; numbers that are not known are NaN.
+        """Return a table as arrays by column; unknown numbers are NaN.
 
         Args:
             name: one of ``observer.exporting.tables.TABLES``, as in ``obstacles``.
@@ -201,7 +205,7 @@ class LoadedRun:
         return found
 
     def dataframe(self, name: str = "obstacles") -> Any:
-        """The same as ``pandas.DataFrame``.
+        """Return a table as ``pandas.DataFrame``.
 
         Raises:
             ExportError: there is no such table, or pandas is not installed.
@@ -215,7 +219,7 @@ class LoadedRun:
         return pandas.DataFrame(self.table(name), columns=list(TABLES[name].names))
 
     def images(self, position: int) -> tuple[Image, Image]:
-        """The left and the right image of a frame as taken, grey or BGR.
+        """Return the left and right image of a frame as taken, grey or BGR.
 
         Raises:
             SourceError: they were not recorded.
@@ -225,7 +229,7 @@ class LoadedRun:
         return self.recording.pair(position)
 
     def picture(self, position: int) -> Image:
-        """(H, W, 3) RGB: the rectified left image with what was found, for ``plt.imshow``.
+        """Return the rectified left image with overlay, (H, W, 3) RGB, for ``plt.imshow``.
 
         Raises:
             SourceError: the frame's images or its observation were not recorded.
@@ -242,7 +246,7 @@ class LoadedRun:
         return np.ascontiguousarray(draw_overlay(rectified, line)[:, :, ::-1])
 
     def cloud(self, position: int, frame: Frame = "camera") -> Cloud:
-        """The point cloud of a frame: as recorded, else by dense stereo from its images.
+        """Return the point cloud of a frame: as recorded, else by dense stereo from its images.
 
         Raises:
             ExportError, SourceError: as of ``observer.exporting.clouds.cloud_at``.
@@ -252,12 +256,12 @@ class LoadedRun:
     def observe_again(
         self, changes: Mapping[str, Any] | None = None
     ) -> tuple[ObservationLine, ...]:
-        """Observe the recorded images once more: lines as of ``lines``.
+        """Observe the recorded images again, and return the JSON lines.
 
-        Without changes and with lossless images they are the run's, but for the timings.
+        Without changes and with lossless images they equal the run's but for the timings.
 
         Args:
-            changes: parameters that are to be others all the time, by dotted name.
+            changes: parameters that replace the recorded ones throughout, by dotted name.
 
         Raises:
             SourceError: the images were not recorded. ParameterError: a parameter is refused, or
@@ -274,15 +278,6 @@ class LoadedRun:
     def close(self) -> None:
         """Close the file; safe to call twice."""
         self.recording.close()
-
-
-def tracks_of(lines: tuple[dict[str, Any], ...]) -> tuple[Track, ...]:
-    """The obstacles of JSON lines, by segment and id."""
-    seen: dict[tuple[int, int], list[tuple[dict[str, Any], dict[str, Any]]]] = defaultdict(list)
-    for line in lines:
-        for entry in line["obstacles"]:
-            seen[line["segment"], entry["id"]].append((line, entry))
-    return tuple(_track(*key, rows) for key, rows in sorted(seen.items(), key=lambda each: each[0]))
 
 
 def _track(segment: int, id_: int, rows: list[tuple[dict[str, Any], dict[str, Any]]]) -> Track:

@@ -1,1 +1,1 @@
-"""What happened in a run, as one MCAP file that people's own tools open."""
+"""Recordings: what happened in a run, as one MCAP file that other tools open."""

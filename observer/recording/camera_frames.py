@@ -1,6 +1,6 @@
-"""A run's cameras in the words that Foxglove and ROS share: frames, distortion, projection.
+"""A run's cameras in the terms that Foxglove and ROS share: frames, distortion, projection.
 
-Frames: ``level`` (z up, the floor at z = 0 where the mount is known) holds ``world`` (as the
+Frames: ``level`` (z up, the ground at z = 0 where the mount is known) holds ``world`` (as the
 observations have it), that ``camera`` (the rectified left camera), and that ``base`` (the robot)
 and ``camera_left`` and ``camera_right`` (the cameras as taken, before rectification).
 ``odom`` is where the robot's wheels began to count.
@@ -19,13 +19,13 @@ from observer.mount import CameraMount, level_pose
 from observer.vision.rectification import Rectification
 
 DistortionModel = Literal["plumb_bob", "rational_polynomial", "equidistant"]
-# What REP-104 and Foxglove expect of plumb_bob.
+# REP-104 and Foxglove expect these of plumb_bob.
 _LEAST_COEFFICIENTS = 5
 
 
 @dataclass(frozen=True, eq=False)
 class CameraModel:
-    """One camera, for its images as taken, as ROS's ``CameraInfo`` has it (REP-104).
+    """A camera for its images as taken, as in ROS's ``CameraInfo`` (REP-104).
 
     Attributes:
         K: (3, 3) pixels. D: (N,) in OpenCV's order, as the model has them.
@@ -43,7 +43,7 @@ class CameraModel:
 def camera_model(
     calibration: StereoCalibration, rectified: Rectification, side: Literal["left", "right"]
 ) -> CameraModel:
-    """The model of one camera."""
+    """Return the model of one camera."""
     left = side == "left"
     K, D = (calibration.K1, calibration.D1) if left else (calibration.K2, calibration.D2)
     camera = rectified.camera
@@ -61,7 +61,7 @@ def camera_model(
 def fixed_frames(
     rectified: Rectification, mount: CameraMount | None
 ) -> list[tuple[str, str, Pose]]:
-    """(parent, child, ``T_parent_child``) of what does not move in a segment."""
+    """Return (parent, child, ``T_parent_child``) of what does not move in a segment."""
     # Rectification turns each camera about its own centre.
     right = np.array([rectified.camera.baseline, 0.0, 0.0])
     frames = [

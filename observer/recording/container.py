@@ -1,8 +1,8 @@
-"""An MCAP file that is written chunk by chunk and can be read at any time.
+"""Writer of an MCAP file, chunk by chunk, that can be read at any time.
 
 The ``mcap`` package's own writer neither takes back a chunk that the disk had no room for nor
-goes on with a file that was left behind; here both are the same: the file is cut behind its last
-whole chunk, and from there on is written what follows, be it more chunks or its end.
+resumes a file that was left behind. Here both are the same: the file is truncated behind its last
+whole chunk, and more chunks or its end are written from there.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ from observer.recording.errors import RecordingError
 from observer.recording.topics import Topic
 
 LIBRARY = "dynamic-observer"
-# LZ4's default level, and one that hardly searches: of camera images, which are noisy, it spares
-# 3 % instead of 7 %, but takes half the time to pack and to unpack.
+# LZ4's default level, and one that hardly searches: it saves 3 % instead of 7 % of camera images,
+# which are noisy, but takes half the time to pack and to unpack.
 _LEVEL, _BULK_LEVEL = 0, -10
-# From here on a piece is worth a call of its own.
+# A piece from this size on is worth a call of its own.
 _LARGE_BYTES = 64 << 10
 
 
 class _Chunk:
-    """Messages on their way into one chunk."""
+    """Messages of one chunk that is not written yet."""
 
     def __init__(self) -> None:
         self.pieces: list[bytes] = []
@@ -108,26 +108,26 @@ class Container:
 
     @property
     def failure(self) -> RecordingError | None:
-        """Why nothing is written any more."""
+        """Error after which nothing is written any more, or None."""
         return self._failure
 
     @property
     def size(self) -> int:
-        """Bytes in the file."""
+        """Size of the file, bytes."""
         return self._end
 
     def add(self, topic: Topic, sequence: int, log_time_ns: int, data: bytes) -> None:
-        """Keep a message for the next chunk, and write that where it is large enough."""
+        """Add a message to the next chunk."""
         self._check()
         channel = self._channel(topic)
         chunk = self._bulk if topic.bulk else self._plain
         chunk.add(channel, sequence & 0xFFFFFFFF, log_time_ns, data)
 
     def write_large(self) -> None:
-        """Write what is large enough for a chunk.
+        """Write chunks that are large enough.
 
-        Not done by ``add``, so that what belongs together, as a frame's two images do, comes into
-        one chunk.
+        ``add`` does not, so that messages that belong together, as a frame's two images, share a
+        chunk.
         """
         if self._bulk.size >= self._largest:
             self._bulk = self._written(self._bulk, _BULK_LEVEL)
@@ -135,14 +135,14 @@ class Container:
             self.write_chunks()
 
     def write_chunks(self) -> None:
-        """Write everything that waits."""
+        """Write all pending messages."""
         self._check()
-        # Images go first: a frame that is told of has its images.
+        # Images go first, so that every frame in the file has its images.
         self._bulk = self._written(self._bulk, _BULK_LEVEL)
         self._plain = self._written(self._plain, _LEVEL)
 
     def finish(self) -> None:
-        """Write what waits and the file's index; the file stays open. Safe to call twice."""
+        """Write pending messages and the index; the file stays open. Safe to call twice."""
         if self._finished:
             return
         self.write_chunks()
@@ -175,7 +175,7 @@ class Container:
                 view = view[written:]
 
     def _leave_whole(self) -> None:
-        """Cut off the chunk that was not written whole; its room may do for the index."""
+        """Cut off the incomplete chunk; its room may suffice for the index."""
         with contextlib.suppress(OSError):
             self._cut()
             try:
@@ -315,7 +315,7 @@ class Container:
                 self._cut()
                 self._write(records)
                 length = len(records)
-            sizes = self._sizes(place.offset)
+            unpacked_size, packed_size = self._sizes(place.offset)
             self._remember(
                 ChunkIndex(
                     message_start_time=place.start_ns,
@@ -325,8 +325,8 @@ class Container:
                     message_index_offsets=index,
                     message_index_length=length,
                     compression=COMPRESSION.decode(),
-                    compressed_size=sizes[1],
-                    uncompressed_size=sizes[0],
+                    compressed_size=packed_size,
+                    uncompressed_size=unpacked_size,
                 ),
                 {},
             )
@@ -334,12 +334,12 @@ class Container:
         if not contents.chunks:
             self._end = contents.end
         self._cut()
-        # Some may have stood behind the last whole chunk; twice the same is allowed.
+        # Some may have stood behind the last whole chunk; repetition is allowed.
         known = (*self._schemas.values(), *self._channels.values())
         self._write(*map(_bytes_of, known))
 
     def _sizes(self, offset: int) -> tuple[int, int]:
-        """Of a chunk's records: unpacked and packed."""
+        """Return the unpacked and packed size of a chunk's records."""
         self._file.seek(offset + RECORD.size)
         head = self._file.read(CHUNK.size + 4 + len(COMPRESSION) + 8)
         unpacked = CHUNK.unpack_from(head)[2]
@@ -347,11 +347,11 @@ class Container:
 
 
 def _packed(pieces: Sequence[bytes], level: int) -> tuple[list[bytes], int]:
-    """The pieces as one LZ4 frame, and the CRC of what is in it.
+    """Return the pieces as one LZ4 frame, and the CRC of its content.
 
-    Piece by piece: to join megabytes of images first would cost another copy of each, and memory
-    that the loop beside this thread pays for as well. What is small is joined, since a call for
-    each head of a message would cost more than its bytes.
+    Large pieces are packed one by one: joining megabytes of images would copy each again, and the
+    loop beside this thread pays for memory traffic as well. Small ones are joined, since a call for
+    each message header would cost more than its bytes.
     """
     packer = lz4.frame.LZ4FrameCompressor(compression_level=level)
     packed, checksum = [packer.begin()], 0
@@ -363,7 +363,7 @@ def _packed(pieces: Sequence[bytes], level: int) -> tuple[list[bytes], int]:
 
 
 def _gathered(pieces: Sequence[bytes]) -> Iterator[bytes]:
-    """The same bytes in fewer pieces, large ones as they are."""
+    """Yield the same bytes in fewer pieces, large ones as they are."""
     small: list[bytes] = []
     for piece in pieces:
         if len(piece) < _LARGE_BYTES:

@@ -1,7 +1,7 @@
-"""What an MCAP file holds and where, also of one whose end was never written.
+"""Index of an MCAP file, also of one whose end was never written.
 
-The format: https://mcap.dev/spec. A file whose writer was killed ends anywhere; what counts is
-everything up to the last chunk that is whole. Nothing is written here.
+The format: https://mcap.dev/spec. A file whose writer was killed ends anywhere; everything up to
+the last whole chunk counts. Nothing is written here.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import BinaryIO, NamedTuple
 
 import lz4.frame  # type: ignore[import-untyped]
@@ -41,7 +41,7 @@ class Entry(NamedTuple):
 
 
 class Message(NamedTuple):
-    """One message as it was written."""
+    """A message as it was written."""
 
     channel: int
     sequence: int
@@ -68,13 +68,13 @@ class ChunkPlace:
     rebuilt: Mapping[int, tuple[Entry, ...]] | None = None
 
     def holds(self, channels: frozenset[int]) -> bool:
-        """Whether it has a message of one of them."""
+        """Tell whether it has a message of one of these channels."""
         return not channels.isdisjoint(self.indexes if self.rebuilt is None else self.rebuilt)
 
 
 @dataclass(frozen=True)
 class Contents:
-    """Where everything is.
+    """Places of all that an MCAP file holds.
 
     Attributes:
         finished: the file has its end and its index.
@@ -90,12 +90,12 @@ class Contents:
     end: int
 
     def channel_ids(self, *topics: str) -> frozenset[int]:
-        """Of all channels of these topics."""
+        """Return the ids of all channels of these topics."""
         return frozenset(id_ for id_, channel in self.channels.items() if channel.topic in topics)
 
 
 def find_contents(file: BinaryIO, name: str) -> Contents:
-    """Read where everything is: by the index, or chunk for chunk where there is none.
+    """Find all contents by the index, or chunk by chunk where there is none.
 
     Raises:
         SourceError: the file is no MCAP file.
@@ -110,7 +110,7 @@ def find_contents(file: BinaryIO, name: str) -> Contents:
 
 
 def chunk_records(file: BinaryIO, chunk: ChunkPlace, name: str) -> bytes:
-    """The records of a chunk, unpacked.
+    """Return the records of a chunk, unpacked.
 
     Raises:
         SourceError: they are not those that were written.
@@ -125,19 +125,15 @@ def chunk_records(file: BinaryIO, chunk: ChunkPlace, name: str) -> bytes:
 
 
 def messages_of(records: bytes, offset: int = 0) -> Iterator[Message]:
-    """The messages of a chunk's records, from the record at ``offset`` on."""
-    view = memoryview(records)
-    while offset + RECORD.size <= len(view):
-        opcode, length = RECORD.unpack_from(view, offset)
-        begin = offset + RECORD.size
+    """Yield the messages of a chunk's records, from the record at ``offset`` on."""
+    for _, opcode, body in _records(records, offset):
         if opcode == Opcode.MESSAGE:
-            channel, sequence, log_time, _ = MESSAGE.unpack_from(view, begin)
-            yield Message(channel, sequence, log_time, view[begin + MESSAGE.size : begin + length])
-        offset = begin + length
+            channel, sequence, log_time, _ = MESSAGE.unpack_from(body)
+            yield Message(channel, sequence, log_time, body[MESSAGE.size :])
 
 
 def message_entries(file: BinaryIO, chunk: ChunkPlace, channel: int) -> tuple[Entry, ...]:
-    """Where the messages of one channel lie in a chunk, in order."""
+    """Return the entries of one channel's messages in a chunk, in order."""
     if chunk.rebuilt is not None:
         return chunk.rebuilt.get(channel, ())
     place = chunk.indexes.get(channel)
@@ -150,15 +146,12 @@ def message_entries(file: BinaryIO, chunk: ChunkPlace, channel: int) -> tuple[En
 
 
 def entries_of(records: bytes) -> dict[int, list[Entry]]:
-    """Where the messages of each channel lie in a chunk's records."""
+    """Return the entries of each channel's messages in a chunk's records."""
     found: dict[int, list[Entry]] = {}
-    offset = 0
-    while offset + RECORD.size <= len(records):
-        opcode, length = RECORD.unpack_from(records, offset)
+    for offset, opcode, body in _records(records):
         if opcode == Opcode.MESSAGE:
-            channel, _, log_time, _ = MESSAGE.unpack_from(records, offset + RECORD.size)
+            channel, _, log_time, _ = MESSAGE.unpack_from(body)
             found.setdefault(channel, []).append(Entry(log_time, offset))
-        offset += RECORD.size + length
     return found
 
 
@@ -197,7 +190,7 @@ def _by_index(file: BinaryIO) -> Contents | None:
     channels, schemas, chunks = {}, {}, []
     counts: dict[int, int] = {}
     end = len(MAGIC)
-    for opcode, body in _records(summary):
+    for _, opcode, body in _records(summary):
         stream = ReadDataStream(io.BytesIO(body))
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(stream)
@@ -240,11 +233,8 @@ def _by_scanning(file: BinaryIO) -> Contents:
             chunks.append(ChunkPlace(at, behind - at, start, last, {}, behind))
         elif opcode == Opcode.MESSAGE_INDEX and chunks:
             (channel,) = struct.unpack("<H", _exactly(file, 2))
-            chunk = chunks[-1]
-            indexes = {**chunk.indexes, channel: at}
-            chunks[-1] = ChunkPlace(
-                chunk.offset, chunk.length, chunk.start_ns, chunk.end_ns, indexes, behind
-            )
+            indexes = {**chunks[-1].indexes, channel: at}
+            chunks[-1] = replace(chunks[-1], indexes=indexes, end=behind)
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             stream = ReadDataStream(io.BytesIO(_exactly(file, length)))
             if opcode == Opcode.SCHEMA:
@@ -262,16 +252,8 @@ def _by_scanning(file: BinaryIO) -> Contents:
         records = _unpacked(file.read(last_chunk.length))
         if records is not None:
             rebuilt = {id_: tuple(found) for id_, found in entries_of(records).items()}
-            known = ChunkPlace(
-                last_chunk.offset,
-                last_chunk.length,
-                last_chunk.start_ns,
-                last_chunk.end_ns,
-                {},
-                last_chunk.offset + last_chunk.length,
-                rebuilt,
-            )
-            chunks.append(known)
+            whole = last_chunk.offset + last_chunk.length
+            chunks.append(replace(last_chunk, indexes={}, end=whole, rebuilt=rebuilt))
             break
         end = last_chunk.offset
     counts: dict[int, int] = {}
@@ -281,12 +263,13 @@ def _by_scanning(file: BinaryIO) -> Contents:
     return Contents(channels, schemas, tuple(chunks), counts, False, end)
 
 
-def _records(data: bytes) -> Iterator[tuple[int, bytes]]:
-    offset = 0
-    while offset + RECORD.size <= len(data):
-        opcode, length = RECORD.unpack_from(data, offset)
+def _records(data: bytes, offset: int = 0) -> Iterator[tuple[int, int, memoryview]]:
+    """Yield offset, opcode and body of each record, from the one at ``offset`` on."""
+    view = memoryview(data)
+    while offset + RECORD.size <= len(view):
+        opcode, length = RECORD.unpack_from(view, offset)
         begin = offset + RECORD.size
-        yield opcode, data[begin : begin + length]
+        yield offset, opcode, view[begin : begin + length]
         offset = begin + length
 
 

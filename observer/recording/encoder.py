@@ -1,4 +1,4 @@
-"""From what happens in a run to the messages of its recording; no file, no thread."""
+"""Encoder of what happens in a run as the messages of its recording; no file, no thread."""
 
 from __future__ import annotations
 
@@ -12,11 +12,9 @@ from numpy.typing import NDArray
 
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.jsonl import line_pose
-from observer.mount import CameraMount
 from observer.recording import foxglove, topics
 from observer.recording.payloads import (
     Begins,
-    BodyPayload,
     CapturePayload,
     EgoMotionPayload,
     Incident,
@@ -29,7 +27,6 @@ from observer.recording.payloads import (
     RunFacts,
     SamplePayload,
     SkippedPayload,
-    TruthPayload,
 )
 from observer.recording.topics import Topic
 from observer.sources.contract import SkippedFrame
@@ -41,7 +38,7 @@ JPEG_QUALITY = 95
 
 
 def _plain(value: object) -> object:
-    """What numpy's numbers and arrays are in JSON."""
+    """Return numpy's numbers and arrays as JSON has them."""
     if isinstance(value, np.generic | np.ndarray):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} cannot be recorded")
@@ -51,7 +48,7 @@ _json = msgspec.json.Encoder(enc_hook=_plain)
 
 
 class Encoded(NamedTuple):
-    """One message, ready for a file.
+    """Message that is ready for a file.
 
     Attributes:
         sequence: counted within its topic. log_time_ns: nanoseconds since 1970, never falling.
@@ -64,8 +61,11 @@ class Encoded(NamedTuple):
 
 
 class Encoder:
-    """Makes messages; their log times are the anchor's wall clock and what the monotonic clock
-    counts from there, so they never fall, whatever happens to the wall clock.
+    """Makes messages and gives them to ``_keep``, which a subclass defines.
+
+    Log times are the anchor's wall clock plus what the monotonic clock counts from there, so they
+    never fall, whatever happens to the wall clock. ``received`` is the host's monotonic clock,
+    seconds, everywhere.
 
     Args:
         facts: of the run. first_image: number of the first pair of images.
@@ -78,24 +78,28 @@ class Encoder:
     def __init__(self, facts: RunFacts, *, first_image: int = 0, after_ns: int = 0) -> None:
         self._facts = facts
         calibration = read_calibration(facts.calibration_yaml, name="the run's calibration")
-        mount = None if facts.mount is None else CameraMount(**_known(facts.mount))
-        self._cameras = foxglove.Cameras(calibration, mount)
+        self._cameras = foxglove.Cameras(calibration, facts.camera_mount())
         self._image = first_image
         self._newest_ns = after_ns
         self._sequences: dict[str, int] = {}
         # The first frame is always that of an observer that knows nothing yet.
         self._begins: Begins | None = "observer"
 
-    def beginning(self) -> list[Encoded]:
-        """The run's facts and the cameras: what a recording begins with."""
+    def _keep(self, messages: Sequence[Encoded]) -> None:
+        raise NotImplementedError
+
+    def _begin(self) -> None:
+        """Keep the run's facts and the cameras, with which a recording begins."""
         at = self._facts.anchor.monotonic
         wall = self._facts.anchor.wall_time_ns(at)
         left, right = (self._cameras.calibration(side, wall) for side in ("left", "right"))
-        return [
-            self._own(topics.RUN, self._facts, at),
-            self._made(topics.LEFT_CALIBRATION, left, at),
-            self._made(topics.RIGHT_CALIBRATION, right, at),
-        ]
+        self._keep(
+            [
+                self._own(topics.RUN, self._facts, at),
+                self._made(topics.LEFT_CALIBRATION, left, at),
+                self._made(topics.RIGHT_CALIBRATION, right, at),
+            ]
+        )
 
     def frame(
         self,
@@ -104,8 +108,13 @@ class Encoder:
         source_position: int | None = None,
         source_time: float | None = None,
         begins: Begins | None = None,
-    ) -> list[Encoded]:
-        """A frame exactly as the observer gets it, its images and odometry included."""
+    ) -> None:
+        """Keep a frame exactly as the observer gets it, before it is observed.
+
+        Args:
+            source_position, source_time: within the source, where it is played in a loop.
+            begins: ``segment`` where ``begin_segment`` was called for it.
+        """
         at, image = frame.received, None
         messages = []
         if self._facts.images != "none":
@@ -130,10 +139,9 @@ class Encoder:
         self._begins = None
         messages.append(self._own(topics.FRAME, recorded, at))
         if told is not None:
-            messages.append(
-                self._made(topics.ODOMETRY, foxglove.odometry(told, self._wall(at)), at)
-            )
-        return messages
+            data = foxglove.odometry(told, self._wall(at))
+            messages.append(self._made(topics.ODOMETRY, data, at))
+        self._keep(messages)
 
     def observation(
         self,
@@ -141,11 +149,13 @@ class Encoder:
         received: float,
         *,
         ego_motion: Mapping[str, Any] | None = None,
-    ) -> list[Encoded]:
-        """The JSON line of an observation, and what is drawn of it.
+        truth: Sequence[Mapping[str, Any]] = (),
+    ) -> None:
+        """Keep the JSON line of an observation, and what is drawn of it.
 
         Args:
-            received: of its frame.
+            line: as of ``observer.jsonl.observation_line``. received: of its frame.
+            ego_motion, truth: as in the engine's ``ObservationEvent``.
         """
         wall = self._wall(received)
         transforms = self._cameras.transforms(line_pose(line), wall)
@@ -159,54 +169,44 @@ class Encoder:
                 frame=line["frame"], time=line["time"], values=dict(ego_motion)
             )
             messages.append(self._own(topics.EGO_MOTION, values, received))
-        return messages
+        self._keep(messages)
+        if truth:
+            known = MatchedBody.__struct_fields__
+            bodies = [MatchedBody(**{name: entry[name] for name in known}) for entry in truth]
+            matched = MatchedTruth(frame=line["frame"], time=line["time"], bodies=bodies)
+            scene = foxglove.truth_scene(truth, wall)
+            self._keep(
+                [
+                    self._own(topics.MATCHED_TRUTH, matched, received),
+                    self._made(topics.TRUE_SCENE, scene, received),
+                ]
+            )
 
-    def matched_truth(
-        self, line: Mapping[str, Any], entries: Sequence[Mapping[str, Any]], received: float
-    ) -> list[Encoded]:
-        """True bodies in the observation's world: fields of ``MatchedBody`` by name."""
-        known = MatchedBody.__struct_fields__
-        bodies = [MatchedBody(**{name: entry[name] for name in known}) for entry in entries]
-        matched = MatchedTruth(frame=line["frame"], time=line["time"], bodies=bodies)
-        scene = foxglove.truth_scene(entries, self._wall(received))
-        return [
-            self._own(topics.MATCHED_TRUTH, matched, received),
-            self._made(topics.TRUE_SCENE, scene, received),
-        ]
+    def truth(self, sample: TruthSample, received: float) -> None:
+        """Keep the ground truth at a frame.
 
-    def truth(self, sample: TruthSample, received: float) -> list[Encoded]:
-        """What is truly known at a frame, in the truth's own world, at the frame's time."""
+        ``frame`` and ``time`` are those of the frame as it was observed, the world is the truth's
+        own.
+        """
         pose = sample.camera_pose
-        payload = TruthPayload(
-            frame=sample.frame,
-            time=sample.time,
-            bodies=[
-                BodyPayload(
-                    id=body.id,
-                    name=body.name,
-                    role=body.role,
-                    position=body.position.tolist(),
-                    velocity=body.velocity.tolist(),
-                    size=body.size.tolist(),
-                    yaw=body.yaw,
-                    visible=body.visible,
-                    commanded_speed=body.commanded_speed,
-                )
-                for body in sample.bodies
-            ],
-            camera_position=None if pose is None else pose.translation.tolist(),
-            camera_orientation_wxyz=None if pose is None else pose.quaternion_wxyz.tolist(),
-        )
-        return [self._own(topics.TRUTH, payload, received)]
+        # The fields of ``TruthPayload`` and ``BodyPayload``.
+        payload = {
+            "frame": sample.frame,
+            "time": sample.time,
+            "bodies": sample.bodies,
+            "camera_position": None if pose is None else pose.translation,
+            "camera_orientation_wxyz": None if pose is None else pose.quaternion_wxyz,
+        }
+        self._keep([self._own(topics.TRUTH, payload, received)])
 
-    def parameters(self, revision: ParameterRevision, received: float) -> list[Encoded]:
-        """Parameters that act on the next frame."""
-        return [self._own(topics.PARAMETERS, revision, received)]
+    def parameters(self, revision: ParameterRevision, received: float) -> None:
+        """Keep the parameters that act on the next frame that is written."""
+        self._keep([self._own(topics.PARAMETERS, revision, received)])
 
-    def capture(self, samples: Sequence[BodySample]) -> list[Encoded]:
-        """What motion capture told."""
+    def capture(self, samples: Sequence[BodySample]) -> None:
+        """Keep the samples of motion capture since the last call."""
         if not samples:
-            return []
+            return
         told = [
             SamplePayload(
                 name=sample.name,
@@ -218,40 +218,45 @@ class Encoder:
             for sample in samples
         ]
         newest = max(sample.received for sample in samples)
-        return [self._own(topics.MOTION_CAPTURE, CapturePayload(told), newest)]
+        self._keep([self._own(topics.MOTION_CAPTURE, CapturePayload(told), newest)])
 
-    def robot(self, row: RobotRow) -> list[Encoded]:
-        """One robot at one instant."""
-        return [self._own(topics.ROBOT, row, row.received)]
+    def robot(self, row: RobotRow) -> None:
+        """Keep the state of one robot at one instant."""
+        self._keep([self._own(topics.ROBOT, row, row.received)])
 
-    def skipped(self, skipped: SkippedFrame, received: float) -> list[Encoded]:
-        """A frame that the source could not read."""
+    def skipped(self, skipped: SkippedFrame, received: float) -> None:
+        """Keep the number of a frame that the source could not read."""
         payload = SkippedPayload(skipped.index, skipped.reason)
-        return [
-            self._own(topics.SKIPPED, payload, received),
-            *self.log("warning", "source", skipped.reason, received),
-        ]
+        self._keep(
+            [
+                self._own(topics.SKIPPED, payload, received),
+                self._log("warning", "source", skipped.reason, received),
+            ]
+        )
 
-    def incident(self, incident: Incident) -> list[Encoded]:
-        """Something to be found again."""
-        return [
-            self._own(topics.INCIDENT, incident, incident.received),
-            *self.log("warning", incident.kind, incident.sentence, incident.received),
-        ]
+    def incident(self, incident: Incident) -> None:
+        """Keep an incident, in the log too."""
+        self._keep(
+            [
+                self._own(topics.INCIDENT, incident, incident.received),
+                self._log("warning", incident.kind, incident.sentence, incident.received),
+            ]
+        )
 
-    def log(
-        self, level: foxglove.LogLevel, name: str, message: str, received: float
-    ) -> list[Encoded]:
-        """A sentence for the log."""
-        data = foxglove.log(level, name, message, self._wall(received))
-        return [self._made(topics.LOG, data, received)]
+    def log(self, level: foxglove.LogLevel, name: str, message: str, received: float) -> None:
+        """Keep a sentence for the log."""
+        self._keep([self._log(level, name, message, received)])
 
     def cloud(
         self, points: NDArray[np.float32], colors: NDArray[np.uint8], received: float
-    ) -> list[Encoded]:
-        """Points (N, 3), metres, camera frame of the frame received then, and RGB (N, 3)."""
+    ) -> None:
+        """Keep a dense cloud: points (N, 3), metres, in the camera frame, and RGB (N, 3).
+
+        Args:
+            received: of the frame that it was made of.
+        """
         data = foxglove.point_cloud(points, colors, self._wall(received))
-        return [self._made(topics.CLOUD, data, received)]
+        self._keep([self._made(topics.CLOUD, data, received)])
 
     # ---------------------------------------------------------------------------------------
 
@@ -261,6 +266,10 @@ class Encoder:
     def _log_time(self, received: float) -> int:
         self._newest_ns = max(self._newest_ns, self._wall(received))
         return self._newest_ns
+
+    def _log(self, level: foxglove.LogLevel, name: str, message: str, received: float) -> Encoded:
+        data = foxglove.log(level, name, message, self._wall(received))
+        return self._made(topics.LOG, data, received)
 
     def _own(self, topic: Topic, payload: object, received: float) -> Encoded:
         return self._made(topic, _json.encode(payload), received)
@@ -278,7 +287,3 @@ class Encoder:
         _, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
         topic = topics.LEFT_JPEG if left else topics.RIGHT_JPEG
         return topic, foxglove.jpeg_image(jpeg.tobytes(), side, wall_ns)
-
-
-def _known(values: Mapping[str, float | None]) -> dict[str, Any]:
-    return {name: value for name, value in values.items() if value is not None}

@@ -1,4 +1,4 @@
-"""What goes wrong while a recording is written; what cannot be read is a ``SourceError``."""
+"""Error of writing a recording; what cannot be read is a ``SourceError``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import errno
 
 from observer.errors import DynamicObserverError
 
-# No space, quota used up, file size limit: what only more room helps against.
+# No space, quota exceeded, file size limit: only more room helps.
 _FULL = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
@@ -23,7 +23,7 @@ class RecordingError(DynamicObserverError):
 
     @staticmethod
     def of(error: OSError, name: str) -> RecordingError:
-        """The error as one sentence.
+        """Return the error as one sentence.
 
         Args:
             name: of the file that was written.

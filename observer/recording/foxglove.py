@@ -1,4 +1,4 @@
-"""What is seen of a run in Foxglove and Lichtblick: their messages, made of ours.
+"""Messages of Foxglove and Lichtblick, made of ours.
 
 Frames are those of ``observer.recording.camera_frames``.
 """
@@ -27,8 +27,8 @@ _COASTING = fox.Color(r=0.6, g=0.6, b=0.6, a=0.3)
 _ARROW = fox.Color(r=1.0, g=0.3, b=0.0, a=0.9)
 _TEXT = fox.Color(r=1.0, g=1.0, b=1.0, a=1.0)
 _TRUE = fox.Color(r=0.1, g=0.9, b=0.3, a=1.0)
-# An arrow is as long as the way of one second.
 _DASHES = 5
+# An arrow is as long as the way of one second.
 _SHORTEST_ARROW_MPS = 0.02
 LogLevel = Literal["debug", "info", "warning", "error"]
 _LEVELS = {
@@ -40,12 +40,12 @@ _LEVELS = {
 
 
 def stamp(wall_ns: int) -> fox.Timestamp:
-    """Nanoseconds since 1970 as Foxglove's."""
+    """Return nanoseconds since 1970 as Foxglove's time stamp."""
     return fox.Timestamp(*divmod(wall_ns, 1_000_000_000))
 
 
 def raw_image(image: Image, side: str, wall_ns: int) -> bytes:
-    """``RawImage`` of (H, W) grey or (H, W, 3) BGR, every pixel as it is."""
+    """Return a ``RawImage`` of (H, W) grey or (H, W, 3) BGR, every pixel as it is."""
     height, width = image.shape[:2]
     head = fox.RawImage(
         timestamp=stamp(wall_ns),
@@ -60,14 +60,14 @@ def raw_image(image: Image, side: str, wall_ns: int) -> bytes:
 
 
 def jpeg_image(jpeg: bytes, side: str, wall_ns: int) -> bytes:
-    """``CompressedImage`` of JPEG bytes."""
+    """Return a ``CompressedImage`` of JPEG bytes."""
     return fox.CompressedImage(
         timestamp=stamp(wall_ns), frame_id=f"camera_{side}", data=jpeg, format="jpeg"
     ).encode()
 
 
 class Cameras:
-    """What follows from the calibration and the mount: the same for all of a recording."""
+    """Messages that follow from calibration and mount, the same for all of a recording."""
 
     def __init__(self, calibration: StereoCalibration, mount: CameraMount | None) -> None:
         """
@@ -79,7 +79,7 @@ class Cameras:
         self._fixed = fixed_frames(self._rectified, mount)
 
     def calibration(self, side: Literal["left", "right"], wall_ns: int) -> bytes:
-        """``CameraCalibration`` of one camera, for its images as taken."""
+        """Return the ``CameraCalibration`` of one camera, for its images as taken."""
         given = self._calibration
         camera = camera_model(given, self._rectified, side)
         return fox.CameraCalibration(
@@ -95,7 +95,7 @@ class Cameras:
         ).encode()
 
     def transforms(self, T_world_camera: Pose | None, wall_ns: int) -> bytes:
-        """``FrameTransforms``; without the camera's pose, where that is not known."""
+        """Return ``FrameTransforms``, without the camera's pose where that is unknown."""
         poses = list(self._fixed)
         if T_world_camera is not None:
             poses.append(("world", "camera", T_world_camera))
@@ -115,7 +115,7 @@ class Cameras:
 
 
 def obstacle_scene(line: Mapping[str, Any], wall_ns: int) -> bytes:
-    """``SceneUpdate`` of a line's obstacles: box, velocity arrow and label, in the world."""
+    """Return a ``SceneUpdate`` of a line's obstacles: box, velocity arrow and label, world."""
     entities = []
     for obstacle in line["obstacles"]:
         if obstacle["position"] is None or obstacle["orientation_wxyz"] is None:
@@ -144,7 +144,7 @@ def obstacle_scene(line: Mapping[str, Any], wall_ns: int) -> bytes:
 
 
 def truth_scene(bodies: Sequence[Mapping[str, Any]], wall_ns: int) -> bytes:
-    """``SceneUpdate`` of true bodies in the observation's world: dashed boxes, arrow, label.
+    """Return a ``SceneUpdate`` of true bodies in the observation's world: dashed box, arrow, label.
 
     Args:
         bodies: fields of ``MatchedBody`` by name.
@@ -182,7 +182,7 @@ def truth_scene(bodies: Sequence[Mapping[str, Any]], wall_ns: int) -> bytes:
 
 
 def point_cloud(points: NDArray[np.float32], colors: NDArray[np.uint8], wall_ns: int) -> bytes:
-    """``PointCloud`` in the camera frame.
+    """Return a ``PointCloud`` in the camera frame.
 
     Args:
         points: (N, 3) metres. colors: (N, 3) RGB.
@@ -207,7 +207,7 @@ def point_cloud(points: NDArray[np.float32], colors: NDArray[np.uint8], wall_ns:
 
 
 def odometry(told: Odometry, wall_ns: int) -> bytes:
-    """``Odometry`` by the robot's wheels."""
+    """Return ``Odometry`` by the robot's wheels."""
     half = told.yaw / 2
     return fox.Odometry(
         timestamp=stamp(wall_ns),
@@ -218,14 +218,14 @@ def odometry(told: Odometry, wall_ns: int) -> bytes:
 
 
 def log(level: LogLevel, name: str, message: str, wall_ns: int) -> bytes:
-    """``Log``."""
+    """Return a ``Log``."""
     return fox.Log(
         timestamp=stamp(wall_ns), level=_LEVELS[level], message=message, name=name
     ).encode()
 
 
 def _scene(entities: list[fox.SceneEntity], wall_ns: int) -> bytes:
-    # What was drawn before goes first, so that nothing stays that is seen no more.
+    # Delete what was drawn before, so that nothing stays that is no longer seen.
     gone = fox.SceneEntityDeletion(
         timestamp=stamp(wall_ns), type=fox.SceneEntityDeletionType.All, id=""
     )
@@ -290,7 +290,7 @@ def _height(size: float) -> float:
 
 
 def _dashed_box(size: ArrayLike) -> Float64Array:
-    """Ends (2 N, 3) of dashes along the 12 edges of a box about its middle."""
+    """Return the ends (2 N, 3) of dashes along the 12 edges of a box about its centre."""
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
     edges = [
         (a, b) for a in corners for b in corners if (a <= b).all() and np.count_nonzero(a != b) == 1
@@ -302,7 +302,7 @@ def _dashed_box(size: ArrayLike) -> Float64Array:
 
 
 def _turn_from_x(direction: Sequence[float]) -> tuple[float, float, float, float]:
-    """The shortest turn (w, x, y, z) of the x axis into a direction that is not zero."""
+    """Return the shortest rotation (w, x, y, z) of the x axis into a non-zero direction."""
     length = math.hypot(*direction)
     x, y, z = (value / length for value in direction)
     aside = y * y + z * z

@@ -1,13 +1,10 @@
-"""Images out of a recording's messages.
+"""Reader of images in a recording's messages.
 
-Of Foxglove's messages only these are read back, and of protobuf's wire format
-(https://protobuf.dev/programming-guides/encoding) only what they use, so reading a recording needs
-no package of Foxglove.
+It knows as much of protobuf's wire format (https://protobuf.dev/programming-guides/encoding) as
+they use, so that reading a recording needs no package of Foxglove.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -18,23 +15,17 @@ from observer.types import Image
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
 # Numbers of fields in foxglove/RawImage.proto and foxglove/CompressedImage.proto.
 _RAW_WIDTH, _RAW_HEIGHT, _RAW_ENCODING, _RAW_STEP, RAW_DATA = 2, 3, 4, 5, 6
-_JPEG_DATA, _JPEG_FORMAT = 2, 3
-
-
-class Field(NamedTuple):
-    """One field of a message: its number in the ``.proto`` file, and its value or bytes."""
-
-    number: int
-    value: int | memoryview
+_JPEG_DATA = 2
+_DAMAGED_JPEG = "a JPEG image of the recording is damaged"
 
 
 def raw_pixels(message: memoryview) -> Image:
-    """(H, W) or (H, W, 3) BGR of a ``RawImage``.
+    """Return the pixels of a ``RawImage``, (H, W) grey or (H, W, 3) BGR.
 
     Raises:
         SourceError: the message is damaged or of another kind of image.
     """
-    fields = {field.number: field.value for field in message_fields(message)}
+    fields = message_fields(message)
     width, height, step = (fields.get(n) for n in (_RAW_WIDTH, _RAW_HEIGHT, _RAW_STEP))
     data, encoding = fields.get(RAW_DATA), fields.get(_RAW_ENCODING)
     channels = {b"mono8": 1, b"bgr8": 3}.get(_bytes(encoding))
@@ -52,36 +43,45 @@ def raw_pixels(message: memoryview) -> Image:
 
 
 def jpeg_pixels(message: memoryview) -> Image:
-    """(H, W) or (H, W, 3) BGR of a ``CompressedImage``.
+    """Return the pixels of a ``CompressedImage``, (H, W) grey or (H, W, 3) BGR.
 
     Raises:
         SourceError: the message is damaged.
     """
-    fields = {field.number: field.value for field in message_fields(message)}
-    data = fields.get(_JPEG_DATA)
+    data = jpeg_data(message)
     # OpenCV answers an empty buffer with an error of its own.
-    found = None
-    if isinstance(data, memoryview) and len(data):
-        found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    found = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     if found is None:
-        raise SourceError("a JPEG image of the recording is damaged")
+        raise SourceError(_DAMAGED_JPEG)
     return np.asarray(found, dtype=np.uint8)
 
 
-def message_fields(message: memoryview) -> list[Field]:
-    """The fields of a message, in order.
+def jpeg_data(message: memoryview) -> memoryview:
+    """Return the JPEG bytes of a ``CompressedImage``.
 
     Raises:
         SourceError: the message is damaged.
     """
-    found, at = [], 0
+    data = message_fields(message).get(_JPEG_DATA)
+    if not isinstance(data, memoryview):
+        raise SourceError(_DAMAGED_JPEG)
+    return data
+
+
+def message_fields(message: memoryview) -> dict[int, int | memoryview]:
+    """Return the fields of a message: value or bytes by number in the ``.proto`` file.
+
+    Raises:
+        SourceError: the message is damaged.
+    """
+    found: dict[int, int | memoryview] = {}
+    at = 0
     try:
         while at < len(message):
             tag, at = _varint(message, at)
             number, wire = tag >> 3, tag & 7
             if wire == _VARINT:
-                value, at = _varint(message, at)
-                found.append(Field(number, value))
+                found[number], at = _varint(message, at)
                 continue
             if wire == _BYTES:
                 size, at = _varint(message, at)
@@ -93,14 +93,14 @@ def message_fields(message: memoryview) -> list[Field]:
             if len(part) != size:
                 raise SourceError("a message of the recording is cut off")
             at += size
-            found.append(Field(number, part if wire == _BYTES else int.from_bytes(part, "little")))
+            found[number] = part if wire == _BYTES else int.from_bytes(part, "little")
     except IndexError:
         raise SourceError("a message of the recording is cut off") from None
     return found
 
 
 def field_head(number: int, size: int) -> bytes:
-    """What stands before the bytes of a field.
+    """Return the bytes that precede those of a field.
 
     Args:
         number: of the field in the ``.proto`` file. size: bytes.

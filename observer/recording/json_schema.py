@@ -22,7 +22,7 @@ _PLAIN: dict[type[inspect.Type], str] = {
 
 
 def json_schema(payload: type[Any]) -> dict[str, Any]:
-    """The schema of a payload's JSON."""
+    """Return the schema of a payload's JSON."""
     described = inspect.type_info(payload)
     assert isinstance(described, _Object)
     title = {"title": payload.__name__, "description": (payload.__doc__ or "").partition("\n")[0]}

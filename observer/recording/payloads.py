@@ -1,4 +1,4 @@
-"""Our own messages of a recording: plain values as JSON, each with the schema that it follows.
+"""Our own messages of a recording: plain values as JSON, with the schema that each follows.
 
 Every number has SI units. ``time`` is on the source's clock, ``received`` on the host's monotonic
 one; both mean something within one recording only. Null is what is not known.
@@ -10,6 +10,8 @@ import time
 from typing import Any, Literal
 
 import msgspec
+
+from observer.mount import CameraMount
 
 Images = Literal["none", "jpeg", "lossless"]
 # ``observer``: a new observer began with this frame; ``segment``: the same one began a new world.
@@ -28,11 +30,11 @@ class Anchor(msgspec.Struct, frozen=True):
 
     @staticmethod
     def now() -> Anchor:
-        """This instant."""
+        """Read both clocks."""
         return Anchor(time.time_ns(), time.monotonic())
 
     def wall_time_ns(self, monotonic: float) -> int:
-        """Nanoseconds since 1970 at an instant of the monotonic clock; it never jumps."""
+        """Return nanoseconds since 1970 at an instant of the monotonic clock, without jumps."""
         return max(0, self.wall_ns + round((monotonic - self.monotonic) * 1e9))
 
 
@@ -63,6 +65,13 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     versions: dict[str, str] = {}
     notes: dict[str, str] = {}
     anchor: Anchor = msgspec.field(default_factory=Anchor.now)
+
+    def camera_mount(self) -> CameraMount | None:
+        """Return the mount that the run was observed with."""
+        if self.mount is None:
+            return None
+        known: dict[str, Any] = {name: v for name, v in self.mount.items() if v is not None}
+        return CameraMount(**known)
 
 
 class OdometryPayload(msgspec.Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""Reads a recording: the one thing that report, re-run, export and notebooks read."""
+"""Reader of a recording, which report, re-run, export and notebooks share."""
 
 from __future__ import annotations
 
@@ -10,6 +10,8 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+from observer.calibration.formats.opencv_file import read_calibration
+from observer.camera import StereoCalibration
 from observer.errors import SourceError, TruthError
 from observer.geometry import Pose
 from observer.parameters import translated
@@ -39,7 +41,7 @@ from observer.recording.payloads import (
 from observer.recording.topics import Topic
 from observer.truth.contract import TrueBody
 from observer.truth.csv_file import SampledTruth, TruthSample
-from observer.truth.motion_capture import BodySample, Capture, Trajectory
+from observer.truth.motion_capture import BodySample, Capture, Trajectory, trajectory_of
 from observer.types import Image
 
 _Payload = TypeVar("_Payload", bound=msgspec.Struct)
@@ -47,7 +49,7 @@ _SIDES = (topics.LEFT_RAW.name, topics.RIGHT_RAW.name)
 
 
 class Recording:
-    """A recording as it lies there, finished or not; nothing is written to it.
+    """A recording on disk, finished or not; nothing is written to it.
 
     Used by one thread. Times are those of ``payloads``.
 
@@ -88,44 +90,52 @@ class Recording:
 
     # --- what was recorded -------------------------------------------------------------------
 
+    def calibration(self) -> StereoCalibration:
+        """Return the calibration that the run was observed with.
+
+        Raises:
+            CalibrationError: it cannot be used.
+        """
+        name = f"the calibration in {self.path.name}"
+        return read_calibration(self.facts.calibration_yaml, name=name)
+
     @cached_property
     def frames(self) -> tuple[RecordedFrame, ...]:
-        """All frames, in order."""
+        """Frames, in order."""
         return tuple(self._payloads(topics.FRAME, RecordedFrame))
 
     def lines(self) -> Iterator[dict[str, Any]]:
-        """The observations' JSON lines, in order."""
+        """Yield the observations' JSON lines, in order."""
         for _, message in self.messages(topics.OBSERVATION.name):
             yield msgspec.json.decode(message.data)
 
     def ego_motions(self) -> Iterator[EgoMotionPayload]:
-        """How the camera moved, in order."""
+        """Yield the camera's motions, in order."""
         return self._payloads(topics.EGO_MOTION, EgoMotionPayload)
 
     @cached_property
     def positioned_revisions(self) -> tuple[tuple[int, ParameterRevision], ...]:
-        """Parameters, each with the position of the first frame that they act on."""
+        """Revisions of parameters, each with the position of the first frame that it acts on."""
         found, position = [], 0
         for topic, message in self.messages(topics.FRAME.name, topics.PARAMETERS.name):
             if topic == topics.FRAME.name:
                 position += 1
             else:
-                revision = msgspec.json.decode(message.data, type=ParameterRevision)
-                revision = msgspec.structs.replace(
-                    revision,
-                    values=translated(revision.values),
-                    difference=translated(revision.difference),
-                )
+                told = msgspec.json.decode(message.data, type=ParameterRevision)
+                values, difference = translated(told.values), translated(told.difference)
+                revision = msgspec.structs.replace(told, values=values, difference=difference)
                 found.append((position, revision))
         return tuple(found)
 
     def parameter_revisions(self) -> tuple[ParameterRevision, ...]:
-        """All parameters that were in force, in order."""
+        """Return the parameters that were in force, in order."""
         return tuple(revision for _, revision in self.positioned_revisions)
 
     def truth_samples(self) -> tuple[TruthSample, ...]:
-        """What was truly known at each frame; only while time rises, since what comes after it
-        went back, as after a restart of the engine, has times that were there before."""
+        """Return the ground truth at each frame, as long as time rises.
+
+        After time went back, as after a restart of the engine, times repeat.
+        """
         found: list[TruthSample] = []
         for payload in self._payloads(topics.TRUTH, TruthPayload):
             if found and payload.time <= found[-1].time:
@@ -135,16 +145,16 @@ class Recording:
         return tuple(found)
 
     def truth(self) -> SampledTruth | None:
-        """The true bodies over the frames' time; None where none were known."""
+        """Return the true bodies over the frames' time; None where none were known."""
         samples = self.truth_samples()
         return SampledTruth(samples) if samples else None
 
     def matched_truth(self) -> Iterator[MatchedTruth]:
-        """True bodies in the observations' world, each with its track, in order."""
+        """Yield true bodies in the observations' world, each with its track, in order."""
         return self._payloads(topics.MATCHED_TRUTH, MatchedTruth)
 
     def capture_samples(self) -> Iterator[BodySample]:
-        """What a live motion capture told, in order of arrival."""
+        """Yield the samples of live motion capture, in order of arrival."""
         for payload in self._payloads(topics.MOTION_CAPTURE, CapturePayload):
             for told in payload.samples:
                 yield BodySample(
@@ -158,7 +168,7 @@ class Recording:
                 )
 
     def capture(self) -> Capture | None:
-        """The same by body, on the server's own clock; None where there was none.
+        """Return the samples by body, on the server's own clock; None where there are none.
 
         Samples whose stamp is not above the one before are left out.
         """
@@ -177,21 +187,21 @@ class Recording:
         return Capture("recorded live", None, trajectories, tuple(notes if dropped else ()))
 
     def robot_rows(self) -> Iterator[RobotRow]:
-        """What was sent to the robots and what they told, in order."""
+        """Yield commands sent to the robots and what they reported, in order."""
         return self._payloads(topics.ROBOT, RobotRow)
 
     def skipped(self) -> Iterator[SkippedPayload]:
-        """Frames that the source could not read, in order."""
+        """Yield the frames that the source could not read, in order."""
         return self._payloads(topics.SKIPPED, SkippedPayload)
 
     def incidents(self) -> Iterator[Incident]:
-        """What somebody may want to find again, in order."""
+        """Yield the incidents, in order."""
         return self._payloads(topics.INCIDENT, Incident)
 
     # --- images ------------------------------------------------------------------------------
 
     def pair(self, position: int) -> tuple[Image, Image]:
-        """The left and the right image of a frame, as taken; read-only where they are raw.
+        """Return the left and right image of a frame, as taken; read-only where they are raw.
 
         Args:
             position: of the frame, from 0.
@@ -210,18 +220,17 @@ class Recording:
 
     @property
     def next_image(self) -> int:
-        """The number that the next pair of images would have."""
-        places = self._image_places[_SIDES[0]]
-        return self._first_image + len(places)
+        """Number that the next pair of images would have."""
+        return self._first_image + len(self._image_places[_SIDES[0]])
 
     @property
     def images_held(self) -> range:
-        """The numbers of all pairs of images."""
+        """Numbers of all pairs of images."""
         return range(self._first_image, self.next_image)
 
     @property
     def end_ns(self) -> int:
-        """The newest log time, nanoseconds since 1970."""
+        """Newest log time, nanoseconds since 1970."""
         return max((chunk.end_ns for chunk in self._contents.chunks), default=0)
 
     def _image(self, side: str, number: int) -> Image:
@@ -263,7 +272,7 @@ class Recording:
     # --- messages ----------------------------------------------------------------------------
 
     def messages(self, *names: str) -> Iterator[tuple[str, Message]]:
-        """All messages of these topics in the order in which they were written, with the topic.
+        """Yield the messages of these topics in the order of writing, each with its topic.
 
         Chunks that hold none of them are not unpacked, and damaged ones are passed over.
         """
@@ -301,34 +310,15 @@ def _truth_sample(payload: TruthPayload) -> TruthSample:
     pose = None
     if payload.camera_position is not None and payload.camera_orientation_wxyz is not None:
         pose = Pose.from_quaternion(payload.camera_orientation_wxyz, payload.camera_position)
-    bodies = tuple(
-        TrueBody(
-            id=body.id,
-            name=body.name,
-            role=body.role,
-            position=np.array(body.position),
-            velocity=np.array(body.velocity),
-            size=np.array(body.size),
-            yaw=body.yaw,
-            visible=body.visible,
-            commanded_speed=body.commanded_speed,
-        )
-        for body in payload.bodies
-    )
-    return TruthSample(payload.frame, payload.time, bodies, pose)
+    bodies = []
+    for body in payload.bodies:
+        vectors = {name: np.array(getattr(body, name)) for name in ("position", "velocity", "size")}
+        bodies.append(TrueBody(**{**msgspec.structs.asdict(body), **vectors}))
+    return TruthSample(payload.frame, payload.time, tuple(bodies), pose)
 
 
 def _trajectory(name: str, samples: list[BodySample]) -> Trajectory:
-    unseen, unturned = np.full(3, np.nan), np.full((3, 3), np.nan)
-    turned = any(sample.rotation is not None for sample in samples)
     try:
-        return Trajectory(
-            name,
-            np.array([sample.time for sample in samples]),
-            np.array([unseen if s.position is None else s.position for s in samples]),
-            np.array([unturned if s.rotation is None else s.rotation for s in samples])
-            if turned
-            else None,
-        )
+        return trajectory_of(name, samples)
     except ValueError as error:
         raise TruthError(f"{name}: the recorded samples are damaged: {error}") from None

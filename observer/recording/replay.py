@@ -1,14 +1,12 @@
-"""Observes a recording once more, as it was observed then or with other parameters."""
+"""Re-run of a recording, as it was observed then or with other parameters."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from observer.mount import CameraMount
 from observer.observer import Observer
 from observer.parameters import Parameters
-from observer.recording.payloads import ParameterRevision
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
 from observer.types import NoTrace, Observation, StereoFrame, Trace
@@ -21,32 +19,21 @@ _NO_TRACE = NoTrace()
 def replay_revisions(
     recording: Recording, changes: Mapping[str, Any] | None = None
 ) -> dict[int, tuple[Parameters, int]]:
-    """The parameters of a run and the positions of the frames they act on from: position ->
-    parameters and revision.
+    """Map the position of the first frame that they act on to a run's parameters and revision.
 
     Args:
-        changes: parameters that are to be others all the time, by dotted name.
+        changes: parameters that replace the recorded ones throughout, by dotted name.
 
     Raises:
         ParameterError: a parameter is unknown here or out of range.
     """
     found = {}
-    revision: ParameterRevision
     for position, revision in recording.positioned_revisions:
         parameters = Parameters().changed({**Parameters.own(revision.values), **(changes or {})})
         found[position] = parameters, revision.revision
     if 0 not in found:
         found[0] = Parameters().changed(dict(changes or {})), 0
     return found
-
-
-def recorded_mount(recording: Recording) -> CameraMount | None:
-    """The mount that the run was observed with."""
-    mount = recording.facts.mount
-    if mount is None:
-        return None
-    known: dict[str, Any] = {name: value for name, value in mount.items() if value is not None}
-    return CameraMount(**known)
 
 
 def replay(
@@ -61,9 +48,7 @@ def replay(
         revisions: as of ``replay_revisions``; the newest one before a frame acts on it.
         trace: as of ``Observer.observe``.
     """
-    calibration = source.calibration
-    assert calibration is not None
-    mount = recorded_mount(source.recording)
+    mount = source.recording.facts.camera_mount()
     newest = revisions[0]
     observer: Observer | None = None
     source.rewind()
@@ -78,7 +63,9 @@ def replay(
             continue
         if observer is None or source.begins == "observer":
             parameters, revision = newest
-            observer = Observer(calibration, parameters, parameters_revision=revision, mount=mount)
+            observer = Observer(
+                source.calibration, parameters, parameters_revision=revision, mount=mount
+            )
         elif due is not None:
             observer.use(*newest)
         if source.begins == "segment":

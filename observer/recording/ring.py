@@ -1,4 +1,4 @@
-"""The last half minute, to be kept once something has happened."""
+"""Ring of the last half minute, which is saved once something has happened."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ class Ring:
 
     @property
     def bytes_held(self) -> int:
-        """Bytes of all messages."""
+        """Size of all messages, bytes."""
         return self._bytes
 
     @property
     def seconds_held(self) -> float:
-        """How far it reaches back."""
+        """Time that it reaches back, seconds."""
         if not self._messages:
             return 0.0
         return (self._messages[-1].log_time_ns - self._messages[0].log_time_ns) * 1e-9
 
     def keep(self, messages: Sequence[Encoded]) -> None:
-        """Take messages in and let the oldest go; what belongs to one instant goes together."""
+        """Add messages and drop the oldest; those of one instant go together."""
         self._messages.extend(messages)
         self._bytes += sum(len(message.data) for message in messages)
         while self._messages and self._is_too_much():
@@ -58,7 +58,7 @@ class Ring:
         return reach > self._reach_ns or self._bytes > self._max_bytes
 
     def messages(self) -> list[Encoded]:
-        """Everything a recording of its own needs, at this moment, in order."""
+        """Return everything that a recording of its own needs now, in order."""
         kept = list(self._messages)
         begin = kept[0].log_time_ns if kept else 0
         return [old._replace(log_time_ns=begin) for old in self._latched.values()] + kept

@@ -1,4 +1,4 @@
-"""Where a run's recording lies, from whatever a person names it by."""
+"""Search for a run's recording by whatever a person names it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ RECORDING = "recording.mcap"
 
 
 def find_recording(run: Path | str, data: Path | None = None) -> Path:
-    """The recording that is meant.
+    """Return the path of the recording that is meant.
 
     Args:
         run: a recording's file, a run's folder, or the id of a run or its beginning.
@@ -48,5 +48,5 @@ def find_recording(run: Path | str, data: Path | None = None) -> Path:
 
 
 def _literal(name: str) -> str:
-    """A name for ``glob`` in which no character stands for others."""
+    """Escape a name for ``glob``."""
     return "".join(f"[{c}]" if c in "*?[" else c for c in name)

@@ -1,4 +1,4 @@
-"""A recording as a source: the run's frames once more, every number as it was."""
+"""A recording as a source: the run's frames again, every number as it was."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from pathlib import Path
 
 import msgspec
 
-from observer.calibration.formats.opencv_file import read_calibration
-from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.recording.payloads import Begins, RunFacts
 from observer.recording.reader import Recording
@@ -28,68 +26,54 @@ class RecordingSource:
     Args:
         path: of the file, finished or not.
 
+    Attributes:
+        recording: that is played. calibration: that the run was observed with.
+
     Raises:
         SourceError: the file is no recording, or it holds no images.
     """
 
     def __init__(self, path: Path | str) -> None:
-        self._recording = Recording(path)
+        self.recording = Recording(path)
         try:
-            facts = self._recording.facts
-            self._calibration = read_calibration(
-                facts.calibration_yaml, name=f"the calibration in {self._recording.path.name}"
-            )
+            self.calibration = self.recording.calibration()
             self._check()
-            self._info = _info(facts, str(path), len(self._recording.frames))
+            self.info = _info(self.recording.facts, str(path), len(self.recording.frames))
         except BaseException:
-            self._recording.close()
+            self.recording.close()
             raise
         self._next = 0
 
     def _check(self) -> None:
-        frames, name = self._recording.frames, self._recording.path.name
+        frames, name = self.recording.frames, self.recording.path.name
         if not frames:
             raise SourceError(f"{name} holds no frame; give the recording of a run that went on")
-        if not self._recording.images_held:
+        if not self.recording.images_held:
             raise SourceError(
                 f"{name} was recorded without images, so it cannot be played; its observations "
                 f"can be read, and a run with images kept as jpeg or lossless can be played"
             )
 
     @property
-    def recording(self) -> Recording:
-        """What is played."""
-        return self._recording
-
-    @property
-    def info(self) -> SourceInfo:
-        return self._info
-
-    @property
-    def calibration(self) -> StereoCalibration | None:
-        """The calibration that the run was observed with."""
-        return self._calibration
-
-    @property
     def position(self) -> int:
-        """Of the frame that ``read`` gives next, from 0; drops are not counted."""
+        """Position of the frame that ``read`` gives next, from 0; drops are not counted."""
         return self._next
 
     @property
     def begins(self) -> Begins | None:
-        """What the observer began anew in the run with the frame that was read last."""
-        return self._recording.frames[self._next - 1].begins if self._next else None
+        """Mark of what the observer began anew with the frame that was read last, or None."""
+        return self.recording.frames[self._next - 1].begins if self._next else None
 
     def read(self) -> StereoFrame | SkippedFrame | None:
-        """The next frame, a frame whose images are lost, or None after the last one."""
-        frames = self._recording.frames
+        """Return the next frame, a frame whose images are lost, or None after the last one."""
+        frames = self.recording.frames
         if self._next >= len(frames):
             return None
         position = self._next
         self._next += 1
         recorded = frames[position]
         try:
-            left, right = self._recording.pair(position)
+            left, right = self.recording.pair(position)
         except SourceError as error:
             return SkippedFrame(recorded.index, str(error))
         told = recorded.odometry
@@ -104,15 +88,15 @@ class RecordingSource:
         )
 
     def seek(self, position: int) -> None:
-        """Have ``read`` give this frame next, from 0; behind the last one it gives None.
+        """Make ``read`` give this frame next, from 0; behind the last one it gives None.
 
         Raises:
             SourceError: there is no such frame.
         """
-        count = len(self._recording.frames)
+        count = len(self.recording.frames)
         if not 0 <= position <= count:
             raise SourceError(
-                f"there is no frame {position} in {self._info.spec}; it has 0 to {count - 1}"
+                f"there is no frame {position} in {self.info.spec}; it has 0 to {count - 1}"
             )
         self._next = position
 
@@ -122,7 +106,7 @@ class RecordingSource:
 
     def close(self) -> None:
         """Close the file; safe to call twice."""
-        self._recording.close()
+        self.recording.close()
 
 
 def _info(facts: RunFacts, spec: str, frame_count: int) -> SourceInfo:

@@ -1,4 +1,4 @@
-"""The topics of a recording: their names, what their messages are, and how they are kept."""
+"""Topics of a recording: their names, the type of their messages, and how they are kept."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from observer.recording.json_schema import json_schema
 
 @dataclass(frozen=True)
 class Topic:
-    """One kind of message.
+    """A kind of message.
 
     Attributes:
         name: as tools show it.

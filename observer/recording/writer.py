@@ -1,36 +1,28 @@
-"""Writes a run's recording as it happens: one thread, bounded memory, readable at any time."""
+"""Writer of a run's recording as it happens: one thread, bounded memory, readable at any time."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, BinaryIO, cast
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import BinaryIO, cast
 
 from observer.recording.container import Container
 from observer.recording.encoder import Encoded, Encoder
 from observer.recording.errors import RecordingError
-from observer.recording.foxglove import LogLevel
-from observer.recording.payloads import Begins, Incident, ParameterRevision, RobotRow, RunFacts
+from observer.recording.payloads import RunFacts
 from observer.recording.reader import Recording
 from observer.recording.ring import Ring
-from observer.sources.contract import SkippedFrame
-from observer.truth.csv_file import TruthSample
-from observer.truth.motion_capture import BodySample
-from observer.types import StereoFrame
 
 # A killed process loses no more than a second; half of it is left to whatever comes before.
 CHUNK_S = 0.5
 
 
-class RecordingWriter:
+class RecordingWriter(Encoder):
     """Keeps everything that happens in a run. No thread of its own; used by one.
 
     A chunk ends at least every ``CHUNK_S`` and at 8 MB, as long as something is written or
-    ``flush`` is called. ``received`` is the host's monotonic clock, seconds, everywhere.
+    ``flush`` is called.
 
     Args:
         file: a path, which is made anew, or something open for writing; None writes no file and
@@ -52,11 +44,11 @@ class RecordingWriter:
         ring: Ring | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        encoder = Encoder(facts)
-        self._set_up(encoder, facts, ring, clock)
+        super().__init__(facts)
+        self._set_up(ring, clock)
         self._open(file, "wb")
         try:
-            self._keep(encoder.beginning())
+            self._begin()
             # From here on the file is a recording, whatever happens.
             if self._container is not None:
                 self._container.write_chunks()
@@ -83,15 +75,12 @@ class RecordingWriter:
             facts, images = recording.facts, recording.next_image
             after = recording.end_ns
         writer = cls.__new__(cls)
-        writer._set_up(Encoder(facts, first_image=images, after_ns=after), facts, ring, clock)
+        Encoder.__init__(writer, facts, first_image=images, after_ns=after)
+        writer._set_up(ring, clock)
         writer._open(path, "r+b")
         return writer
 
-    def _set_up(
-        self, encoder: Encoder, facts: RunFacts, ring: Ring | None, clock: Callable[[], float]
-    ) -> None:
-        self._encoder = encoder
-        self._facts = facts
+    def _set_up(self, ring: Ring | None, clock: Callable[[], float]) -> None:
         self._ring = ring
         self._clock = clock
         self._container: Container | None = None
@@ -119,90 +108,13 @@ class RecordingWriter:
 
     @property
     def facts(self) -> RunFacts:
-        """Of the run."""
+        """Facts of the run."""
         return self._facts
 
     @property
     def size(self) -> int:
-        """Bytes in the file."""
+        """Size of the file, bytes."""
         return 0 if self._container is None else self._container.size
-
-    def frame(
-        self,
-        frame: StereoFrame,
-        *,
-        source_position: int | None = None,
-        source_time: float | None = None,
-        begins: Begins | None = None,
-    ) -> None:
-        """A frame exactly as the observer gets it, before it is observed.
-
-        Args:
-            source_position, source_time: within the source, where it is played in a loop.
-            begins: ``segment`` where ``begin_segment`` was called for it.
-        """
-        self._keep(
-            self._encoder.frame(
-                frame, source_position=source_position, source_time=source_time, begins=begins
-            )
-        )
-
-    def observation(
-        self,
-        line: Mapping[str, Any],
-        received: float,
-        *,
-        ego_motion: Mapping[str, Any] | None = None,
-        truth: Sequence[Mapping[str, Any]] = (),
-    ) -> None:
-        """What was found in a frame.
-
-        Args:
-            line: as of ``observer.jsonl.observation_line``. received: of its frame.
-            ego_motion, truth: as in the engine's ``ObservationEvent``.
-        """
-        self._keep(self._encoder.observation(line, received, ego_motion=ego_motion))
-        if truth:
-            self._keep(self._encoder.matched_truth(line, truth, received))
-
-    def truth(self, sample: TruthSample, received: float) -> None:
-        """What is truly known at a frame: ``frame`` and ``time`` are those of the frame as it
-        was observed, the world is the truth's own."""
-        self._keep(self._encoder.truth(sample, received))
-
-    def parameters(self, revision: ParameterRevision, received: float) -> None:
-        """Parameters that act on the next frame that is written."""
-        self._keep(self._encoder.parameters(revision, received))
-
-    def capture(self, samples: Sequence[BodySample]) -> None:
-        """What motion capture told since the last call."""
-        self._keep(self._encoder.capture(samples))
-
-    def robot(self, row: RobotRow) -> None:
-        """One robot at one instant."""
-        self._keep(self._encoder.robot(row))
-
-    def skipped(self, skipped: SkippedFrame, received: float) -> None:
-        """A frame that the source could not read."""
-        self._keep(self._encoder.skipped(skipped, received))
-
-    def incident(self, incident: Incident) -> None:
-        """Something to be found again; it is in the log, too."""
-        self._keep(self._encoder.incident(incident))
-
-    def log(self, level: LogLevel, name: str, message: str, received: float) -> None:
-        """A sentence for the log."""
-        self._keep(self._encoder.log(level, name, message, received))
-
-    def cloud(
-        self, points: NDArray[np.float32], colors: NDArray[np.uint8], received: float
-    ) -> None:
-        """A dense cloud: points (N, 3), metres, in the camera frame, and RGB (N, 3).
-
-        Args:
-            received: of the frame that it was made of.
-        """
-        self._keep(self._encoder.cloud(points, colors, received))
 
     def flush(self, now: float) -> None:
         """Write what has waited for long enough; cheap, to be called when nothing else comes.

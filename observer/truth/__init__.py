@@ -1,1 +1,1 @@
-"""What really moved, for comparison only."""
+"""Ground truth: what really moved, for comparison only."""

@@ -1,4 +1,4 @@
-"""What a source of truth is: motion capture, a simulator, a file; never seen by the method."""
+"""Contract of a source of ground truth: motion capture, a simulator, a file; never an input."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.geometry import Float64Array, Pose
 
 @dataclass(frozen=True, eq=False)
 class TrueBody:
-    """One body's true state at one instant, in the observer's world frame.
+    """True state of a body at one instant, in the observer's world frame.
 
     The world frame is the camera frame (x right, y down, z forward) at the source's first frame.
 
@@ -36,7 +36,7 @@ class TrueBody:
 
     @property
     def speed(self) -> float:
-        """m/s."""
+        """Length of the velocity, m/s."""
         return float((self.velocity @ self.velocity) ** 0.5)
 
 
@@ -44,9 +44,9 @@ class Truth(Protocol):
     """True states over time, on the source's clock."""
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        """Every body known at ``time``; a body without data there is left out (a gap)."""
+        """Return every body known at ``time``; one without data there (a gap) is left out."""
         ...
 
     def camera_pose(self, time: float) -> Pose | None:
-        """``T_world_camera``, or None where unknown."""
+        """Return ``T_world_camera``, or None where unknown."""
         ...

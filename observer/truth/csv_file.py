@@ -1,4 +1,4 @@
-"""Truth as a table, ``truth.csv``: one row for each body at each frame, in the world frame.
+"""Ground truth as a table, ``truth.csv``: a row for each body at each frame, in the world frame.
 
 Columns: ``frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw`` (metres, m/s, radians,
 seconds on the source's clock; sizes are length, width, height as in ``TrueBody``), and optionally
@@ -25,13 +25,9 @@ from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import TrueBody
 
-_REQUIRED = (
-    "frame", "t", "id", "x", "y", "z", "vx", "vy", "vz",
-    "visible", "size_x", "size_y", "size_z", "yaw",
-)  # fmt: skip
-_CAMERA = (
-    "camera_x", "camera_y", "camera_z", "camera_qw", "camera_qx", "camera_qy", "camera_qz",
-)  # fmt: skip
+_POSITION, _VELOCITY, _SIZE = ("x", "y", "z"), ("vx", "vy", "vz"), ("size_x", "size_y", "size_z")
+_REQUIRED = ("frame", "t", "id", *_POSITION, *_VELOCITY, "visible", *_SIZE, "yaw")
+_CAMERA = tuple(f"camera_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
 _COLUMNS = (*_REQUIRED, "name", "role", "commanded_speed", *_CAMERA)
 _ROLES = ("obstacle", "observer")
 
@@ -45,7 +41,7 @@ _Sample = TypeVar("_Sample")
 
 @dataclass(frozen=True, eq=False)
 class TruthSample:
-    """All that is truly known at one frame.
+    """Ground truth at one frame.
 
     Attributes:
         frame: the frame's number in its source. time: seconds on the source's clock.
@@ -80,18 +76,18 @@ def write_truth_csv(path: Path | str, rows: Iterable[TruthSample]) -> None:
 
 
 class SampledTruth:
-    """Truth that is known at some instants, for any instant.
+    """Ground truth at any instant, from samples.
 
-    Between two frames in a row values are interpolated linearly (a pose's rotation along the
-    shortest arc). Where a body is absent from a frame, or frames lie more than three of their
-    median distance apart, is a gap: there it is only known within half a frame of a sample.
+    Between consecutive frames values are interpolated linearly (a pose's rotation along the
+    shortest arc). Where a body is absent from a frame, or frames lie more than three median
+    intervals apart, is a gap: there it is known only within half a frame of a sample.
 
-    Args:
-        samples: by rising time.
+    Attributes:
+        samples: one for each frame, by rising time.
     """
 
     def __init__(self, samples: tuple[TruthSample, ...]) -> None:
-        self._samples = samples
+        self.samples = samples
         times = [sample.time for sample in samples]
         self._camera = _Series(times, [sample.camera_pose for sample in samples])
         by_id = [{body.id: body for body in sample.bodies} for sample in samples]
@@ -100,13 +96,8 @@ class SampledTruth:
             for id_ in sorted(set().union(*by_id))
         ]
 
-    @property
-    def samples(self) -> tuple[TruthSample, ...]:
-        """All that is known, one entry for each frame, by rising time."""
-        return self._samples
-
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        """Every body known at ``time``, by id; a body without data there is left out (a gap)."""
+        """Return every body known at ``time``, by id; one in a gap is left out."""
         found = []
         for series in self._series:
             between = series.at(time)
@@ -115,13 +106,13 @@ class SampledTruth:
         return tuple(found)
 
     def camera_pose(self, time: float) -> Pose | None:
-        """``T_world_camera``, or None where unknown."""
+        """Return ``T_world_camera``, or None where unknown."""
         between = self._camera.at(time)
         return None if between is None else _pose_between(*between)
 
 
 class CsvTruth(SampledTruth):
-    """The truth of a ``truth.csv``, at any instant.
+    """Ground truth of a ``truth.csv``, at any instant.
 
     Raises:
         TruthError: the file cannot be read; the sentence names the line and the column.
@@ -139,7 +130,7 @@ class CsvTruth(SampledTruth):
 
 
 class _Series(Generic[_Sample]):
-    """One thing's samples by rising time; None at frames at which it was not seen."""
+    """Samples of a body or pose by rising time; None at frames at which it was not seen."""
 
     def __init__(self, times: Sequence[float], values: Sequence[_Sample | None]) -> None:
         self._times = times
@@ -147,7 +138,7 @@ class _Series(Generic[_Sample]):
         self._interval = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
     def at(self, time: float) -> tuple[_Sample, _Sample, float] | None:
-        """The samples before and after ``time`` and the weight of the later one, or None."""
+        """Return the samples before and after ``time`` and the later one's weight, or None."""
         later = bisect_left(self._times, time)
         if later < len(self._times) and self._times[later] == time:
             return self._held(later)
@@ -172,7 +163,9 @@ def _body_between(a: TrueBody, b: TrueBody, weight: float) -> TrueBody:
     if weight == 0:
         return a
     turn = math.remainder(b.yaw - a.yaw, 2 * math.pi)
-    known = a.visible is not None and b.visible is not None
+    visible = None
+    if a.visible is not None and b.visible is not None:
+        visible = a.visible + weight * (b.visible - a.visible)
     return TrueBody(
         id=a.id,
         name=a.name,
@@ -181,14 +174,10 @@ def _body_between(a: TrueBody, b: TrueBody, weight: float) -> TrueBody:
         velocity=a.velocity + weight * (b.velocity - a.velocity),
         size=a.size,
         yaw=a.yaw + weight * turn,
-        visible=_between(a.visible or 0.0, b.visible or 0.0, weight) if known else None,
+        visible=visible,
         # A command holds until the next one.
         commanded_speed=a.commanded_speed,
     )
-
-
-def _between(a: float, b: float, weight: float) -> float:
-    return a + weight * (b - a)
 
 
 def _pose_between(a: Pose, b: Pose, weight: float) -> Pose:
@@ -269,19 +258,19 @@ def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
 
 @dataclass(frozen=True)
 class _Row:
-    """One line's cells by column, and how to name the line in a message."""
+    """Cells of a line by column, and the line's name for messages."""
 
     cells: Mapping[str, str]
     where: str
 
     def body(self) -> TrueBody | None:
-        """The line's body; None where it has no id or was not seen."""
-        if not self._text("id") or not any(self._text(c) for c in ("x", "y", "z")):
+        """Return the line's body; None where it has no id or was not seen."""
+        if not self._text("id") or not any(self._text(c) for c in _POSITION):
             return None
         visible = self._optional("visible")
         if visible is not None and not 0 <= visible <= 1:
             raise TruthError(f"{self.where}: visible must lie from 0 to 1, not {visible:g}")
-        size = self._vector("size_x", "size_y", "size_z")
+        size = self._vector(_SIZE)
         if (size < 0).any():
             raise TruthError(f"{self.where}: size_x, size_y and size_z must not be negative")
         role = self._text("role") or "obstacle"
@@ -292,8 +281,8 @@ class _Row:
             id=id_,
             name=self._text("name") or f"body {id_}",
             role=role,
-            position=self._vector("x", "y", "z"),
-            velocity=self._vector("vx", "vy", "vz"),
+            position=self._vector(_POSITION),
+            velocity=self._vector(_VELOCITY),
             size=size,
             yaw=self.number("yaw"),
             visible=visible,
@@ -301,7 +290,7 @@ class _Row:
         )
 
     def camera_pose(self) -> Pose | None:
-        """``T_world_camera`` where the line gives it."""
+        """Return ``T_world_camera`` where the line gives it."""
         if not any(self._text(column) for column in _CAMERA):
             return None
         x, y, z, qw, qx, qy, qz = (self.number(column) for column in _CAMERA)
@@ -339,7 +328,7 @@ class _Row:
     def _optional(self, column: str) -> float | None:
         return self.number(column) if self._text(column) else None
 
-    def _vector(self, *columns: str) -> Float64Array:
+    def _vector(self, columns: Sequence[str]) -> Float64Array:
         return np.array([self.number(column) for column in columns])
 
     def _text(self, column: str) -> str:
@@ -354,19 +343,9 @@ def _camera_cells(pose: Pose | None) -> dict[str, str]:
 
 
 def _body_cells(body: TrueBody) -> dict[str, str]:
-    numbers = {
-        "x": body.position[0],
-        "y": body.position[1],
-        "z": body.position[2],
-        "vx": body.velocity[0],
-        "vy": body.velocity[1],
-        "vz": body.velocity[2],
-        "size_x": body.size[0],
-        "size_y": body.size[1],
-        "size_z": body.size[2],
-        "yaw": body.yaw,
-        "visible": body.visible,
-        "commanded_speed": body.commanded_speed,
-    }
-    cells = {column: repr(float(v)) for column, v in numbers.items() if v is not None}
+    columns = (*_POSITION, *_VELOCITY, *_SIZE, "yaw", "visible", "commanded_speed")
+    numbers = (*body.position, *body.velocity, *body.size)
+    numbers += (body.yaw, body.visible, body.commanded_speed)
+    told = zip(columns, numbers, strict=True)
+    cells = {column: repr(float(v)) for column, v in told if v is not None}
     return cells | {"id": str(body.id), "name": body.name, "role": body.role}

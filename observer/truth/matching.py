@@ -1,4 +1,4 @@
-"""Which true body each reported obstacle is, for the page's comparison; never for the method."""
+"""Matching of reported obstacles and true bodies for comparison; never an input of the method."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from observer.truth.contract import TrueBody, Truth
 from observer.truth.csv_file import TruthSample
 from observer.types import Observation, Obstacle
 
-# An obstacle further than this from a body's surface (its half length) is not taken for it.
+# An obstacle further than this from a body's surface (its half length) is not matched to it.
 GATE_M = 1.0
 
 
 class TrueBodyEntry(TypedDict):
-    """What is truly known of one body, in the world frame of the observation.
+    """Ground truth of one body, in the world frame of the observation.
 
     ``time``: only of motion capture, the instant on the source's clock at which it was measured,
     up to 0.1 s before the frame. ``track_id``: the reported obstacle it was matched to.
@@ -39,7 +39,7 @@ class TrueBodyEntry(TypedDict):
 
 
 class TruthMatcher:
-    """Puts truth into the observation's world frame and pairs it with what was reported.
+    """Transforms truth into the observation's world frame and matches it with reported obstacles.
 
     Truth's world is the camera frame at the source's first frame; an observation's is the camera
     frame at its segment's first valid pose. The two are aligned once for each segment, at that
@@ -53,7 +53,7 @@ class TruthMatcher:
         self._newest: tuple[float, tuple[TrueBody, ...]] | None = None
 
     def match(self, observation: Observation, source_time: float) -> list[TrueBodyEntry]:
-        """One entry per true body at ``source_time``, as in ``ObservationEvent.truth``.
+        """Return an entry per true body at ``source_time``, as in ``ObservationEvent.truth``.
 
         Empty as long as the two world frames cannot be aligned.
         """
@@ -70,7 +70,7 @@ class TruthMatcher:
         return [entry(body, T_world_truth, tracks.get(body.id)) for body in bodies]
 
     def sample(self, frame: int, time: float, source_time: float) -> TruthSample:
-        """All that is truly known at ``source_time``, in the truth's own world, for a recording.
+        """Return the truth at ``source_time``, in the truth's own world, for a recording.
 
         Args:
             frame, time: of the frame as it was observed.
@@ -97,7 +97,7 @@ class TruthMatcher:
 def assign(
     bodies: list[TrueBody], T_world_truth: Pose, obstacles: tuple[Obstacle, ...]
 ) -> dict[int, int]:
-    """Body id -> track id, the pairs nearest as a whole within the gate.
+    """Assign track ids to body ids at the least total distance within the gate.
 
     Args:
         T_world_truth: from the bodies' world to that of the obstacles.
@@ -119,7 +119,7 @@ def assign(
 
 
 def entry(body: TrueBody, T_world_truth: Pose, track_id: int | None) -> TrueBodyEntry:
-    """As in ``ObservationEvent.truth``."""
+    """Return an entry of ``ObservationEvent.truth``."""
     ahead = T_world_truth.rotate([np.sin(body.yaw), 0.0, np.cos(body.yaw)])
     return {
         "id": body.id,

@@ -1,4 +1,4 @@
-"""What motion capture tells, in its own room frame and on its own clock.
+"""Data of motion capture, in its own room frame and on its own clock.
 
 Files (``observer.truth.files``) and live servers (``observer.truth.live``) give these types;
 ``observer.truth.alignment`` brings them onto the source's clock and into the observer's world.
@@ -20,7 +20,7 @@ from observer.geometry import Float64Array
 
 @dataclass(frozen=True, eq=False)
 class BodySample:
-    """One body at one instant, as a live server told it.
+    """A body at one instant, as a live server reported it.
 
     Attributes:
         name: the body's, as the system names it.
@@ -39,7 +39,7 @@ class BodySample:
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """One body, or one marker, over time.
+    """A body, or a marker, over time.
 
     Attributes:
         name: as the system names it.
@@ -67,18 +67,32 @@ class Trajectory:
 
     @property
     def seen(self) -> NDArray[np.bool_]:
-        """(N,) where the body was seen."""
+        """Mask (N,) of the samples in which the body was seen."""
         return np.asarray(np.isfinite(self.positions).all(axis=1))
 
     @property
     def gaps(self) -> int:
-        """Samples at which it was not seen."""
+        """Number of samples in which it was not seen."""
         return int(len(self.times) - self.seen.sum())
+
+    def part(self, chosen: slice | NDArray[np.bool_]) -> Trajectory:
+        """Return some of the samples, by a slice or a mask (N,)."""
+        rotations = None if self.rotations is None else self.rotations[chosen]
+        return Trajectory(self.name, self.times[chosen], self.positions[chosen], rotations)
+
+    def fixed_points(self, offset: Float64Array | None) -> Float64Array:
+        """Return positions (N, 3) of a point at an offset (3,) in the body's axes.
+
+        Those of the body's origin where the offset is None or the body has no rotations.
+        """
+        if offset is None or self.rotations is None:
+            return self.positions
+        return np.asarray(self.positions + self.rotations @ offset)
 
 
 @dataclass(frozen=True, eq=False)
 class Capture:
-    """Everything that one file holds, or that was recorded live.
+    """Content of a file, or what was recorded live.
 
     Attributes:
         format: what it was recognised as, in words for people, as in ``Vicon Tracker objects``.
@@ -97,7 +111,7 @@ class Capture:
 
 
 def trajectory_of(name: str, kept: Sequence[BodySample]) -> Trajectory:
-    """Samples of one body in their order; NaN where one was not seen."""
+    """Return one body's samples, in their order, as a trajectory; NaN where it was not seen."""
     unknown = np.full(3, np.nan)
     positions = [unknown if s.position is None else s.position for s in kept]
     rotations = None

@@ -1,4 +1,4 @@
-"""Any truth file as truth of observed frames: aligned already, or aligned here."""
+"""Opening of any truth file as truth of observed frames: aligned already, or aligned here."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from observer.truth.motion_capture import Capture
 
 @dataclass(frozen=True, eq=False)
 class OpenedTruth:
-    """Truth that frames can be compared with.
+    """Ground truth that frames can be compared with.
 
     Attributes:
         truth: on the frames' clock and in their world.

@@ -1,16 +1,15 @@
-"""Velocities of what motion capture saw, from positions alone; nothing here looks only backwards.
+"""Velocities of motion capture from positions alone, by symmetric windows.
 
-A causal filter's output lags behind the motion, and that lag would be taken for a clock's offset.
+A causal filter lags behind the motion, and that lag would pass for an offset of the clocks.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 
-# A step in time longer than this many of the median step is a jump: samples are missing there.
+# A step in time longer than this many median steps is a jump: samples are missing there.
 JUMP_STEPS = 1.5
 # Steps that differ by less than this share of the median are equal but for rounding.
 _EQUAL_STEPS = 1e-6
@@ -26,7 +25,7 @@ def smoothed_velocity(
     order: int = 2,
     longest_step: float = JUMP_STEPS,
 ) -> Float64Array:
-    """Velocities (N, 3) m/s: the slope, at each sample, of a polynomial fitted around it.
+    """Return velocities (N, 3) m/s: at each sample, the slope of a polynomial fitted around it.
 
     For equal steps in time this is the filter of Savitzky and Golay (Smoothing and
     Differentiation of Data by Simplified Least Squares Procedures, 1964); for unequal ones the
@@ -35,7 +34,7 @@ def smoothed_velocity(
     Args:
         times: (N,) seconds, rising. positions: (N, 3) metres, NaN rows are gaps.
         window: samples in a fit, odd. order: the polynomial's, smaller than ``window``.
-        longest_step: what is longer than so many of the median step is a jump in time.
+        longest_step: in median steps; a longer one is a jump in time.
 
     Returns:
         NaN wherever the window leaves the data or touches a gap or a jump in time.
@@ -62,41 +61,15 @@ def smoothed_velocity(
         for k in range(window):
             total += slopes[:, k, None] * positions[first + k : first + k + fits]
         velocity[first + half : first + half + fits] = total
-    jumps = np.concatenate([[0], np.cumsum(_jumps(times, longest_step))])
+    jumps = np.concatenate([[0], np.cumsum(steps > longest_step * step)])
     inside = jumps[window - 1 :] - jumps[: count - window + 1]
     velocity[half : count - half][inside > 0] = np.nan
     return velocity
 
 
-def two_point_speeds(
-    times: Float64Array, positions: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """Speeds between samples in a row, where they belong: at the interval's midpoint.
-
-    Args:
-        times: (N,) seconds, rising. positions: (N, 3) metres, NaN rows are gaps.
-
-    Returns:
-        Midpoints (N - 1,) in seconds and speeds (N - 1,) in m/s; NaN where either end is a gap,
-        or the interval a jump in time (longer than 1.5 of the median).
-    """
-    middles = (times[1:] + times[:-1]) / 2
-    moved = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-    speeds = np.where(_jumps(times, JUMP_STEPS), np.nan, moved / np.diff(times))
-    return np.asarray(middles), np.asarray(speeds)
-
-
-def _jumps(times: Float64Array, longest_step: float) -> NDArray[np.bool_]:
-    """(N - 1,) which steps are jumps in time."""
-    steps = np.diff(times)
-    if not len(steps):
-        return np.zeros(0, dtype=np.bool_)
-    return np.asarray(steps > longest_step * np.median(steps))
-
-
 def _slope_weights(offsets: Float64Array, order: int) -> Float64Array:
-    """Weights (M, W) of values at ``offsets`` (M, W) in the fitted polynomial's slope at 0."""
-    # About the offsets' size one, so that the normal equations stay well conditioned.
+    """Return weights (M, W) of values at ``offsets`` (M, W) in the polynomial's slope at 0."""
+    # Offsets are scaled to 1, so that the normal equations stay well conditioned.
     scale = np.abs(offsets).max(axis=1)[:, None]
     powers = (offsets / scale)[:, :, None] ** np.arange(order + 1)
     across = np.swapaxes(powers, 1, 2)

@@ -1,1 +1,1 @@
-"""Many combinations of parameters over many sources, spread over the processes of a cluster."""
+"""Sweep of combinations of parameters over sources, on the processes of a cluster."""

@@ -1,6 +1,6 @@
-"""The processes that work on a sweep: dask.distributed, which the extra ``cluster`` installs.
+"""Processes that work on a sweep: dask.distributed, which the extra ``cluster`` installs.
 
-It is imported at the first use only, so that everybody else starts without it.
+It is imported at the first use only.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ if TYPE_CHECKING:
     from distributed import Client
 
 _JOINING_S = 30.0
-# Tasks handed out before they are due, for each worker: none waits for the next one.
+# Tasks submitted ahead, for each worker, so that none waits for the next one.
 _AHEAD = 3
 
 
 class ClusterLost(DynamicObserverError):
-    """The cluster went away in the middle of a sweep."""
+    """Cluster that went away in the middle of a sweep."""
 
 
 @dataclass(frozen=True)
 class ClusterChoice:
-    """Where to work.
+    """Choice of a cluster.
 
     Attributes:
-        scheduler: address of a lab's own, as in ``tcp://lab-server:8786``; None for one that is
-            started here and ended behind the work.
+        scheduler: address of a lab's own, as in ``tcp://lab-server:8786``; None to start one here
+            and end it after the work.
         workers: of the one started here, one thread each.
         processes: False to have them in threads of this process.
     """
@@ -47,7 +47,7 @@ class ClusterChoice:
 
 
 def cluster_missing() -> str | None:
-    """One sentence on how to get what a sweep needs where it is not installed, otherwise None."""
+    """Return one sentence on how to install what a sweep lacks, or None."""
     missing = [n for n in ("distributed", "pyarrow") if importlib.util.find_spec(n) is None]
     if not missing:
         return None
@@ -59,7 +59,7 @@ def cluster_missing() -> str | None:
 
 @contextmanager
 def opened_cluster(choice: ClusterChoice) -> Iterator[Client]:
-    """A client of the cluster while the block runs; what was started here is ended behind it.
+    """Provide a client of the cluster; what was started here ends with the block.
 
     Raises:
         InputError: distributed is not installed, or no scheduler answers at the address.
@@ -79,7 +79,7 @@ def evaluate_tasks(
     cache_bytes: int,
     own_process: bool = True,
 ) -> None:
-    """Have the cluster evaluate the tasks, a few handed out ahead.
+    """Evaluate the tasks on the cluster, a few submitted ahead.
 
     Args:
         done: called with each as soon as it is finished, in this thread.
@@ -110,7 +110,7 @@ def evaluate_tasks(
         hand_out()
         for future in finished:
             done(waiting.pop(future.key), _outcome(future))
-            # Lets the scheduler forget it.
+            # The scheduler may forget it.
             future.release()
             hand_out()
     except (OSError, TimeoutError) as error:
@@ -151,7 +151,7 @@ def _local(choice: ClusterChoice) -> Iterator[Client]:
                 n_workers=choice.workers,
                 threads_per_worker=1,
                 processes=choice.processes,
-                # Nobody else is to reach them; on free ports, as another sweep may be at work.
+                # Local only, on free ports, as another sweep may be running.
                 host=None if not choice.processes else "127.0.0.1",
                 dashboard_address="127.0.0.1:0",
                 worker_dashboard_address="127.0.0.1:0",
@@ -190,9 +190,9 @@ def _remote(address: str) -> Iterator[Client]:
 
 @contextmanager
 def _without_interrupts() -> Iterator[None]:
-    """Have processes that are started within ignore Ctrl-C, which goes to all of a terminal's:
+    """Let processes that are started within ignore Ctrl-C, which reaches all of a terminal's.
 
-    this one ends them, once what is finished is kept.
+    This process ends them, once finished results are kept.
     """
     if threading.current_thread() is not threading.main_thread():
         yield

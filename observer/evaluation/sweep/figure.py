@@ -1,4 +1,4 @@
-"""Accuracy of the combinations of a sweep against their cost."""
+"""Figure of the accuracy of a sweep's combinations against their cost."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from matplotlib.figure import Figure
 from observer.evaluation.figure import COLOURS, GREY, TARGET, plain_axes
 from observer.evaluation.sweep.results import RANKED_BY, Ranked, RankedBy, Sweep
 
-# So many of the best are named by their numbers; more would cover each other.
+# Number of the best that are labelled; more labels would overlap.
 _NAMED = 12
 
 
 def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure:
-    """Each combination as a point, means over the sources; those that nothing beats as a line.
+    """Plot each combination as a point, means over the sources, and the Pareto front as a line.
 
     Args:
-        by: the figure of ``RANKED_BY`` that was ranked by.
+        by: the figure of ``RANKED_BY`` that ranks them.
     """
     title, more = RANKED_BY[by]
     figure = Figure(figsize=(8.5, 5.6), layout="constrained", facecolor="white")
@@ -45,18 +45,14 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
         label="none is both better and cheaper",
     )  # fmt: skip
     for x, y, each in front[-_NAMED:]:
-        axes.annotate(
-            str(each.combination.number), (x, y), xytext=(6, 6), textcoords="offset points",
-            fontsize=8.5,
-        )  # fmt: skip
+        name, offset = str(each.combination.number), "offset points"
+        axes.annotate(name, (x, y), xytext=(6, 6), textcoords=offset, fontsize=8.5)
     axes.axvline(1.0, color=TARGET, linewidth=1, linestyle="--", zorder=1)
     axes.set_xlabel("cost of observe over that of the preset default")
     axes.set_ylabel(f"{title} ({'more' if more else 'less'} is better)")
     axes.set_title("Accuracy against cost", loc="left", fontsize=11, fontweight="bold")
-    axes.set_title(
-        f"{len(points)} combinations, {len(sweep.sources)} sources", loc="right", fontsize=9,
-        color=GREY,
-    )  # fmt: skip
+    counts = f"{len(points)} combinations, {len(sweep.sources)} sources"
+    axes.set_title(counts, loc="right", fontsize=9, color=GREY)
     axes.legend(frameon=False, fontsize=9)
     plain_axes(axes, "both")
     return figure

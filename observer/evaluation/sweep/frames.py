@@ -1,4 +1,4 @@
-"""Frames that a worker keeps, so that a source is not read anew for every combination."""
+"""Cache of frames in a worker, so that no source is read again for every combination."""
 
 from __future__ import annotations
 
@@ -25,19 +25,11 @@ class KeptSource:
     def __init__(
         self, info: SourceInfo, calibration: StereoCalibration | None, frames: Sequence[Kept]
     ) -> None:
-        self._info, self._calibration, self._frames = info, calibration, frames
+        self.info, self.calibration, self._frames = info, calibration, frames
         self._next = 0
 
-    @property
-    def info(self) -> SourceInfo:
-        return self._info
-
-    @property
-    def calibration(self) -> StereoCalibration | None:
-        return self._calibration
-
     def read(self) -> StereoFrame | SkippedFrame | NoFrame | None:
-        """The next of the frames, None after the last one."""
+        """Return the next frame, None after the last one."""
         if self._next >= len(self._frames):
             return None
         self._next += 1
@@ -48,7 +40,7 @@ class KeptSource:
         self._next = 0
 
     def close(self) -> None:
-        """The frames stay where they are kept."""
+        """Do nothing: the frames stay in the cache."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +53,7 @@ class _Entry:
 
 
 class FrameCache:
-    """The frames of the sources that were used last; for several threads.
+    """Cache of the frames of the most recently used sources, for several threads.
 
     Args:
         most_bytes: of all images together. A source larger than that is read each time.
@@ -71,11 +63,11 @@ class FrameCache:
         self._most = most_bytes
         self._kept: OrderedDict[tuple[str, int], _Entry] = OrderedDict()
         self._too_large: set[tuple[str, int]] = set()
-        # Whoever wants the same source meanwhile waits for it rather than reading it twice.
+        # Another thread that wants the same source waits rather than reading it twice.
         self._lock = threading.Lock()
 
     def opened(self, source: SweepSource) -> OpenedSource:
-        """The source from its first frame on, to be closed by the caller.
+        """Return the source at its first frame, to be closed by the caller.
 
         Raises:
             InputError: it cannot be opened.
@@ -112,7 +104,7 @@ class FrameCache:
 
 
 def _finite(source: Source) -> Kept | None:
-    """The next frame; a source with an end may still have none at this moment."""
+    """Return the next frame; a finite source may still have none at this moment."""
     while isinstance(frame := source.read(), NoFrame):
         time.sleep(0.01)
     return frame

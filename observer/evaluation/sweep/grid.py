@@ -1,4 +1,4 @@
-"""A grid of parameters as YAML text, read strictly by the parameters' own declaration.
+"""Grid of parameters as YAML text, read strictly by the parameters' own declaration.
 
 preset: [default, paper]          # default alone where it is left out
 set:                              # the same in every combination
@@ -38,12 +38,12 @@ _WHOLE = re.compile(r"[-+]?\d{1,15}", re.ASCII)
 
 @dataclass(frozen=True)
 class Combination:
-    """One point of the grid.
+    """Point of the grid.
 
     Attributes:
         number: in the grid, from 1. preset: what it starts from.
         values: of the parameters that the grid varies, by name.
-        parameters: all of them, the fixed ones put in.
+        parameters: all of them, the fixed ones included.
     """
 
     number: int
@@ -54,7 +54,7 @@ class Combination:
 
 @dataclass(frozen=True)
 class Grid:
-    """What is to be combined.
+    """Grid of parameters to combine.
 
     Attributes:
         presets: to start from. fixed: values of every combination.
@@ -67,11 +67,11 @@ class Grid:
 
     @property
     def count(self) -> int:
-        """How many combinations there are."""
+        """Number of combinations."""
         return len(self.presets) * math.prod(len(values) for values in self.lists.values())
 
     def combination(self, number: int) -> Combination:
-        """The combination of a number from 1; the last parameter of the text changes fastest.
+        """Return the combination of a number from 1; the text's last parameter changes fastest.
 
         Raises:
             ParameterError: its values are refused together.
@@ -88,13 +88,13 @@ class Grid:
     def chosen(
         self, *, limit: int | None = None, drawn: int | None = None, seed: int = 0
     ) -> tuple[Combination, ...]:
-        """All combinations, the first ``limit`` of them, or ``drawn`` of them by lot, in order.
+        """Return all combinations, the first ``limit``, or ``drawn`` random ones, in order.
 
         Args:
-            seed: of the lot; the same seed draws the same combinations.
+            seed: of the random choice.
 
         Raises:
-            InputError: both a limit and a lot are asked for.
+            InputError: both a limit and a random choice are asked for.
         """
         if limit is not None and drawn is not None:
             raise InputError("a sweep takes the first combinations or a lot of them, not both")
@@ -105,7 +105,7 @@ class Grid:
 
 
 def read_grid(path: Path) -> Grid:
-    """The grid of a YAML file.
+    """Read the grid of a YAML file.
 
     Raises:
         InputError: one sentence that names the file, the key and what would be right.
@@ -114,7 +114,7 @@ def read_grid(path: Path) -> Grid:
 
 
 def grid_from_text(text: str, name: str) -> Grid:
-    """The grid of a YAML text; ``name`` is what it is called in messages.
+    """Read the grid of a YAML text; ``name`` is its name in messages.
 
     Raises:
         InputError: one sentence that names the key and what would be right.
@@ -165,7 +165,7 @@ _Text: TypeAlias = Annotated[str, word("must be a plain number or word")]
 
 
 class _GridFile(FileModel):
-    """A grid as it is written; every key but these two is a parameter that is varied."""
+    """Grid as it is written; every key but these two is a parameter that is varied."""
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Annotated[list[_Text], BeforeValidator(_listed)]]
@@ -175,7 +175,7 @@ class _GridFile(FileModel):
 
 
 def _value(key: str, value: str) -> ParameterValue:
-    """The value as its parameter's type has it; what fits none stays text, and is refused."""
+    """Convert a value to its parameter's type; what does not fit stays text, and is refused."""
     declared = next((e for e in Parameters.declared() if e["name"] == key), None)
     kind = "choice" if declared is None else declared["type"]
     if kind == "integer" and _WHOLE.fullmatch(value):

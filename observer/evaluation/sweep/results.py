@@ -1,13 +1,14 @@
-"""What a sweep found, and which of its combinations are best."""
+"""Results of a sweep, and the ranking of its combinations."""
 
 from __future__ import annotations
 
 import statistics
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Literal, get_args
 
+from observer.evaluation.evaluate import FIGURE_TITLES
 from observer.evaluation.sweep.grid import Combination, Grid
 from observer.evaluation.sweep.sources import SweepSource
 from observer.evaluation.sweep.task import Outcome
@@ -21,21 +22,15 @@ RankedBy = Literal[
     "centre_rmse_m",
     "delay_median_s",
 ]
-# By which figure combinations may be ranked: how it is called, and whether more of it is better.
+# Figures that may rank combinations: title, and True if more of it is better.
 RANKED_BY: Mapping[RankedBy, tuple[str, bool]] = {
-    "mota": ("MOTA", True),
-    "recall": ("recall", True),
-    "false_per_100_frames": ("false per 100 frames", False),
-    "speed_rmse_mps": ("speed RMSE, m/s", False),
-    "velocity_rmse_mps": ("velocity RMSE, m/s", False),
-    "centre_rmse_m": ("position RMSE, centre, m", False),
-    "delay_median_s": ("delay to first report, median, s", False),
+    name: (FIGURE_TITLES[name], name in ("mota", "recall")) for name in get_args(RankedBy)
 }
 
 
 @dataclass(frozen=True)
 class Row:
-    """One combination over one source; ``outcome`` is None where the sweep did not come to it."""
+    """A combination over a source; ``outcome`` is None where the sweep did not get to it."""
 
     combination: Combination
     source: SweepSource
@@ -43,17 +38,17 @@ class Row:
 
     @property
     def figures(self) -> Mapping[str, float | int | None]:
-        """Those that are known."""
+        """Figures that are known."""
         return {} if self.outcome is None else self.outcome.figures or {}
 
 
 @dataclass(frozen=True)
 class Sweep:
-    """What ``run_sweep`` found.
+    """Result of ``SweepRun``.
 
     Attributes:
         rows: of every combination over every source, source by source.
-        gate_m: how far an instance might lie from what it is.
+        gate_m: greatest distance of an instance from its body.
         kept: tasks that an earlier sweep had finished.
     """
 
@@ -67,22 +62,22 @@ class Sweep:
 
     @property
     def failed(self) -> tuple[Row, ...]:
-        """Those that ended with an error."""
+        """Rows that ended with an error."""
         return tuple(r for r in self.rows if r.outcome is not None and r.outcome.error)
 
     @property
     def left(self) -> int:
-        """Tasks that the sweep did not come to."""
+        """Number of tasks that the sweep did not get to."""
         return sum(r.outcome is None for r in self.rows)
 
 
 @dataclass(frozen=True)
 class Ranked:
-    """One combination over all sources.
+    """A combination over all sources.
 
     Attributes:
         rank: from 1, by the mean of the figure; None where the figure is missing on a source
-            that others have it on: means over different sources tell nothing of each other.
+            that others have it on: means over different sources cannot be compared.
         means: over the sources, of every figure of ``RANKED_BY``; None where none is known.
         cost_ratio: to the preset ``default``, mean over the sources.
         judged: sources that it was evaluated on.
@@ -98,9 +93,9 @@ class Ranked:
 
 
 def ranking(sweep: Sweep, figure: RankedBy = "mota") -> tuple[Ranked, ...]:
-    """The combinations, the best by this figure of ``RANKED_BY`` first, then the cheaper one.
+    """Rank the combinations by this figure of ``RANKED_BY``, then by cost.
 
-    What is not ranked stands at the end, in the grid's order.
+    Unranked ones are at the end, in the grid's order.
     """
     rows: dict[int, list[Row]] = defaultdict(list)
     for row in sweep.rows:
@@ -126,12 +121,10 @@ def ranking(sweep: Sweep, figure: RankedBy = "mota") -> tuple[Ranked, ...]:
     ranked.sort(key=lambda each: each[:2])
     result, cheapest = [], float("inf")
     for rank, (_, dear, each) in enumerate(ranked, 1):
-        # In this order whoever is cheaper than all before is beaten by nobody.
+        # In this order a combination that is cheaper than all before is on the Pareto front.
         best = dear < cheapest
         cheapest = min(cheapest, dear)
-        result.append(
-            Ranked(each.combination, rank, each.means, each.cost_ratio, each.judged, best)
-        )
+        result.append(replace(each, rank=rank, best=best))
     return (*result, *unranked)
 
 

@@ -1,4 +1,4 @@
-"""What a sweep goes over: finite sources with truth, named by their content."""
+"""Sources of a sweep: finite, with truth, and named by their content."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _BLOCK = 1 << 20
 
 @dataclass(frozen=True)
 class SweepSource:
-    """One source of a sweep.
+    """Source of a sweep.
 
     Attributes:
         name: as it was given, for people. benchmark: its spec has whole paths, so that it is
             found from any working directory.
-        frames: how many of it are observed at most.
-        digest: of what it holds: of a file its bytes, of a folder the names, sizes and times of
+        frames: greatest number that is observed.
+        digest: of its content: of a file its bytes, of a folder the names, sizes and times of
             change of its files, of a scenario its name and seed.
     """
 
@@ -34,7 +34,7 @@ class SweepSource:
 
 
 def sweep_source(spec: str, frames: int | None) -> SweepSource:
-    """Look at a source before it is run.
+    """Check and describe a source before it is run.
 
     Args:
         frames: most frames of it; None for all it has.

@@ -1,9 +1,10 @@
-"""Finished tasks in a folder, one file each, so that a sweep goes on where it was ended."""
+"""Store of finished tasks, one file each, so that a sweep resumes where it was ended."""
 
 from __future__ import annotations
 
 import json
 import os
+from dataclasses import asdict
 from pathlib import Path
 
 from observer.errors import InputError
@@ -11,7 +12,7 @@ from observer.evaluation.sweep.task import Outcome, Task
 
 
 class TaskStore:
-    """The outcomes of the tasks that came to an end; failed ones are not kept, but tried again.
+    """Store of the outcomes of finished tasks; failed ones are not kept, but tried again.
 
     Args:
         folder: is made where it does not exist.
@@ -31,7 +32,7 @@ class TaskStore:
             ) from None
 
     def find(self, task: Task) -> Outcome | None:
-        """What an earlier sweep found; None where none did, or where its file is damaged."""
+        """Return the outcome of an earlier sweep; None without one, or if its file is damaged."""
         try:
             data = json.loads(self._path(task).read_text(encoding="utf-8"))
             return Outcome(**data["outcome"])
@@ -39,7 +40,7 @@ class TaskStore:
             return None
 
     def keep(self, task: Task, outcome: Outcome) -> None:
-        """Write it at once, whole or not at all.
+        """Write an outcome at once, whole or not at all.
 
         Raises:
             InputError: the file cannot be written.
@@ -52,7 +53,7 @@ class TaskStore:
             "version": task.version,
             "gate_m": task.gate_m,
             "parameters": task.parameters.flat(),
-            "outcome": outcome.as_dict(),
+            "outcome": asdict(outcome),
         }
         path = self._path(task)
         part = path.with_suffix(".part")

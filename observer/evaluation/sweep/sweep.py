@@ -1,4 +1,4 @@
-"""The sweep from its plan to its results."""
+"""Sweep from its plan to its results."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ DEFAULT_CACHE_BYTES = 600_000_000
 
 @dataclass(frozen=True)
 class Plan:
-    """What is to be evaluated.
+    """Plan of a sweep.
 
     Attributes:
-        gate_m: how far an instance may lie from what it is.
+        gate_m: greatest distance of an instance from its body.
     """
 
     grid: Grid
@@ -33,18 +33,18 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """How many tasks there are."""
+        """Number of tasks."""
         return len(self.combinations) * len(self.sources)
 
 
 @dataclass(frozen=True)
 class CoreUse:
-    """What became of the time of the processes that were started for a sweep.
+    """Use of the time of the processes that were started for a sweep.
 
     Attributes:
-        tasks: that they finished. elapsed_s: from before their start until behind their end.
-        at_work: share of their time that was spent on tasks; the rest is beginning and waiting.
-        computing: share of it that they had a core, which others of the machine may take.
+        tasks: that they finished. elapsed_s: from before their start until after their end.
+        at_work: share of their time that was spent on tasks; the rest is starting and waiting.
+        computing: share of it in which they had a core, which other processes may take.
     """
 
     tasks: int
@@ -54,14 +54,14 @@ class CoreUse:
 
     @classmethod
     def of(cls, outcomes: Collection[Outcome], elapsed_s: float, workers: int) -> CoreUse:
-        """From what the tasks themselves measured."""
+        """Compute it from what the tasks themselves measured."""
         whole = elapsed_s * workers
         at_work, computing = sum(o.wall_s for o in outcomes), sum(o.cpu_s for o in outcomes)
         return cls(len(outcomes), elapsed_s, at_work / whole, computing / whole)
 
 
 class SweepRun:
-    """A sweep at work; what is finished is in the store and in ``result`` at any time.
+    """Run of a sweep; what is finished is in the store and in ``result`` at any time.
 
     Attributes:
         use: of the processes started for it; None before, and where others' were used.
@@ -110,7 +110,7 @@ class SweepRun:
             InputError: the cluster cannot be opened, or a result cannot be written.
             ClusterLost: the cluster went away.
         """
-        # Combinations may come to the same parameters, which are evaluated once.
+        # Combinations may have the same parameters, which are evaluated once.
         elsewhere = cluster.scheduler is not None
         open_tasks = {
             t.key: replace(t, elsewhere=elsewhere)
@@ -148,7 +148,7 @@ class SweepRun:
 
     @property
     def result(self) -> Sweep:
-        """All that is known so far."""
+        """Results so far."""
         return Sweep(
             grid=self._plan.grid,
             sources=self._plan.sources,

@@ -1,4 +1,4 @@
-"""A sweep's results as tables: Parquet and CSV for machines, Markdown for people."""
+"""Tables of a sweep's results: Parquet and CSV for machines, Markdown for people."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FAILED_TOLD = 20
 
 
 def ranking_markdown(sweep: Sweep, ranked: Sequence[Ranked], figure: RankedBy) -> str:
-    """The combinations ranked by a figure of ``RANKED_BY``, and what failed."""
+    """Return the combinations ranked by a figure of ``RANKED_BY``, and what failed."""
     title, more = RANKED_BY[figure]
     names = list(sweep.grid.lists)
     header = ["rank", "combination", "preset", *names]
@@ -73,7 +73,7 @@ def _failures(sweep: Sweep) -> list[str]:
 
 
 def ranking_csv(sweep: Sweep, ranked: Sequence[Ranked]) -> str:
-    """All combinations in their order of rank; what is not known is empty."""
+    """Return all combinations in order of rank; unknown values are empty."""
     names = list(sweep.grid.lists)
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
@@ -89,7 +89,7 @@ def ranking_csv(sweep: Sweep, ranked: Sequence[Ranked]) -> str:
 
 
 def write_parquet(sweep: Sweep, path: Path) -> None:
-    """One row for each combination and source; what is not known is null.
+    """Write a row for each combination and source; unknown values are null.
 
     Columns: ``combination, preset, source, frames_planned, status`` (``finished``, ``failed`` or
     ``left``), ``error``, the varied parameters by their dotted names, every figure of

@@ -1,4 +1,4 @@
-"""One combination over one source: what a worker does, and what it answers."""
+"""Task of a worker, a combination over a source, and its outcome."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ import statistics
 import time
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import cv2
 
@@ -23,8 +22,8 @@ from observer.evaluation.sweep.sources import SweepSource
 from observer.parameters import Parameters, preset
 from observer.version import library_version
 
-# Cost is told relative to this preset, which sees so many frames from the middle of the source in
-# turn with the combination: both share the machine's moods, whoever else works on it.
+# Cost is relative to this preset, which sees so many frames from the middle of the source in turn
+# with the combination: both share the machine's load.
 REFERENCE = "default"
 _REFERENCE_FRAMES = 40
 _COMBINATION = "combination"
@@ -32,12 +31,12 @@ _COMBINATION = "combination"
 
 @dataclass(frozen=True)
 class Task:
-    """One combination over one source.
+    """A combination over a source.
 
     Attributes:
-        gate_m: how far an instance may lie from what it is.
-        version: of the method, as ``method_version`` tells it.
-        elsewhere: whether another machine may work on it, whose version may be another one.
+        gate_m: greatest distance of an instance from its body.
+        version: of the method, as of ``method_version``.
+        elsewhere: another machine may work on it, whose version may differ.
     """
 
     source: SweepSource
@@ -48,7 +47,7 @@ class Task:
 
     @functools.cached_property
     def key(self) -> str:
-        """Names the result by all that it depends on."""
+        """Name of the result, by all that it depends on."""
         named = {
             "source": self.source.digest,
             "frames": self.source.frames,
@@ -62,10 +61,10 @@ class Task:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What came of a task.
+    """Outcome of a task.
 
     Attributes:
-        error: one sentence where it failed; nothing else is known then.
+        error: one sentence where it failed; the rest is unknown then.
         frames: observed. skipped: frames that the source could not read.
         figures: as ``Evaluation.as_dict`` gives them.
         median_ms: of the whole of ``observe``, on a machine that others use too.
@@ -84,20 +83,16 @@ class Outcome:
     cpu_s: float = 0.0
     wall_s: float = 0.0
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
-        return asdict(self)
-
 
 def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
-    """Evaluate one combination over one source, in a worker.
+    """Evaluate a combination over a source, in a worker.
 
-    Whatever breaks is told in the outcome, so that it ends neither the worker nor the sweep.
+    Errors are reported in the outcome, so that they end neither the worker nor the sweep.
 
     Args:
         cache_bytes: of frames that this worker keeps, taken from its first task.
-        own_process: whether the process works for sweeps alone. OpenCV then has one thread, or
-            the workers would stand in each other's way.
+        own_process: the process works for sweeps alone. OpenCV then has one thread, so that the
+            workers do not compete.
     """
     if own_process:
         cv2.setNumThreads(1)
@@ -129,7 +124,7 @@ def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
 
 @functools.cache
 def method_version() -> str:
-    """The installed version, with a digest of the library's own text: a clone may be changed."""
+    """Return the installed version, with a digest of the library's code: a clone may differ."""
     digest = hashlib.blake2b(digest_size=4)
     folder = Path(__file__).parents[2]
     for path in sorted(folder.rglob("*.py")):

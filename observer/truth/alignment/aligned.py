@@ -1,10 +1,10 @@
-"""Motion capture as truth: on the source's clock and in the observer's world."""
+"""Motion capture as ground truth: on the source's clock and in the observer's world."""
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
@@ -12,16 +12,44 @@ from observer.geometry import Float64Array, Pose
 from observer.truth.alignment.curves import GAP_INTERVALS, between, window_for
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.rooms import body_poses, centre_positions
-from observer.truth.alignment.smoothing import velocities
 from observer.truth.contract import TrueBody
 from observer.truth.motion_capture import Capture, Trajectory
+from observer.truth.speeds import smoothed_velocity
 
-# Of a body that nobody measured: length, width and height of a Pioneer P3-DX.
+# Of a body that nobody measured: length, width and height of a Pioneer P3-DX, metres.
 DEFAULT_SIZE = np.array([0.455, 0.381, 0.237])
 # Short enough to keep a start's ramp, long enough for millimetre noise: facts of mocap, 0.3-0.9
 # mm/s with 11 samples at 100 Hz.
 _SMOOTHING_S = 0.11
 _NEIGHBOURS = 8
+
+# Position, velocity and heading of a body, each (3,) in the room.
+State = tuple[Float64Array, Float64Array, Float64Array]
+
+
+def numbered(names: Iterable[str], roles: Mapping[str, str]) -> list[tuple[int, str]]:
+    """Return the bodies with a role and their numbers: the observer as 0, then obstacles from 1."""
+    order = sorted((n for n in names if n in roles), key=lambda n: roles[n] != "observer")
+    return list(enumerate(order, 0 if order and roles[order[0]] == "observer" else 1))
+
+
+def placed_body(
+    number: int, name: str, role: str, size: Float64Array, state: State, T_world_room: Pose
+) -> TrueBody:
+    """Return a body of the room in the world."""
+    position, velocity, heading = state
+    forward = T_world_room.rotate(heading)
+    return TrueBody(
+        id=number,
+        name=name,
+        role=role,
+        position=T_world_room.apply(position),
+        velocity=T_world_room.rotate(velocity),
+        size=size,
+        yaw=math.atan2(float(forward[0]), float(forward[2])),
+        visible=None,
+        commanded_speed=None,
+    )
 
 
 class AlignedTruth:
@@ -43,25 +71,15 @@ class AlignedTruth:
         self._alignment = alignment
         self._segments = [number for number, _ in alignment.segments]
         self._starts = [start for _, start in alignment.segments]
-        named = {n: b for n, b in capture.bodies.items() if n in alignment.roles}
         sizes = sizes or {}
-        # The observer first, as everywhere.
-        order = sorted(named, key=lambda n: alignment.roles[n] != "observer")
         self._bodies: list[tuple[int, Trajectory, Float64Array, Float64Array]] = []
-        number = 0
-        for name in order:
-            if alignment.roles[name] != "observer":
-                number += 1
-            body = named[name]
-            self._bodies.append(
-                (
-                    0 if alignment.roles[name] == "observer" else number,
-                    body,
-                    _centre_velocities(body, alignment),
-                    np.asarray(sizes.get(name, DEFAULT_SIZE), np.float64),
-                )
-            )
-        unknown = [n for n in order if n not in sizes and alignment.roles[n] == "obstacle"]
+        unknown = []
+        for number, name in numbered(capture.bodies, alignment.roles):
+            body = capture.bodies[name]
+            size = np.asarray(sizes.get(name, DEFAULT_SIZE), np.float64)
+            self._bodies.append((number, body, _centre_velocities(body, alignment), size))
+            if name not in sizes and alignment.roles[name] == "obstacle":
+                unknown.append(name)
         self.notes: tuple[str, ...] = ()
         if unknown:
             self.notes = (
@@ -70,9 +88,9 @@ class AlignedTruth:
             )
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
-        """Every body known at ``time`` (source clock), in the world of the segment of then.
+        """Return every body known at ``time`` (source clock), in the world of its segment.
 
-        A body in a gap is left out; all are where the room's place in the world is not known.
+        A body in a gap is left out; all are where the room's place in the world is unknown.
         """
         T_world_room = self._T_world_room(time)
         if T_world_room is None:
@@ -82,39 +100,25 @@ class AlignedTruth:
             state = self._state(body, rates, time)
             if state is None:
                 continue
-            place, velocity, heading = state
-            forward = T_world_room.rotate(heading)
             role = self._alignment.roles[body.name]
-            found.append(
-                TrueBody(
-                    id=number,
-                    name=body.name,
-                    role=role,
-                    position=T_world_room.apply(place),
-                    velocity=T_world_room.rotate(velocity),
-                    size=size,
-                    yaw=math.atan2(float(forward[0]), float(forward[2])),
-                    visible=None,
-                    commanded_speed=None,
-                )
-            )
+            found.append(placed_body(number, body.name, role, size, state, T_world_room))
         return tuple(found)
 
     def camera_pose(self, time: float) -> Pose | None:
-        """``T_world_camera`` by motion capture; None where the observer was not seen."""
+        """Return ``T_world_camera`` by motion capture; None where the observer was not seen."""
         observer, T_body_camera = self._alignment.observer, self._alignment.T_body_camera
         T_world_room = self._T_world_room(time)
         if observer is None or T_body_camera is None or T_world_room is None:
             return None
         body = next(b for _, b, *_ in self._bodies if b.name == observer)
         at = self._alignment.time.to_truth(np.array([time]))
-        pose = body_poses(_around(body, at), at)[0]
+        pose = body_poses(body.part(_slice(body.times, at)), at)[0]
         if not np.isfinite(pose).all():
             return None
         return T_world_room @ Pose.from_matrix(pose) @ T_body_camera
 
     def speed(self, name: str, time: float) -> float | None:
-        """m/s of one body at ``time``; known also where frames could not be aligned."""
+        """Return a body's speed at ``time``, m/s; known also where frames could not be aligned."""
         for _, body, rates, _ in self._bodies:
             if body.name == name:
                 at = self._alignment.time.to_truth(np.array([time]))
@@ -129,15 +133,12 @@ class AlignedTruth:
             return None
         return self._alignment.T_world_room.get(self._segments[index])
 
-    def _state(
-        self, body: Trajectory, rates: Float64Array, time: float
-    ) -> tuple[Float64Array, Float64Array, Float64Array] | None:
+    def _state(self, body: Trajectory, rates: Float64Array, time: float) -> State | None:
         at = self._alignment.time.to_truth(np.array([time]))
-        centre = self._alignment.centres.get(body.name)
         some = _slice(body.times, at)
         velocity = between(body.times[some], rates[some], at)[0]
-        body = _around(body, at)
-        place = centre_positions(body, at, None if centre is None else np.array(centre))[0]
+        body = body.part(some)
+        place = centre_positions(body, at, self._alignment.centre(body.name))[0]
         if not (np.isfinite(place).all() and np.isfinite(velocity).all()):
             return None
         heading = velocity
@@ -147,24 +148,18 @@ class AlignedTruth:
 
 
 def _slice(times: Float64Array, at: Float64Array) -> slice:
-    """The samples around one instant: a capture of hours is not gone through for each frame."""
+    """Return the slice of samples around one instant, so that long captures cost no more."""
     middle = int(np.searchsorted(times, at[0]))
     return slice(max(middle - _NEIGHBOURS, 0), middle + _NEIGHBOURS)
 
 
-def _around(body: Trajectory, at: Float64Array) -> Trajectory:
-    some = _slice(body.times, at)
-    rotations = None if body.rotations is None else body.rotations[some]
-    return Trajectory(body.name, body.times[some], body.positions[some], rotations)
-
-
 def _centre_velocities(body: Trajectory, alignment: Alignment) -> Float64Array:
-    """(N, 3) m/s, room: of the centre, which swings about the origin when the body turns."""
-    centre = alignment.centres.get(body.name)
-    places = body.positions
-    if centre is not None and body.rotations is not None:
-        places = places + body.rotations @ np.array(centre)
-    window = window_for(body.times, _SMOOTHING_S)
-    rates = velocities(body.times, places, window, GAP_INTERVALS)
+    """Return velocities (N, 3) m/s, room, of the centre, which swings when the body turns."""
+    rates = smoothed_velocity(
+        body.times,
+        body.fixed_points(alignment.centre(body.name)),
+        window=window_for(body.times, _SMOOTHING_S),
+        longest_step=GAP_INTERVALS,
+    )
     # The instants on truth's clock run by the drift too fast or too slow.
     return rates / (1 + 1e-6 * alignment.time.drift_ppm)

@@ -1,8 +1,10 @@
-"""Bringing one run and one capture together: clocks, then frames, then who is who, then again."""
+"""Alignment of a run with a capture: clocks, frames, matches of tracks and bodies, and again."""
 
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterable
+from itertools import islice
 
 import numpy as np
 
@@ -23,18 +25,18 @@ from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.observed import ObservedRun, TrackKey
 from observer.truth.alignment.result import Alignment
 from observer.truth.alignment.rooms import Rooms, body_centre, place_rooms, track_distances
-from observer.truth.alignment.time_offset import TimeOffset, find_common_offset
+from observer.truth.alignment.time_offset import TimeOffset, find_time_offset
 from observer.truth.motion_capture import Capture, Trajectory
 
 Pairs = list[tuple[SpeedCurve, SpeedCurve]]
 
-# The camera's own motion is known so much better that a body must agree with it this well to be
-# taken for the observer without being told, and better than any other by this.
+# The camera's own motion is known so well that a body must agree with it at least this much, and
+# this much more than any other, to be taken for the observer without being told.
 _OBSERVER_CORRELATION, _OBSERVER_LEAD = 0.9, 0.05
-# And what it leaves unexplained, as a share of the camera's own variation of speed.
+# Greatest residual of such a body, as a share of the camera's own variation of speed.
 _OBSERVER_RESIDUAL = 0.6
 _ROUNDS = 2
-# An offset from the camera's own motion that is so certain needs no obstacles.
+# An offset from the camera's own motion that is this certain needs no obstacles.
 _ENOUGH_S = 0.01
 _TRUE_TURN_SIGMA = 0.005
 
@@ -85,7 +87,7 @@ class _Aligning:
                 self._run, self._capture, time, self._observer, matches, self._choices
             )
             matches = self._match(rooms, time, matches)
-            # Frames again where matches changed what they are aligned by.
+            # Frames again where the matches they are aligned by have changed.
             if self._observer is None or rooms.body_camera is None:
                 rooms = place_rooms(
                     self._run, self._capture, time, self._observer, matches, self._choices
@@ -118,10 +120,10 @@ class _Aligning:
         for name in self._capture.bodies:
             pairs = self._own_pairs(name) if name not in roles else []
             try:
-                time = find_common_offset(pairs, search=self._choices.search, drift=False)
+                time = find_time_offset(pairs, search=self._choices.search, drift=False)
             except NotObservable:
                 continue
-            # A body that drives as the camera does but faster is another one.
+            # A body that drives like the camera but faster is another one.
             if self._speed is not None and time.residual_mps < _OBSERVER_RESIDUAL * float(
                 np.nanstd(self._speed.values)
             ):
@@ -138,15 +140,14 @@ class _Aligning:
         return ranked[0][0]
 
     def _own_pairs(self, name: str, camera: BodyCamera | None = None) -> Pairs:
-        """The camera's own curves and those of the body that carries it."""
+        """Return the camera's own curves and those of the body that carries it."""
         body = self._capture.bodies[name]
         pairs: Pairs = []
         if self._speed is not None:
             true = body_speed(body)
             if camera is not None and body.rotations is not None:
                 # The camera swings about the body's origin when this turns.
-                lever = camera.T_body_camera.translation
-                moved = body.positions + body.rotations @ lever
+                moved = body.fixed_points(camera.T_body_camera.translation)
                 true = body_speed(Trajectory(name, body.times, moved))
             pairs.append((self._speed, true))
         if self._turn is not None and body.rotations is not None:
@@ -169,7 +170,7 @@ class _Aligning:
             # The turn rate is the same wherever on the robot the camera sits; the speed is not.
             for some in ([pairs[-1:]] if len(pairs) > 1 else []) + [pairs]:
                 try:
-                    own = find_common_offset(some, search=search, drift=drift)
+                    own = find_time_offset(some, search=search, drift=drift)
                     return own, self._by_speed(own, corrected)
                 except NotObservable as error:
                     refused = error
@@ -178,12 +179,12 @@ class _Aligning:
             pairs = self._track_pairs(matches)
             if self._observer is not None:
                 pairs = [*self._own_pairs(self._observer), *pairs]
-            return find_common_offset(pairs, search=search, drift=drift), matches
+            return find_time_offset(pairs, search=search, drift=drift), matches
         except NotObservable as error:
             raise (error if self._seen and self._obstacles else refused or error) from None
 
     def _matches_by_lag(self, corrected: dict[TrackKey, Match]) -> dict[TrackKey, Match]:
-        """Which body each track's speed fits best at the lag that suits all tracks best."""
+        """Match each track to the body whose speed fits best, at the lag that suits all best."""
         tracks = [key for key in self._seen if key not in corrected]
         if len(self._obstacles) < 2:
             only = self._obstacles[0] if self._obstacles else None
@@ -224,7 +225,7 @@ class _Aligning:
     def _by_speed(
         self, time: TimeOffset, corrected: dict[TrackKey, Match]
     ) -> dict[TrackKey, Match]:
-        """Which body each track's speed fits best at a known offset; only a beginning."""
+        """Match each track to the body whose speed fits best at a known offset; only a start."""
         matches = dict(corrected)
         for key, seen in self._seen.items():
             errors = {}
@@ -246,21 +247,21 @@ class _Aligning:
     def _better_offset(
         self, time: TimeOffset, rooms: Rooms, matches: dict[TrackKey, Match]
     ) -> TimeOffset:
-        """Once more with what is known now: the camera's lever, and the right tracks."""
+        """Refine the offset with the camera's lever and the right tracks."""
         near = (time.offset_s - 0.5, time.offset_s + 0.5)
         own: Pairs = []
         found = time
         if self._observer is not None:
             own = self._own_pairs(self._observer, rooms.body_camera)
             with contextlib.suppress(NotObservable):
-                found = find_common_offset(own, search=near, drift=self._choices.drift)
-                # The middle of what is seen of an obstacle wanders as it turns, by more than the
-                # camera's own pose does; it would only spoil what that tells.
+                found = find_time_offset(own, search=near, drift=self._choices.drift)
+                # The middle of what is seen of an obstacle wanders as it turns, more than the
+                # camera's own pose does, and would only spoil the result.
                 if found.sigma_s <= _ENOUGH_S:
                     return found
         with contextlib.suppress(NotObservable):
             pairs = [*own, *self._track_pairs(matches)]
-            return find_common_offset(pairs, search=near, drift=self._choices.drift)
+            return find_time_offset(pairs, search=near, drift=self._choices.drift)
         return found
 
     # ------------------------------------------------------------------ who is who
@@ -309,7 +310,5 @@ class _Aligning:
         return centres
 
 
-def _listed(names: object) -> str:
-    assert hasattr(names, "__iter__")
-    known = [str(name)[:60] for name in names]
-    return ", ".join(known[:8]) or "none"
+def _listed(names: Iterable[str]) -> str:
+    return ", ".join(name[:60] for name in islice(names, 8)) or "none"

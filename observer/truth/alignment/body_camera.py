@@ -1,9 +1,9 @@
-"""Where the camera sits on the body that motion capture follows, from one common drive.
+"""Extrinsics of the camera on the body that motion capture follows, from one common drive.
 
 Every pose of the camera in its world is ``T_world_room @ T_room_body @ T_body_camera`` with both
 outer ones unknown and constant (robot-world and hand-eye calibration: Dornaika and Horaud, 1998).
-Both are found together by least squares. Driving over a floor leaves some of it open, as the
-height; what is open is taken from the rig, or assumed, and said.
+Both are found together by least squares. Driving on the ground leaves some of it open, such as the
+height; what is open is taken from the rig, or assumed, and reported.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ from observer.geometry import Float64Array, Pose, rotation_matrix
 from observer.truth.alignment.frame_alignment import upright
 from observer.truth.alignment.observability import NotObservable
 
-# What visual odometry and motion capture tell together, one standard deviation of each pose.
+# One standard deviation of each pose, by visual odometry and motion capture together.
 _POSITION_M, _ANGLE_RAD = 0.01, 0.005
-# An obstacle's centre as seen, over the floor.
+# The same of an obstacle's centre as seen, in the ground plane.
 _POINT_M = 0.1
 _ROBUST = 2.0
 _MOST_POSES = 200
 _MOST_STEPS = 30
 Function = Callable[[Float64Array], Float64Array]
-# Of what is assumed: offsets on the body, a vertical that is told and one that is only guessed.
+# Of assumptions: offsets on the body, a vertical that is known and one that is only guessed.
 _OFFSET_M, _UP_TOLD_RAD, _UP_GUESSED_RAD = 0.3, 0.01, 0.1
 _TOLD_M, _TOLD_RAD, _FREE_RAD = 0.003, 0.01, 3.0
 _HEIGHT_M = 0.01
-# A degree of freedom counts as observed if the data reduce what was assumed to this share, or
-# know it so well all the same.
+# A degree of freedom counts as observed if the data reduce the assumed sigma to this share, or
+# determine it this well all the same.
 _SHARE, _GOOD_M, _GOOD_RAD = 0.5, 0.02, 0.02
 _NAMES = ("x", "y", "height", "turn about x", "turn about y", "turn about the vertical")
 
 
 @dataclass(frozen=True, eq=False)
 class Assumed:
-    """What is known beforehand.
+    """Prior knowledge.
 
     Attributes:
         up_world: (3,) the vertical in the world, from the mount; None where unknown: then the
@@ -53,13 +53,15 @@ class Assumed:
 
 @dataclass(frozen=True, eq=False)
 class BodyCamera:
-    """Attributes:
-    T_body_camera, T_world_room: as found.
-    sigmas: (6,) of ``T_body_camera``: x, y, z in metres, then turns about x, y, z in radians.
-    observed: (6,) which of these the drive told; the others are as assumed.
-    residual_m: root mean square distance of the camera from where motion capture puts it.
-    poses: compared.
-    notes: what was not observable, a sentence each.
+    """The camera on its body, and the room in the world.
+
+    Attributes:
+        T_body_camera, T_world_room: as found.
+        sigmas: (6,) of ``T_body_camera``: x, y, z in metres, then turns about x, y, z in radians.
+        observed: (6,) True where the drive determined one of these; the others are as assumed.
+        residual_m: root mean square distance of the camera from where motion capture puts it.
+        poses: number of those compared.
+        notes: what was not observable, a sentence each.
     """
 
     T_body_camera: Pose
@@ -77,10 +79,12 @@ def find_body_camera(
     assumed: Assumed | None = None,
     points: tuple[Float64Array, Float64Array] | None = None,
 ) -> BodyCamera:
-    """Args:
+    """Find the camera on its body and the room in the world.
+
+    Args:
         camera: (N, 4, 4) ``T_world_camera``. body: (N, 4, 4) ``T_room_body`` at the same instants;
             rows with NaN are left out.
-        assumed: what is known beforehand.
+        assumed: prior knowledge.
         points: (M, 3) in the world and (M, 3) in the room, the same obstacles; they help with
             the yaw where the observer hardly moves.
 
@@ -97,12 +101,9 @@ def find_body_camera(
         )
     chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), _MOST_POSES)).astype(int)]
     problem = _Problem(camera[chosen], body[chosen], assumed, _thinned(points))
-    best = min((problem.solve(yaw, begun) for yaw, begun in problem.beginnings()), key=_cost_of)
-    return problem.result(best[0])
-
-
-def _cost_of(found: tuple[Float64Array, float]) -> float:
-    return found[1]
+    solved = (problem.solve(yaw, begun) for yaw, begun in problem.beginnings())
+    best, _ = min(solved, key=lambda found: found[1])
+    return problem.result(best)
 
 
 def _thinned(
@@ -118,8 +119,7 @@ def _thinned(
 
 class _Problem:
     """Unknowns: turn (3) and shift (3) of ``T_world_room``, turn (3) and shift (3) of
-    ``T_body_camera``; turns apply on top of a
-    beginning, the camera's about the body's axes."""
+    ``T_body_camera``; turns apply on top of a start, the camera's about the body's axes."""
 
     def __init__(
         self,
@@ -137,7 +137,7 @@ class _Problem:
         if assumed.up_world is not None:
             up, self._up_sigma = np.asarray(assumed.up_world), _UP_TOLD_RAD
         elif told is not None:
-            # The body's own pose tells the vertical, and with its place on it so does the camera.
+            # The body's own pose tells the vertical, and by its pose on it so does the camera.
             tops = self._Rc @ told.rotation.T @ np.swapaxes(self._Rb, 1, 2)[:, :, 2:]
             up, self._up_sigma = tops[:, :, 0].mean(axis=0), _UP_TOLD_RAD
         self._up = up / np.linalg.norm(up)
@@ -146,7 +146,7 @@ class _Problem:
         self._offset_sigma = _OFFSET_M if told is None else _TOLD_M
 
     def beginnings(self) -> list[tuple[float, Float64Array]]:
-        """The best of yaws all round, for the problem has several valleys."""
+        """Return the best of yaws all round, since the cost has several minima."""
         begun = []
         for yaw in np.arange(16) * np.pi / 8:
             x = self._begin(yaw)
@@ -167,7 +167,7 @@ class _Problem:
         return x
 
     def solve(self, yaw: float, x: Float64Array) -> tuple[Float64Array, float]:
-        """Solution with its beginning's rotations (30,), and its cost."""
+        """Return the solution with the rotations of its start (30,), and its cost."""
         self._begin(yaw)
         found, cost = _levenberg_marquardt(self._cost, x)
         return np.concatenate([found, self._R0.ravel(), self._X0.ravel()]), cost
@@ -180,7 +180,7 @@ class _Problem:
     def _data(self, x: Float64Array) -> Float64Array:
         Rw, tw, Rx, tx = self._poses(x)
         turn = np.swapaxes(Rw @ self._Rb @ Rx, 1, 2) @ self._Rc
-        # Twice the sine of half the angle, nearly: all that is needed near zero.
+        # Nearly twice the sine of half the angle: enough near zero.
         skew = 0.5 * (turn - np.swapaxes(turn, 1, 2))
         angle = skew[:, [2, 0, 1], [1, 2, 0]]
         # Beyond a right angle the sine falls again.
@@ -188,9 +188,9 @@ class _Problem:
         place = self._pc - (self._pb + self._Rb @ tx) @ Rw.T - tw
         parts = [angle / _ANGLE_RAD, far / _ANGLE_RAD, place / _POSITION_M]
         if len(self._seen):
-            # Heights say nothing: a body's origin is anywhere on it.
+            # Heights tell nothing: a body's origin is anywhere on it.
             apart = ((self._seen - tw) @ Rw - self._true)[:, :2]
-            # All points together count as some dozens: their errors are alike.
+            # All points together count as some dozens: their errors are correlated.
             parts.append(apart / _POINT_M * np.sqrt(min(1.0, 30 / len(apart))))
         return np.concatenate([part.ravel() for part in parts])
 
@@ -218,7 +218,7 @@ class _Problem:
         scale = max(1.0, residual / (_POSITION_M * np.sqrt(3)))
         J = _jacobian(self._cost, x)
         data = len(self._data(x))
-        # Poses in a row err alike, so that they count as fewer than they are.
+        # Errors of consecutive poses are correlated, so they count as fewer than they are.
         information = J[:data].T @ J[:data] / (5 * scale**2)
         prior = J[data:].T @ J[data:]
         wanted = [9, 10, 11, 6, 7, 8]
@@ -231,9 +231,14 @@ class _Problem:
         good = np.r_[[_GOOD_M] * 3, [_GOOD_RAD] * 3]
         observed = tuple(bool(v) for v in (alone < _SHARE * before) & (alone < 5 * good))
         return BodyCamera(
-            T_body_camera, T_world_room, sigmas, observed, residual, len(self._pc),
-            self._notes(observed),
-        )  # fmt: skip
+            T_body_camera=T_body_camera,
+            T_world_room=T_world_room,
+            sigmas=sigmas,
+            observed=observed,
+            residual_m=residual,
+            poses=len(self._pc),
+            notes=self._notes(observed),
+        )
 
     def _notes(self, observed: tuple[bool, ...]) -> tuple[str, ...]:
         open_ = [name for name, told in zip(_NAMES, observed, strict=True) if not told]
@@ -255,10 +260,10 @@ class _Problem:
 
 
 def _levenberg_marquardt(function: Function, x: Float64Array) -> tuple[Float64Array, float]:
-    """The robust least squares from x on, and their cost.
+    """Minimise robust least squares from x on; return the solution and its cost.
 
-    Residuals beyond two sigmas count linearly. By normal equations: for twelve unknowns they are
-    exact enough, and take a hundredth of the time of a decomposition of all residuals.
+    Residuals beyond two sigmas count linearly. Normal equations are exact enough for twelve
+    unknowns and take a hundredth of the time of a decomposition of all residuals.
     """
     damping = 1e-3
     r = function(x)

@@ -1,4 +1,4 @@
-"""Where a camera sits on a body of motion capture, in the six numbers that a person measures."""
+"""Pose of a camera on a body of motion capture, as six numbers that a person measures."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class CameraOnBody:
 
     @staticmethod
     def parse(text: str) -> CameraOnBody:
-        """From ``X,Y,Z,PAN,TILT,ROLL``, as ``str`` of it writes.
+        """Parse ``X,Y,Z,PAN,TILT,ROLL``, as ``str`` writes it.
 
         Raises:
             TruthError: it is none.
@@ -69,7 +69,7 @@ class CameraOnBody:
 
     @staticmethod
     def of_pose(T_body_camera: Pose) -> CameraOnBody:
-        """The inverse of ``T_body_camera``."""
+        """Return the numbers of a pose, the inverse of ``T_body_camera``."""
         R = T_body_camera.rotation @ R_base_camera(0.0, 0.0, 0.0).T
         x, y, z = T_body_camera.translation.tolist()
         pan, tilt, roll = (
@@ -84,6 +84,6 @@ class CameraOnBody:
 
     @property
     def T_body_camera(self) -> Pose:
-        """The camera's axes (x right, y down, z forward) in the body's."""
+        """Pose of the camera's axes (x right, y down, z forward) in the body's."""
         angles = (math.radians(angle) for angle in (self.pan_deg, self.tilt_deg, self.roll_deg))
         return Pose(R_base_camera(*angles), np.array([self.x_m, self.y_m, self.z_m]))

@@ -1,4 +1,4 @@
-"""What a person, or the rig, says about an alignment before it is computed."""
+"""Choices for an alignment, by a person or the rig, before it is computed."""
 
 from __future__ import annotations
 
@@ -20,16 +20,20 @@ BodyRole = Literal["observer", "obstacle", "ignored"]
 
 @dataclass(frozen=True, eq=False)
 class AlignmentChoices:
-    """Attributes:
-    roles: of bodies by name. Bodies without one are obstacles; where none is the observer, the
-        one that moves as the camera does is taken for it, if there is one.
-    matches: a person's corrections: which body a track is, None for none of them.
-    search: lowest and highest offset to be looked at, seconds to be added to truth's times;
-        None for everything at which the recordings overlap.
-    drift: whether the clocks' drift is estimated where the overlap is long enough.
-    sizes: of bodies by name, (3,) metres, as the robots' models give them.
-    mount: of the camera; tells the vertical and the height. T_body_base: of the observer's body.
-    T_body_camera: typed in; None where it is to be found, or follows from mount and T_body_base.
+    """Choices for an alignment.
+
+    Attributes:
+        roles: of bodies by name. Bodies without one are obstacles; where none is the observer, the
+            one that moves as the camera does is taken for it, if there is one.
+        matches: a person's corrections: the body of a track, None for no body.
+        search: lowest and highest offset to consider, seconds to be added to truth's times; None
+            for all at which the recordings overlap.
+        drift: estimate the clocks' drift where the overlap is long enough.
+        sizes: of bodies by name, (3,) metres, as the robots' models give them.
+        mount: of the camera; tells the vertical and the height. T_body_base: of the observer's
+            body.
+        T_body_camera: typed in; None where it is to be found, or follows from mount and
+            T_body_base.
 
     Raises:
         TruthError: two bodies are the observer, or a size is not positive.
@@ -58,7 +62,7 @@ class AlignmentChoices:
 
     @property
     def assumed(self) -> Assumed:
-        """What is known of the camera on its body before anything is computed."""
+        """Prior knowledge of the camera on its body."""
         T_body_camera = self.T_body_camera
         if T_body_camera is None and self.mount is not None and self.T_body_base is not None:
             T_body_camera = self.T_body_base @ self.mount.T_base_camera

@@ -1,4 +1,4 @@
-"""The correlation of curves with gaps at every lag at once."""
+"""Correlation of curves with gaps at all lags at once."""
 
 from __future__ import annotations
 
@@ -25,12 +25,14 @@ _VARIES = 1.5
 
 @dataclass(frozen=True, eq=False)
 class Correlation:
-    """Attributes:
-    lags: (L,) seconds to be added to truth's times, rising by ``step``.
-    values: (L,) -1 to 1; 0 where nothing overlaps.
-    overlap_s: (L,) time in which both are known, of the pair with most.
-    shorter_s: time in which the shorter curve is known.
-    varied: whether seen and true speeds vary by more than noise.
+    """Correlation by lag.
+
+    Attributes:
+        lags: (L,) seconds to be added to truth's times, rising by ``step``.
+        values: (L,) -1 to 1; 0 where nothing overlaps.
+        overlap_s: (L,) time in which both are known, of the pair with most.
+        shorter_s: time in which the shorter curve is known.
+        varied: True if seen and true speeds vary by more than noise.
     """
 
     lags: Float64Array
@@ -42,10 +44,10 @@ class Correlation:
 
 
 def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
-    """Weighted correlation of all pairs together, each about its own mean.
+    """Return the weighted correlation of all pairs together, each about its own mean.
 
-    What is seen stands at its instants as weights by sigma; truth is interpolated. Sums over
-    what both know come from six transforms (Padfield: Masked object registration in the Fourier
+    Seen values count at their instants, weighted by sigma; truth is interpolated. Sums over the
+    overlap come from six transforms (Padfield: Masked object registration in the Fourier
     domain, 2012).
 
     Raises:
@@ -65,7 +67,7 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
     step = max(_STEP_S, length / _MAX_STEPS)
     n = int((seen_end - seen_start) / step) + 2
     m = int((true_end - true_start) / step) + 2
-    # It takes as long to import as all that reads what was aligned before.
+    # Importing it takes as long as reading a stored alignment, which does not need it.
     from scipy.signal import medfilt
 
     size = scipy.fft.next_fast_len(n + m)
@@ -78,7 +80,7 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
         known = seen.known
         place = np.rint((seen.times[known] - seen_start) / step).astype(int)
         weight = seen.sigmas[known] ** -2.0
-        # Single false speeds would weigh more than a start or a stop; the least squares bear them.
+        # Single outliers would weigh more than a start or a stop; the least squares tolerate them.
         values = medfilt(seen.values[known], _MEDIAN_SAMPLES)
         centre = float(np.average(values, weights=weight))
         values = values - centre
@@ -128,7 +130,7 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
 def informative(
     pairs: Sequence[tuple[SpeedCurve, SpeedCurve]], strength: float = _VARIES
 ) -> list[tuple[SpeedCurve, SpeedCurve]]:
-    """The pairs of which both curves vary by twice so many times the noise of what is seen."""
+    """Return the pairs whose curves both vary by twice ``strength`` times the seen one's noise."""
     return [
         (seen, true)
         for seen, true in pairs
@@ -137,9 +139,9 @@ def informative(
 
 
 def _varies(curve: SpeedCurve, noise: SpeedCurve, strength: float) -> bool:
-    """Whether a curve changes by more than what is seen errs."""
+    """Tell whether a curve varies by more than the noise of what is seen."""
     if curve.known.sum() < 5:
         return False
-    # Single false speeds are no variation.
+    # Single outliers are no variation.
     low, high = np.percentile(curve.values[curve.known], [2, 98])
     return bool(high - low > 2 * strength * float(np.median(noise.sigmas)))

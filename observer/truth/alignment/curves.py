@@ -1,4 +1,4 @@
-"""Speed curves: what two recordings of one motion have in common before anything is aligned."""
+"""Speed curves: the common content of two recordings of one motion before they are aligned."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
-from observer.truth.alignment.smoothing import angular_velocities, velocities
 from observer.truth.motion_capture import Trajectory
-from observer.truth.speeds import JUMP_STEPS
+from observer.truth.speeds import JUMP_STEPS, smoothed_velocity
 
 # Speeds of truth and of what is seen are smoothed over the same time, so that ramps are alike.
 SMOOTHING_S = 0.4
@@ -50,21 +49,21 @@ class SpeedCurve:
 
     @staticmethod
     def of(times: Float64Array, values: Float64Array, sigma: float = 1.0) -> SpeedCurve:
-        """With one standard deviation for all values."""
+        """Return a curve with one standard deviation for all values."""
         return SpeedCurve(times, values, np.full(len(times), float(sigma)))
 
     @property
     def known(self) -> NDArray[np.bool_]:
-        """(N,) where there is a value."""
+        """Mask (N,) of the values that are known."""
         return np.asarray(np.isfinite(self.values))
 
     def at(self, times: Float64Array) -> Float64Array:
-        """Values between samples, linear; NaN in gaps and beyond the ends."""
+        """Interpolate linearly between samples; NaN in gaps and beyond the ends."""
         return between(self.times, self.values[:, None], times)[:, 0]
 
 
 def between(times: Float64Array, values: Float64Array, wanted: Float64Array) -> Float64Array:
-    """Rows (N, D) at (N,) rising times, interpolated linearly at (M,) others; NaN in gaps.
+    """Interpolate rows (N, D) at (N,) rising times linearly at (M,) others; NaN in gaps.
 
     A gap is a row with NaN, or two times that lie more than 3.5 median intervals apart.
     """
@@ -87,36 +86,40 @@ def between(times: Float64Array, values: Float64Array, wanted: Float64Array) -> 
 
 
 def window_for(times: Float64Array, seconds: float = SMOOTHING_S) -> int:
-    """Odd number of samples, 5 at least, that spans about so many seconds."""
+    """Return an odd number of samples, 5 at least, that spans about so many seconds."""
     if len(times) < 2:
         return 5
     samples = seconds / float(np.median(np.diff(times)))
     return max(5, 2 * round((samples - 1) / 2) + 1)
 
 
-def body_speed(body: Trajectory, seconds: float = SMOOTHING_S) -> SpeedCurve:
-    """The speed of a body of motion capture, smoothed over ``seconds``; only where it was seen.
+def body_speed(body: Trajectory) -> SpeedCurve:
+    """Return the speed of a body of motion capture, smoothed over 0.4 s, where it was seen.
 
-    A few samples that are missing in between, as on a network that loses some, are no gap here.
+    A few missing samples, as on a network that loses some, are no gap here.
     """
     times = body.times[body.seen]
-    window = window_for(times, seconds)
-    velocity = velocities(times, body.positions[body.seen], window, longest_loss(times))
+    velocity = smoothed_velocity(
+        times,
+        body.positions[body.seen],
+        window=window_for(times),
+        longest_step=longest_loss(times),
+    )
     return SpeedCurve.of(times, np.linalg.norm(velocity, axis=1), 0.003)
 
 
 def longest_loss(times: Float64Array) -> float:
-    """What is longer than so many of the median step is a gap of motion capture."""
+    """Return the longest step of motion capture that is no gap, in median steps."""
     if len(times) < 2:
         return JUMP_STEPS
     return max(JUMP_STEPS, _LOST_S / float(np.median(np.diff(times))))
 
 
 def steady_speed(body: Trajectory) -> SpeedCurve:
-    """As ``body_speed``, but unknown while the body turns quickly.
+    """Return ``body_speed``, unknown while the body turns quickly.
 
-    Its origin is where somebody put the markers, so that it swings about the centre that the
-    observer sees. Where a body turns most of the time, or has no rotations, all of it is kept.
+    Its origin is where somebody put the markers, so it swings about the centre that the observer
+    sees. Where a body turns most of the time, or has no rotations, all values are kept.
     """
     speed = body_speed(body)
     if body.rotations is None:
@@ -131,7 +134,7 @@ def steady_speed(body: Trajectory) -> SpeedCurve:
 
 
 def seen_rotations(body: Trajectory) -> tuple[Float64Array, Float64Array]:
-    """Times (M,) and rotations (M, 3, 3) where the body was seen; it has some."""
+    """Return times (M,) and rotations (M, 3, 3) where the body, which has some, was seen."""
     assert body.rotations is not None
     return body.times[body.seen], body.rotations[body.seen]
 
@@ -139,13 +142,19 @@ def seen_rotations(body: Trajectory) -> tuple[Float64Array, Float64Array]:
 def turn_rate(
     times: Float64Array, rotations: Float64Array, sigma: float, longest_step: float = JUMP_STEPS
 ) -> SpeedCurve | None:
-    """The length of the angular velocity, rad/s: the same for all that is fixed to one body.
+    """Return the length of the angular velocity, rad/s, which all points of a body share.
+
+    The rotations' columns c are differentiated as positions are: with their rates c' the angular
+    velocity is half the sum of c x c'.
 
     Args:
         rotations: (N, 3, 3), NaN in gaps. sigma: of the result, rad/s.
-        longest_step: what is longer than so many of the median step is a gap.
+        longest_step: in median steps; a longer one is a gap.
     """
     if len(times) < 5:
         return None
-    rate = angular_velocities(times, rotations, window_for(times), longest_step)
-    return SpeedCurve.of(times, np.linalg.norm(rate, axis=1), sigma)
+    window, total = window_for(times), np.zeros((len(times), 3))
+    for axis in np.moveaxis(rotations, 2, 0):
+        rate = smoothed_velocity(times, axis, window=window, longest_step=longest_step)
+        total += np.cross(axis, rate)
+    return SpeedCurve.of(times, np.linalg.norm(0.5 * total, axis=1), sigma)

@@ -1,4 +1,4 @@
-"""The rigid motion between two frames from points known in both.
+"""Rigid motion between two frames from points known in both, where the vertical is known.
 
 Without scale, by Umeyama (Least-squares estimation of transformation parameters between two point
 patterns, 1991); outliers lose their weight step by step, by Geman and McClure's function whose
@@ -9,14 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
 from observer.truth.alignment.observability import NotObservable
 
-# Points that keep within this (root mean square) tell no direction.
+# Points that spread less than this (root mean square) tell no direction.
 MIN_SPREAD_M = 0.15
 _LEAST_SCALE_M = 0.002
 _ROUNDS = 25
@@ -24,28 +23,25 @@ _ROUNDS = 25
 
 @dataclass(frozen=True, eq=False)
 class FrameAlignment:
-    """Attributes:
-    T_target_source: the motion.
-    kind: ``planar`` (yaw and translation about a known vertical) or ``full``.
-    residual_m: root mean square distance of the points that fit, over the floor where planar.
-    inliers: how many fit, of ``points``.
-    yaw_sigma_rad: one standard deviation, for independent errors; of the least known angle.
+    """Yaw and translation about a known vertical.
+
+    Attributes:
+        T_target_source: the motion.
+        residual_m: root mean square distance of the inliers in the ground plane.
+        inliers: number of points that fit.
     """
 
     T_target_source: Pose
-    kind: Literal["planar", "full"]
     residual_m: float
     inliers: int
-    points: int
-    yaw_sigma_rad: float
 
 
 def align_planar(
     source: Float64Array, target: Float64Array, up_source: Float64Array, up_target: Float64Array
 ) -> FrameAlignment:
-    """Yaw and translation, where the vertical (3,) is known in both frames.
+    """Find yaw and translation, where the vertical (3,) is known in both frames.
 
-    Heights are matched by their median difference: motion over a floor tells no more.
+    Heights are matched by their median difference: motion on the ground tells no more.
 
     Args:
         source, target: (N, 3) metres, the same points; rows with NaN are left out.
@@ -56,7 +52,7 @@ def align_planar(
     source, target = _both(source, target)
     to_source, to_target = upright(up_source), upright(up_target)
     a, b = source @ to_source.T, target @ to_target.T
-    _check_spread(a[:, :2], 1)
+    _check_spread(a[:, :2])
 
     def fit(weights: Float64Array) -> Pose:
         ca, cb = weights @ a / weights.sum(), weights @ b / weights.sum()
@@ -67,34 +63,16 @@ def align_planar(
         moved = cb - R @ ca
         return Pose(R, np.array([moved[0], moved[1], float(np.median(b[:, 2] - a[:, 2]))]))
 
-    level, weights, scale = _robust(fit, a, b, slice(0, 2))
+    level, weights = _robust(fit, a, b)
     T = Pose(to_target.T, np.zeros(3)) @ level @ Pose(to_source, np.zeros(3))
-    apart = (b - level.apply(a))[:, :2]
-    return _result(T, "planar", apart, weights, scale, a[:, :2])
-
-
-def align_full(source: Float64Array, target: Float64Array) -> FrameAlignment:
-    """Rotation and translation of points (N, 3) that do not lie on one line.
-
-    Raises:
-        NotObservable: they do, or lie too close together.
-    """
-    source, target = _both(source, target)
-    _check_spread(source, 2)
-
-    def fit(weights: Float64Array) -> Pose:
-        ca, cb = weights @ source / weights.sum(), weights @ target / weights.sum()
-        H = (weights[:, None] * (target - cb)).T @ (source - ca)
-        U, _, Vt = np.linalg.svd(H)
-        R = U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
-        return Pose(R, cb - R @ ca)
-
-    T, weights, scale = _robust(fit, source, target, slice(0, 3))
-    return _result(T, "full", target - T.apply(source), weights, scale, source)
+    # Weight one quarter: the error is the function's width, three times the median error.
+    fits = weights > 0.25
+    apart = (b - level.apply(a))[fits, :2]
+    return FrameAlignment(T, float(np.sqrt((apart**2).sum(axis=1).mean())), int(fits.sum()))
 
 
 def upright(up: Float64Array) -> Float64Array:
-    """(3, 3) the shortest rotation that brings a vertical (3,) onto z."""
+    """Return the shortest rotation (3, 3) that brings a vertical (3,) onto z."""
     up = np.asarray(up, np.float64) / np.linalg.norm(up)
     axis = np.cross(up, [0.0, 0.0, 1.0])
     sine = float(np.linalg.norm(axis))
@@ -113,46 +91,28 @@ def _both(source: Float64Array, target: Float64Array) -> tuple[Float64Array, Flo
     return source[known], target[known]
 
 
-def _check_spread(points: Float64Array, needed: int) -> None:
-    """Refuse points that do not spread along as many directions as are needed."""
-    spread = np.linalg.svd(points - np.median(points, axis=0), compute_uv=False)
+def _check_spread(points: Float64Array) -> None:
+    """Refuse points (N, 2) that do not spread along any direction."""
+    spread = np.linalg.svd(points - np.median(points, axis=0), compute_uv=False)[0]
     spread = spread / np.sqrt(len(points))
-    if spread[needed - 1] < MIN_SPREAD_M:
-        how = "each other" if needed == 1 else "one line"
+    if spread < MIN_SPREAD_M:
         raise NotObservable(
-            f"the common positions lie within {spread[needed - 1]:.2f} m of {how}, which tells no "
-            f"direction; let the body drive a longer way{'' if needed == 1 else ' and turn'}"
+            f"the common positions lie within {spread:.2f} m of each other, which tells no "
+            f"direction; let the body drive a longer way"
         )
 
 
 def _robust(
-    fit: Callable[[Float64Array], Pose], a: Float64Array, b: Float64Array, axes: slice
-) -> tuple[Pose, Float64Array, float]:
+    fit: Callable[[Float64Array], Pose], a: Float64Array, b: Float64Array
+) -> tuple[Pose, Float64Array]:
+    """Return the motion and the points' weights; only the first two axes count."""
     weights = np.ones(len(a))
     width = None
     T = fit(weights)
-    scale = _LEAST_SCALE_M
     for _ in range(_ROUNDS):
-        error = np.linalg.norm((b - T.apply(a))[:, axes], axis=1)
+        error = np.linalg.norm((b - T.apply(a))[:, :2], axis=1)
         scale = max(float(np.median(error)), _LEAST_SCALE_M)
         width = max(float(error.max()), 3 * scale) if width is None else max(width / 1.6, 3 * scale)
         weights = (width**2 / (width**2 + error**2)) ** 2
         T = fit(weights)
-    return T, weights, scale
-
-
-def _result(
-    T: Pose,
-    kind: Literal["planar", "full"],
-    apart: Float64Array,
-    weights: Float64Array,
-    scale: float,
-    spread: Float64Array,
-) -> FrameAlignment:
-    # Weight one quarter: the error is the function's width, three times the median error.
-    fits = weights > 0.25
-    about = spread[fits] - spread[fits].mean(axis=0)
-    lever = float(np.sqrt((about**2).sum()))
-    residual = float(np.sqrt((apart[fits] ** 2).sum(axis=1).mean()))
-    sigma = max(residual, scale / 2) / max(lever, 1e-9)
-    return FrameAlignment(T, kind, residual, int(fits.sum()), len(weights), sigma)
+    return T, weights

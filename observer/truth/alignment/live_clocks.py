@@ -1,6 +1,6 @@
-"""Clocks of what happens now: motion capture's and the source's, each against the host's.
+"""Live clocks of motion capture and source, each against the host's.
 
-Both are known up to the smallest delay of what came from there; the alignment finds what remains.
+Both are known up to the smallest latency; the alignment finds what remains.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.truth.live.clock import ClockFit, ClockFitter
 
-# Frames that come so much earlier or later than their times say belong to another beginning.
+# Frames this much earlier or later than their times say belong to another clock.
 _ANOTHER_S = 0.3
 # A source that only hesitates makes up for it within this.
 _LATE_FOR_S = 2.0
@@ -21,7 +21,7 @@ _LATE_FOR_S = 2.0
 
 @dataclass(frozen=True)
 class LiveClocks:
-    """Motion capture's stamps on the source's clock, as far as arrivals tell.
+    """Conversion of motion capture's stamps to the source's clock, as far as arrivals tell.
 
     Attributes:
         server: motion capture's clock to the host's. source: the frames' clock to the host's.
@@ -31,20 +31,20 @@ class LiveClocks:
     source: ClockFit
 
     def to_source(self, stamps: Float64Array) -> Float64Array:
-        """(N,) seconds."""
+        """Convert stamps (N,) to the source's clock, seconds."""
         since = np.asarray(stamps, np.float64) - self.server.reference_s
         at = self.source.to_server(self.server.to_host(self.server.reference_s))
         return np.asarray(at + self._slope * since)
 
     def to_server(self, times: Float64Array) -> Float64Array:
-        """The other way round, (N,) seconds."""
+        """Convert the source's times (N,) to stamps, seconds."""
         at = self.source.to_server(self.server.to_host(self.server.reference_s))
         since = (np.asarray(times, np.float64) - at) / self._slope
         return np.asarray(self.server.reference_s + since)
 
     @property
     def _slope(self) -> float:
-        """Seconds of the source in one of the server."""
+        """Seconds of the source per second of the server."""
         server, source = (1 + 1e-6 * (fit.drift_ppm or 0.0) for fit in (self.server, self.source))
         return server / source
 
@@ -58,15 +58,15 @@ class SourceClock:
     def _begin(self) -> None:
         self._fitter = ClockFitter()
         self._last: float | None = None
-        # Arrival, and by how much it is later than expected.
+        # Arrival, and delay against expectation.
         self._lately: deque[tuple[float, float]] = deque()
 
     def add(self, time: float, received: float) -> bool:
-        """One frame: its time on the source's clock, and the host's monotonic clock.
+        """Add a frame: its time on the source's clock, and the host's monotonic clock.
 
         Returns:
-            Whether this is the beginning of another clock: the source was paused, played at
-            another pace, or began anew. What was known is forgotten then.
+            True if another clock begins here: the source was paused, played at another pace, or
+            began again. What was known is forgotten then.
         """
         another = self._is_another(time, received)
         if another:
@@ -76,7 +76,7 @@ class SourceClock:
         return another
 
     def fit(self) -> ClockFit | None:
-        """The source's clock to the host's; None before a second was seen."""
+        """Return the source's clock to the host's; None before a second was seen."""
         return self._fitter.fit()
 
     def _is_another(self, time: float, received: float) -> bool:

@@ -1,4 +1,4 @@
-"""Which track is which body: by where they are, unless a person says so."""
+"""Matching of tracks and bodies by position, unless a person decides."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.truth.alignment.observed import TrackKey
 
-# A track whose median distance from a body is more is none of it; the body's origin and the
-# middle of what is seen may be half a robot apart.
+# Greatest median distance of a track from its body; the body's origin and the middle of what is
+# seen may be half a robot apart.
 GATE_M = 1.0
-# Two tracks of one body follow each other; they may be told together for so long.
+# Two tracks of one body follow each other; they may overlap for this long.
 _TOGETHER_S = 0.5
 
 
 @dataclass(frozen=True)
 class Match:
-    """Attributes:
-    body: its name, None where the track belongs to none.
-    by: ``position``, ``speed`` or ``person``.
-    distance_m: median over the track's life; None where it was not judged by position.
+    """Body of a track.
+
+    Attributes:
+        body: its name, None where the track belongs to none.
+        by: ``position``, ``speed`` or ``person``.
+        distance_m: median over the track's life; None where it was not judged by position.
     """
 
     body: str | None
@@ -36,12 +38,12 @@ def match_tracks(
     corrections: Mapping[TrackKey, str | None],
     gate_m: float = GATE_M,
 ) -> dict[TrackKey, Match]:
-    """One body may be several tracks one after the other, but not two at a time.
+    """Match tracks to bodies: a body has one track at a time, or several in succession.
 
     Args:
         lives: first and last time of each track, seconds.
         distances: for each track the median distance from each body, metres; NaN where unknown.
-        corrections: what a person says; it holds before everything else.
+        corrections: a person's decisions, which hold before all else.
     """
     matched: dict[TrackKey, Match] = {}
     taken: dict[str, list[tuple[float, float]]] = {}
@@ -74,7 +76,7 @@ def match_tracks(
 
 
 def median_distance(seen: Float64Array, true: Float64Array) -> float:
-    """Of positions (N, 3) on both sides; NaN where fewer than three are known on both."""
+    """Return the median distance of positions (N, 3); NaN with fewer than three known on both."""
     distance = np.linalg.norm(seen - true, axis=1)
     known = distance[np.isfinite(distance)]
     return float(np.median(known)) if len(known) >= 3 else float("nan")

@@ -1,6 +1,6 @@
-"""Motion capture as truth of what has only just been seen, as far as its samples are there.
+"""Motion capture as ground truth of the newest frames, as far as its samples have arrived.
 
-What is not measured is not told: neither a gap nor the time before a sample arrives is bridged.
+Nothing is extrapolated: neither a gap nor the time before a sample arrives is bridged.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
-from observer.truth.alignment.aligned import DEFAULT_SIZE
+from observer.truth.alignment.aligned import DEFAULT_SIZE, State, numbered, placed_body
 from observer.truth.alignment.curves import GAP_INTERVALS
 from observer.truth.alignment.live_clocks import LiveClocks
 from observer.truth.alignment.result import Alignment
@@ -28,9 +28,9 @@ _MOST_KEPT = 1000
 _MOST_LOOKED_AT = 160
 # The velocity is that of a parabola over so long, as in ``aligned``, or so many samples.
 _SMOOTHING_S, _FEWEST = 0.11, 5
-# It is told of an instant with this many samples behind it: at its end a parabola is uncertain.
+# An instant needs this many samples behind it: at its end a parabola is uncertain.
 _BEHIND = 3
-# Further back than this it would not be told of the same moment any more.
+# An older instant would no longer be the same moment.
 _OLDEST_S = 0.1
 
 
@@ -55,7 +55,7 @@ class NewestTruth:
         self._told: dict[str, float] = {}
 
     def add(self, samples: Iterable[BodySample]) -> None:
-        """As ``LiveCapture.drain`` gives them."""
+        """Add samples as ``LiveCapture.drain`` returns them."""
         for sample in samples:
             kept = self._samples.setdefault(sample.name, deque(maxlen=_MOST_KEPT))
             kept.append(sample)
@@ -70,45 +70,27 @@ class NewestTruth:
         time: float,
         sizes: Mapping[str, Float64Array] | None = None,
     ) -> tuple[TimedBody, ...]:
-        """Every body that was measured at ``time`` (source clock), or at most 0.1 s before it
-        where samples up to then are not there yet; the observer first, as everywhere. No instant
-        is told a second time.
+        """Return every body that was measured at ``time`` (source clock), the observer first.
+
+        Up to 0.1 s before ``time``, where later samples have not arrived yet. No instant is
+        returned twice.
 
         Args:
             T_world_room: of the segment that is observed. sizes: by name, (3,) metres.
         """
         found = []
-        order = sorted(alignment.roles, key=lambda n: alignment.roles[n] != "observer")
-        number = 0
-        for name in order:
-            role = alignment.roles[name]
-            number += role != "observer"
+        for number, name in numbered(alignment.roles, alignment.roles):
             measured = self._measured(name, alignment, clocks, time)
             if measured is None:
                 continue
-            at, place, velocity, heading = measured
-            forward = T_world_room.rotate(heading)
-            found.append(
-                TimedBody(
-                    at,
-                    TrueBody(
-                        id=0 if role == "observer" else number,
-                        name=name,
-                        role=role,
-                        position=T_world_room.apply(place),
-                        velocity=T_world_room.rotate(velocity),
-                        size=np.asarray((sizes or {}).get(name, DEFAULT_SIZE), np.float64),
-                        yaw=math.atan2(float(forward[0]), float(forward[2])),
-                        visible=None,
-                        commanded_speed=None,
-                    ),
-                )
-            )
+            at, state = measured
+            size = np.asarray((sizes or {}).get(name, DEFAULT_SIZE), np.float64)
+            body = placed_body(number, name, alignment.roles[name], size, state, T_world_room)
+            found.append(TimedBody(at, body))
         return tuple(found)
 
     def room_camera(self, alignment: Alignment, clocks: LiveClocks, time: float) -> Pose | None:
-        """``T_room_camera`` at ``time`` (source clock); None where the observer was not measured
-        right then."""
+        """Return ``T_room_camera`` at ``time`` (source clock); None without a measurement then."""
         name, T_body_camera = alignment.observer, alignment.T_body_camera
         if name is None or T_body_camera is None:
             return None
@@ -121,8 +103,8 @@ class NewestTruth:
 
     def _measured(
         self, name: str, alignment: Alignment, clocks: LiveClocks, time: float
-    ) -> tuple[float, Float64Array, Float64Array, Float64Array] | None:
-        """Instant on the source's clock; place, velocity and heading in the room."""
+    ) -> tuple[float, State] | None:
+        """Return the instant on the source's clock, and the state in the room."""
         wanted = _stamps(alignment, clocks, time)
         body = self._around(name, wanted)
         if body is None:
@@ -130,8 +112,7 @@ class NewestTruth:
         stamp = min(wanted, float(body.times[-1 - _BEHIND]))
         if wanted - stamp > _OLDEST_S or stamp <= self._told.get(name, -math.inf):
             return None
-        centre = alignment.centres.get(name)
-        offset = None if centre is None else np.array(centre)
+        offset = alignment.centre(name)
         at = np.array([stamp])
         place = centre_positions(body, at, offset)[0]
         velocity = _velocity(body, offset, stamp)
@@ -141,10 +122,10 @@ class NewestTruth:
         velocity = velocity / (1 + 1e-6 * alignment.time.drift_ppm)
         heading = velocity if body.rotations is None else body_poses(body, at)[0, :3, 0]
         told = time if stamp == wanted else time - (wanted - stamp)
-        return told, place, velocity, heading
+        return told, (place, velocity, heading)
 
     def _around(self, name: str, stamp: float) -> Trajectory | None:
-        """The samples about one instant, on the server's clock."""
+        """Return the samples about an instant on the server's clock."""
         kept = self._samples.get(name)
         if not kept:
             return None
@@ -161,16 +142,13 @@ class NewestTruth:
 
 
 def _stamps(alignment: Alignment, clocks: LiveClocks, time: float) -> float:
-    """The server's clock when the source's shows ``time``."""
+    """Return the server's clock when the source's shows ``time``."""
     return float(clocks.to_server(alignment.time.to_truth(np.array([time])))[0])
 
 
 def _velocity(body: Trajectory, centre: Float64Array | None, stamp: float) -> Float64Array | None:
-    """(3,) m/s, room; None where too little was measured about the instant without a gap."""
-    places = body.positions
-    if centre is not None and body.rotations is not None:
-        places = places + body.rotations @ centre
-    times = body.times
+    """Return the velocity (3,) m/s, room; None with too few samples about it without a gap."""
+    times, places = body.times, body.fixed_points(centre)
     interval = float(np.median(np.diff(times)))
     half = max(_SMOOTHING_S / 2, interval * _FEWEST / 2)
     index = int(np.searchsorted(times, stamp))

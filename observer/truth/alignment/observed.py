@@ -1,4 +1,4 @@
-"""One run as the alignment needs it: plain arrays, from the JSON lines of ``observe``."""
+"""Run as the alignment needs it: plain arrays, from the JSON lines of ``observe``."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.truth.alignment.curves import SpeedCurve, turn_rate, window_for
-from observer.truth.alignment.smoothing import velocities
-from observer.truth.speeds import JUMP_STEPS
+from observer.truth.speeds import JUMP_STEPS, smoothed_velocity
 
 # A velocity that stands before its frame by more than this is of two frames, not filtered.
 _MIDPOINT_S = 1e-3
@@ -39,7 +38,7 @@ class TrackKey:
 
     @staticmethod
     def parse(text: str) -> TrackKey:
-        """As ``str`` writes it.
+        """Parse a key as ``str`` writes it.
 
         Raises:
             TruthError: it is not two whole numbers with a colon between them.
@@ -55,7 +54,7 @@ class TrackKey:
 
 @dataclass(frozen=True, eq=False)
 class ObservedTrack:
-    """One obstacle under one identity.
+    """An obstacle under one identity.
 
     Attributes:
         key: of the track.
@@ -72,7 +71,7 @@ class ObservedTrack:
     speed_stds: Float64Array
 
     def speed_curve(self) -> SpeedCurve | None:
-        """How fast it moved, without the lag of a filter; None for too short a life.
+        """Return its speed without the lag of a filter; None for too short a life.
 
         Speeds that stand at an instant before their frame are displacements between two frames
         and taken as they are. Others come from a filter and lag behind when something starts or
@@ -87,9 +86,7 @@ class ObservedTrack:
             times, values = self.velocity_times[known], self.speeds[known]
             rising = np.r_[True, np.diff(times) > 0]
             return SpeedCurve(times[rising], values[rising], sigmas[known][rising])
-        longest = _longest_step(self.times)
-        velocity = velocities(self.times, self.positions, window_for(self.times), longest)
-        speed = np.linalg.norm(velocity, axis=1)
+        speed = _speeds(self.times, self.positions)
         if np.isfinite(speed).sum() < 5:
             return None
         return SpeedCurve(self.times, speed, sigmas)
@@ -97,11 +94,13 @@ class ObservedTrack:
 
 @dataclass(frozen=True, eq=False)
 class ObservedRun:
-    """Attributes:
-    times: (N,) seconds on the source's clock, one for each frame.
-    segments: (N,) number of each frame's segment.
-    poses: N ``T_world_camera``, None where unknown.
-    tracks: by key, in the order in which they appeared.
+    """A run as arrays.
+
+    Attributes:
+        times: (N,) seconds on the source's clock, one for each frame.
+        segments: (N,) number of each frame's segment.
+        poses: N ``T_world_camera``, None where unknown.
+        tracks: by key, in the order in which they appeared.
     """
 
     times: Float64Array
@@ -111,7 +110,7 @@ class ObservedRun:
 
     @staticmethod
     def of_lines(lines: Iterable[Mapping[str, Any]]) -> ObservedRun:
-        """Of lines as ``observer.jsonl.observation_line`` makes them.
+        """Build a run of lines as ``observer.jsonl.observation_line`` makes them.
 
         Coasting and tentative obstacles are left out: they were not measured.
 
@@ -147,7 +146,7 @@ class ObservedRun:
         )
 
     def camera_path(self, segment: int | None = None) -> tuple[Float64Array, Float64Array]:
-        """Times (M,) and ``T_world_camera`` (M, 4, 4) of the frames with a pose.
+        """Return times (M,) and ``T_world_camera`` (M, 4, 4) of the frames with a pose.
 
         Args:
             segment: only of this one; None for all, which are not in one world.
@@ -161,18 +160,18 @@ class ObservedRun:
         return self.times[chosen], np.array(poses).reshape(-1, 4, 4)
 
     def segment_numbers(self) -> tuple[int, ...]:
-        """In their order, each once."""
+        """Return the segments' numbers in order, each once."""
         return tuple(int(k) for k in dict.fromkeys(self.segments.tolist()))
 
     def segment_starts(self) -> tuple[tuple[int, float], ...]:
-        """Each segment's number and the time of its first frame."""
+        """Return each segment's number and the time of its first frame."""
         return tuple(
             (number, float(self.times[self.segments == number][0]))
             for number in self.segment_numbers()
         )
 
     def own_curves(self) -> tuple[SpeedCurve | None, SpeedCurve | None]:
-        """The camera's own speed and turn rate; None where too few poses are known."""
+        """Return the camera's own speed and turn rate; None where too few poses are known."""
         times, speed, rate = [], [], []
         for segment in self.segment_numbers():
             t, T = self.camera_path(segment)
@@ -180,13 +179,11 @@ class ObservedRun:
             if len(t) < 7:
                 continue
             T = T[once]
-            longest = _longest_step(t)
-            turning = turn_rate(t, T[:, :3, :3], _OWN_TURN_SIGMA, longest)
+            turning = turn_rate(t, T[:, :3, :3], _OWN_TURN_SIGMA, _longest_step(t))
             if turning is None:
                 continue
-            window = window_for(t)
             times.append(t)
-            speed.append(np.linalg.norm(velocities(t, T[:, :3, 3], window, longest), axis=1))
+            speed.append(_speeds(t, T[:, :3, 3]))
             rate.append(turning.values)
         if not times:
             return None, None
@@ -198,19 +195,23 @@ class ObservedRun:
 
 
 def _longest_step(times: Float64Array) -> float:
-    """In medians, as ``velocities`` takes it."""
+    """Return the longest step that is no gap, in median steps."""
     return max(JUMP_STEPS, _DROPPED_S / float(np.median(np.diff(times))))
 
 
+def _speeds(times: Float64Array, positions: Float64Array) -> Float64Array:
+    velocity = smoothed_velocity(
+        times, positions, window=window_for(times), longest_step=_longest_step(times)
+    )
+    return np.asarray(np.linalg.norm(velocity, axis=1))
+
+
 def _row(time: float, entry: Mapping[str, Any]) -> tuple[float, ...]:
-    unknown = (math.nan, math.nan, math.nan)
-    position = unknown if entry["position"] is None else entry["position"]
+    position = (math.nan,) * 3 if entry["position"] is None else entry["position"]
     std = entry.get("speed_std")
     x, y, z = (float(value) for value in position)
-    return (
-        time, x, y, z, float(entry["velocity_time"]), float(entry["speed"]),
-        math.nan if std is None else float(std),
-    )  # fmt: skip
+    velocity_time, speed = float(entry["velocity_time"]), float(entry["speed"])
+    return time, x, y, z, velocity_time, speed, math.nan if std is None else float(std)
 
 
 def _track(key: TrackKey, rows: Float64Array) -> ObservedTrack:

@@ -1,4 +1,4 @@
-"""Least squares for the offset of two clocks on the curves themselves, and its honest sigma."""
+"""Least squares for the offset of two clocks on the curves themselves, with its sigma."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ import scipy
 from observer.geometry import Float64Array
 from observer.truth.alignment.curves import SpeedCurve
 
-# Two crystals differ by less, mostly; without a bound the drift would fit noise.
+# Two crystals usually differ by less; without a bound the drift would fit noise.
 _DRIFT_PRIOR_PPM = 100.0
-# Few starts and stops at either end decide on it: planted ones erred by this much more.
+# Few starts and stops at either end determine it: planted ones erred by this much more.
 _DRIFT_ERRS_MORE = 1.4
-# A vision's scale and offset may be off by this much before they count against the fit.
+# Scale and offset of the seen speeds may be off by this much before they count against the fit.
 _GAIN_PRIOR, _BIAS_PRIOR_SIGMAS = 0.1, 1.0
-# Beyond this many sigmas a residual counts linearly: false speeds are part of what is compared.
+# Beyond this many sigmas a residual counts linearly: the data hold outliers.
 _ROBUST_SIGMAS = 2.0
 
 
@@ -62,7 +62,7 @@ class OffsetFit:
                 if len(error) < 3:
                     continue
                 spread = 1.4826 * float(np.median(np.abs(error)))
-                # What wanders slowly counts for less than its samples seem to say.
+                # Correlated errors count for less than the number of their samples.
                 lags = _correlated_samples(self._parts[k][0])
                 like = _correlation_time(np.clip(error, -3, 3), lags)
                 self._noise[k] = max(self._noise[k] * spread * np.sqrt(like), 0.05)
@@ -84,10 +84,10 @@ class OffsetFit:
         return np.concatenate([gains, biases, [1e6 * x[1] / _DRIFT_PRIOR_PPM]])
 
     def sigmas(self, x: Float64Array, with_drift: bool) -> tuple[float, float]:
-        """Of offset and drift, by the scatter of the residuals' own gradients.
+        """Return the sigmas of offset and drift, by the scatter of the residuals' own gradients.
 
-        The sandwich estimator of Newey and West (1987), for neighbouring residuals are alike:
-        what smoothes speeds, and a body that is seen from another side, last for many frames.
+        This is the sandwich estimator of Newey and West (1987), since neighbouring residuals are
+        correlated: smoothing, and a body that is seen from another side, last for many frames.
         """
         free = [0, *([1] if with_drift else []), *range(2, len(x))]
         residuals = self._residuals(x)
@@ -110,29 +110,26 @@ class OffsetFit:
             weight = np.asarray(1 / np.sqrt(1 + (r / _ROBUST_SIGMAS) ** 2))
             information += J.T @ (weight[:, None] * J)
             g = J * (weight * r)[:, None]
-            # What errs as slowly as the speed itself changes looks like an offset.
+            # Errors as slow as the speed itself look like an offset.
             lags = max(_correlated_samples(self._parts[k][0]), _first_zero(J[:, 0]))
             scatter += _long_run(g, lags)
-            # Where events are few, their scatter is by chance small; then the noise's own counts.
+            # With few events their scatter may be small by chance; then the noise's own counts.
             power = float(np.mean((weight * r) ** 2))
             inflation += _correlation_time(weight * r, lags) * power * (J.T @ J)
         inverse = np.linalg.pinv(information)
         sandwich = inverse @ scatter @ inverse
         plain = inverse @ (inflation + np.diag(prior[free])) @ inverse
         variances = np.maximum(np.diag(sandwich), np.diag(plain))
-        floor = self._floor()
+        # No statistics show the true instant within the frame that is reported.
+        intervals = [float(np.median(np.diff(t))) for t, *_ in self._parts if len(t) > 1]
+        floor = 0.02 * min(intervals, default=0.0)
         return (
             float(np.hypot(np.sqrt(variances[0]), floor)),
             _DRIFT_ERRS_MORE * float(np.sqrt(variances[1])) if with_drift else float("nan"),
         )
 
-    def _floor(self) -> float:
-        """What no statistics show: the true instant within a frame of what is reported."""
-        steps = [float(np.median(np.diff(t))) for t, *_ in self._parts if len(t) > 1]
-        return 0.02 * float(np.min(steps)) if steps else 0.0
-
     def correlation(self, x: Float64Array) -> float:
-        """Of all curves, each about its own mean; single false speeds weigh little."""
+        """Return the correlation of all curves, each about its own mean, robust to outliers."""
         covariance = power_seen = power_true = 0.0
         for (times, values, sigmas, curve), r in zip(self._parts, self._residuals(x), strict=True):
             true = curve.at(times - x[0] - x[1] * (times - self.reference))
@@ -148,7 +145,7 @@ class OffsetFit:
         return covariance / (float(np.sqrt(power_seen * power_true)) + 1e-12)
 
     def residual(self, x: Float64Array) -> float:
-        """Without gain and bias, for these are errors too."""
+        """Return the root mean square residual without gain and bias, for these are errors too."""
         times, values, _, curve = self._parts[0]
         error = values - curve.at(times - x[0] - x[1] * (times - self.reference))
         return float(np.sqrt(np.nanmean(error**2))) if np.isfinite(error).any() else float("nan")
@@ -162,14 +159,14 @@ def _known_time(times: Float64Array) -> float:
 
 
 def _correlated_samples(times: Float64Array) -> int:
-    """How many neighbours may be alike: those within a second."""
+    """Return the number of neighbours that may be correlated: those within a second."""
     if len(times) < 3:
         return 0
     return int(np.clip(round(1.0 / float(np.median(np.diff(times)))), 1, len(times) // 3))
 
 
 def _first_zero(gradient: Float64Array) -> int:
-    """Samples after which a curve is no longer like itself, a quarter of them at most."""
+    """Return the lag, samples, of the first zero of the autocorrelation, a quarter at most."""
     power = float(gradient @ gradient)
     limit = len(gradient) // 4
     if power <= 0:
@@ -181,7 +178,7 @@ def _first_zero(gradient: Float64Array) -> int:
 
 
 def _long_run(g: Float64Array, lags: int) -> Float64Array:
-    """Covariance (P, P) of the sum of g (N, P), by Bartlett's window."""
+    """Return the covariance (P, P) of the sum of g (N, P), by Bartlett's window."""
     total = g.T @ g
     for lag in range(1, lags + 1):
         cross = g[lag:].T @ g[:-lag]
@@ -190,7 +187,7 @@ def _long_run(g: Float64Array, lags: int) -> Float64Array:
 
 
 def _correlation_time(r: Float64Array, lags: int) -> float:
-    """By how much the variance of a sum exceeds that of independent samples, 1 at least."""
+    """Return the factor, 1 at least, of a sum's variance over that of independent samples."""
     power = float(r @ r)
     if power <= 0 or lags < 1:
         return 1.0

@@ -1,4 +1,4 @@
-"""The alignment while a run goes on: solved again now and then over the last minutes."""
+"""Alignment during a run, solved again every two seconds over the last three minutes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
@@ -49,11 +48,11 @@ class OnlineAlignment:
 
     @property
     def bodies(self) -> tuple[str, ...]:
-        """Of which samples were added."""
+        """Names of the bodies of which samples were added."""
         return tuple(self._pieces)
 
     def add_observation(self, line: Mapping[str, Any]) -> None:
-        """One line as ``observer.jsonl.observation_line`` makes it."""
+        """Add a line as ``observer.jsonl.observation_line`` makes it."""
         if self._lines and float(line["time"]) < float(self._lines[-1]["time"]):
             self.begin_anew()
         self._lines.append(line)
@@ -62,21 +61,17 @@ class OnlineAlignment:
             self._lines.popleft()
 
     def begin_anew(self) -> None:
-        """The source is another, or began again: its clock and world are others."""
+        """Forget the run: the source is another or began again, with another clock and world."""
         self._lines.clear()
         self._solved = None
         self.state, self.truth = _NONE_YET, None
 
-    def add_samples(self, samples: Iterable[BodySample]) -> None:
-        """Samples of a live server, by rising time for each body; others are dropped."""
-        self.add_pieces(pieces(samples))
-
     def add_pieces(self, pieces: Iterable[Trajectory]) -> None:
-        """The same, already put together."""
+        """Add pieces as of ``pieces``; samples that do not rise in time are dropped."""
         for piece in pieces:
             kept = self._pieces.setdefault(piece.name, deque())
             if kept:
-                piece = _part(piece, piece.times > kept[-1].times[-1])
+                piece = piece.part(piece.times > kept[-1].times[-1])
             if not len(piece.times):
                 continue
             kept.append(piece)
@@ -84,13 +79,13 @@ class OnlineAlignment:
                 kept.popleft()
 
     def solve(self, to_source: Callable[[Float64Array], Float64Array] | None = None) -> bool:
-        """Align anew if two seconds have passed since the last time; whether it was tried.
+        """Align again if two seconds have passed since the last time; return True if it was tried.
 
-        It takes from tenths of a second to seconds, so the caller does it beside the frames. What
-        is refused for a moment, as when the robot stands for minutes, leaves what was found.
+        It takes from tenths of a second to seconds, so the caller does it beside the frames. Where
+        it is refused, as when the robot stands for minutes, the last result stays.
 
         Args:
-            to_source: from stamps (N,) to the times they are aligned by; none by default.
+            to_source: converts stamps (N,) to the times they are aligned by; none by default.
         """
         if not self._lines or not self._pieces:
             return False
@@ -111,7 +106,7 @@ class OnlineAlignment:
         return True
 
     def capture(self, to_source: Callable[[Float64Array], Float64Array] | None = None) -> Capture:
-        """The last minutes of all bodies."""
+        """Return the last minutes of all bodies."""
         bodies = {name: _joined(list(kept)) for name, kept in self._pieces.items()}
         if to_source is not None:
             bodies = {
@@ -122,7 +117,7 @@ class OnlineAlignment:
 
 
 def pieces(samples: Iterable[BodySample]) -> list[Trajectory]:
-    """Samples in order of arrival by body, each on the server's own clock."""
+    """Put samples together by body in order of arrival, on the server's own clock."""
     by_body: dict[str, list[BodySample]] = {}
     for sample in samples:
         kept = by_body.setdefault(sample.name, [])
@@ -131,20 +126,14 @@ def pieces(samples: Iterable[BodySample]) -> list[Trajectory]:
     return [trajectory_of(name, kept) for name, kept in by_body.items()]
 
 
-def _part(body: Trajectory, chosen: NDArray[np.bool_]) -> Trajectory:
-    rotations = None if body.rotations is None else body.rotations[chosen]
-    return Trajectory(body.name, body.times[chosen], body.positions[chosen], rotations)
-
-
 def _joined(parts: list[Trajectory]) -> Trajectory:
     rotations = None
     if any(part.rotations is not None for part in parts):
+        unknown = [np.full((len(part.times), 3, 3), np.nan) for part in parts]
         rotations = np.concatenate(
             [
-                np.full((len(part.times), 3, 3), np.nan)
-                if part.rotations is None
-                else part.rotations
-                for part in parts
+                u if part.rotations is None else part.rotations
+                for part, u in zip(parts, unknown, strict=True)
             ]
         )
     return Trajectory(

@@ -1,4 +1,4 @@
-"""What an alignment came to: plain data that is kept with the run."""
+"""Result of an alignment: plain data that is kept with the run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from observer.errors import TruthError
-from observer.geometry import Pose
+from observer.geometry import Float64Array, Pose
 from observer.truth.alignment.matching import Match
 from observer.truth.alignment.observed import TrackKey
 from observer.truth.alignment.time_offset import TimeOffset
@@ -17,17 +17,19 @@ from observer.truth.alignment.time_offset import TimeOffset
 
 @dataclass(frozen=True, eq=False)
 class Alignment:
-    """Attributes:
-    time: offset and drift of the clocks, with overlap, correlation and residual.
-    roles: ``observer`` or ``obstacle``, by the body's name; others are ignored.
-    segments: number and beginning (source clock, seconds) of each segment, in order.
-    T_world_room: by segment; one without is missing there, and only speeds can be compared.
-    frame_residual_m: root mean square distance of what was aligned, None without a frame.
-    T_body_camera: of the observer's body, None where it is not known.
-    matches: which body each track is.
-    centres: by body, (3,) metres in the body's axes, or in the room's where it has none: from the
-        body's origin to the middle of what was seen.
-    notes: what was decided and what was not observable, one sentence each.
+    """Relation of motion capture to a run.
+
+    Attributes:
+        time: offset and drift of the clocks, with overlap, correlation and residual.
+        roles: ``observer`` or ``obstacle``, by the body's name; others are ignored.
+        segments: number and beginning (source clock, seconds) of each segment, in order.
+        T_world_room: by segment; where one is missing, only speeds can be compared.
+        frame_residual_m: root mean square distance of what was aligned, None without a frame.
+        T_body_camera: of the observer's body, None where it is unknown.
+        matches: the body of each track.
+        centres: by body, (3,) metres in the body's axes, or in the room's where it has none: from
+            the body's origin to the middle of what was seen.
+        notes: what was decided and what was not observable, one sentence each.
     """
 
     time: TimeOffset
@@ -42,11 +44,16 @@ class Alignment:
 
     @property
     def observer(self) -> str | None:
-        """The observer's body."""
+        """Name of the observer's body, or None."""
         return next((name for name, role in self.roles.items() if role == "observer"), None)
 
+    def centre(self, name: str) -> Float64Array | None:
+        """Return a body's entry in ``centres``, or None."""
+        centre = self.centres.get(name)
+        return None if centre is None else np.array(centre)
+
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {
             "time": asdict(self.time),
             "roles": dict(self.roles),
@@ -61,7 +68,7 @@ class Alignment:
 
     @staticmethod
     def of_dict(plain: Mapping[str, Any]) -> Alignment:
-        """As ``as_dict`` makes it.
+        """Read what ``as_dict`` makes.
 
         Raises:
             TruthError: it is not.

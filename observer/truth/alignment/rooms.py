@@ -1,4 +1,4 @@
-"""Where the room of motion capture lies in each segment's world, and where the camera sits."""
+"""Pose of motion capture's room in each segment's world, and of the camera on its body."""
 
 from __future__ import annotations
 
@@ -18,17 +18,19 @@ from observer.truth.alignment.time_offset import TimeOffset
 from observer.truth.motion_capture import Capture, Trajectory
 
 _UP_ROOM = np.array([0.0, 0.0, 1.0])
-# A body whose heading turns by less does not tell its centre from its place in the room.
+# A body whose heading turns by less does not tell its centre from its position in the room.
 _TURNS_RAD = np.radians(30)
-# What is seen of a body is within this of its origin, metres.
+# Greatest distance of what is seen of a body from its origin, metres.
 _CENTRE_M = 0.5
 
 
 @dataclass(eq=False)
 class Rooms:
-    """Attributes:
-    T_world_room: by segment. body_camera: None where the observer was not seen.
-    residual_m: of the frame, None without one. notes: one sentence each.
+    """The room in the segments' worlds.
+
+    Attributes:
+        T_world_room: by segment. body_camera: None where the observer was not seen.
+        residual_m: of the frame, None without one. notes: one sentence each.
     """
 
     T_world_room: dict[int, Pose] = field(default_factory=dict)
@@ -38,12 +40,12 @@ class Rooms:
 
 
 def body_poses(body: Trajectory, times: Float64Array) -> Float64Array:
-    """``T_room_body`` (M, 4, 4) at truth's times (M,), NaN in gaps and without rotations."""
+    """Return ``T_room_body`` (M, 4, 4) at truth's times (M,), NaN in gaps and without rotations."""
     poses = np.full((len(times), 4, 4), np.nan)
-    place = between(body.times, body.positions, times)
     if body.rotations is None:
         return poses
-    turned = between(body.times, body.rotations.reshape(-1, 9), times).reshape(-1, 3, 3)
+    place = between(body.times, body.positions, times)
+    turned = _rotations_at(body.times, body.rotations, times)
     known = np.isfinite(place).all(axis=1) & np.isfinite(turned).all(axis=(1, 2))
     # Between two samples the mean of two rotations is nearly one.
     U, _, Vt = np.linalg.svd(turned[known])
@@ -56,14 +58,19 @@ def body_poses(body: Trajectory, times: Float64Array) -> Float64Array:
 def centre_positions(
     body: Trajectory, times: Float64Array, centre: Float64Array | None
 ) -> Float64Array:
-    """(M, 3) metres, room: the body's origin, or its centre where it is known."""
+    """Return positions (M, 3) metres, room: of the body's origin, or its centre where known."""
     place = between(body.times, body.positions, times)
     if centre is None:
         return place
     if body.rotations is None:
         return place + centre
-    turned = between(body.times, body.rotations.reshape(-1, 9), times).reshape(-1, 3, 3)
-    return np.asarray(place + turned @ centre)
+    return np.asarray(place + _rotations_at(body.times, body.rotations, times) @ centre)
+
+
+def _rotations_at(
+    times: Float64Array, rotations: Float64Array, wanted: Float64Array
+) -> Float64Array:
+    return between(times, rotations.reshape(-1, 9), wanted).reshape(-1, 3, 3)
 
 
 def place_rooms(
@@ -74,7 +81,7 @@ def place_rooms(
     matches: dict[TrackKey, Match],
     choices: AlignmentChoices,
 ) -> Rooms:
-    """Every segment's ``T_world_room`` that can be told, the longest segment first."""
+    """Find ``T_world_room`` of every segment that allows it, the longest segment first."""
     rooms = Rooms()
     numbers = sorted(run.segment_numbers(), key=lambda n: -float((run.segments == n).sum()))
     for number in numbers:
@@ -109,7 +116,7 @@ def _by_camera(
         known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
         if not len(known):
             raise NotObservable("motion capture did not see the observer in it")
-        # The camera is where it was on the body; the first poses have the least drift.
+        # The camera has not moved on the body; the first poses have the least drift.
         k = known[0]
         T_room_camera = Pose.from_matrix(poses[k]) @ rooms.body_camera.T_body_camera
         return Pose.from_matrix(camera[k]) @ T_room_camera.inverse()
@@ -151,7 +158,7 @@ def _points(
     matches: dict[TrackKey, Match],
     number: int,
 ) -> tuple[Float64Array, Float64Array]:
-    """Obstacles' positions of one segment in its world, and in the room."""
+    """Return obstacles' positions of one segment in its world, and in the room."""
     seen, true = [np.zeros((0, 3))], [np.zeros((0, 3))]
     for key, track in run.tracks.items():
         match = matches.get(key)
@@ -167,7 +174,7 @@ def _points(
 def track_distances(
     track: ObservedTrack, T_world_room: Pose, bodies: dict[str, Trajectory], time: TimeOffset
 ) -> dict[str, float]:
-    """Median distance over the floor of one track from each body."""
+    """Return the median distance in the ground plane of a track from each body."""
     found = {}
     in_room = T_world_room.inverse().apply(track.positions)
     for name, body in bodies.items():
@@ -181,11 +188,10 @@ def body_centre(
     time: TimeOffset,
     tracks: list[tuple[ObservedTrack, Pose]],
 ) -> tuple[Float64Array | None, bool]:
-    """(3,) from a body's origin to the middle of what was seen of it, and whether it turned.
+    """Return the vector (3,) from a body's origin to the middle of what was seen of it.
 
-    In the body's axes where it has rotations, by the median over all that was seen, whose
-    height is left out: the body's origin may be anywhere above the floor, but so may what is
-    seen. None where it cannot be told.
+    In the body's axes where it has rotations, by the median over all that was seen. None where it
+    cannot be told. The second value is True if the body turned.
     """
     apart, headings = [], []
     for track, T_world_room in tracks:
@@ -194,7 +200,7 @@ def body_centre(
         true = between(body.times, body.positions, at)
         difference = seen - true
         if body.rotations is not None:
-            R = between(body.times, body.rotations.reshape(-1, 9), at).reshape(-1, 3, 3)
+            R = _rotations_at(body.times, body.rotations, at)
             difference = (np.swapaxes(R, 1, 2) @ difference[:, :, None])[:, :, 0]
             headings.append(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
         apart.append(difference)
@@ -207,7 +213,7 @@ def body_centre(
     if headings:
         h = np.concatenate(headings)
         h = h[np.isfinite(h)]
-        # Of headings that all agree the mean of unit vectors has length 1.
+        # If all headings agree, the mean of their unit vectors has length 1.
         turned = bool(np.abs(np.exp(1j * h).mean()) < np.cos(_TURNS_RAD / 2))
     if np.linalg.norm(centre[:2]) > _CENTRE_M:
         return None, turned

@@ -1,4 +1,4 @@
-"""The offset between two clocks, found in what both saw: how fast something moved.
+"""Offset between two clocks, found by the speeds that both recorded.
 
 The correlation is looked at for every lag at which the curves overlap enough, and the best lag is
 refined by least squares on the curves themselves, where an offset below one sample shows.
@@ -41,7 +41,7 @@ _DRIFT_OVERLAP_S = 20.0
 
 @dataclass(frozen=True)
 class TimeOffset:
-    """How truth's clock relates to the source's.
+    """Relation of truth's clock to the source's.
 
     Attributes:
         offset_s: to be added to truth's times at ``reference_s``; sigma_s: one standard deviation.
@@ -67,44 +67,33 @@ class TimeOffset:
     samples: int
 
     def to_source(self, times: Float64Array) -> Float64Array:
-        """Truth's times on the source's clock."""
+        """Convert truth's times to the source's clock."""
         times = np.asarray(times, np.float64)
         return times + self.offset_s + 1e-6 * self.drift_ppm * (times - self.reference_s)
 
     def to_truth(self, times: Float64Array) -> Float64Array:
-        """The source's times on truth's clock."""
+        """Convert the source's times to truth's clock."""
         slope = 1 + 1e-6 * self.drift_ppm
         since = np.asarray(times, np.float64) - self.offset_s - self.reference_s
         return np.asarray(self.reference_s + since / slope)
 
 
 def find_time_offset(
-    seen: SpeedCurve,
-    true: SpeedCurve,
-    *,
-    search: tuple[float, float] | None = None,
-    drift: bool = True,
-) -> TimeOffset:
-    """The offset at which two curves agree best.
-
-    Args:
-        seen: by the observer, on the source's clock. true: by motion capture, on its own.
-        search: lowest and highest offset, seconds, where it is known roughly.
-        drift: whether a drift is estimated too where the overlap is long enough.
-
-    Raises:
-        NotObservable: one sentence that tells why and what would help.
-    """
-    return find_common_offset([(seen, true)], search=search, drift=drift)
-
-
-def find_common_offset(
     pairs: Sequence[tuple[SpeedCurve, SpeedCurve]],
     *,
     search: tuple[float, float] | None = None,
     drift: bool = True,
 ) -> TimeOffset:
-    """As ``find_time_offset``, for several pairs of curves on the same two clocks."""
+    """Find the offset at which pairs of curves on the same two clocks agree best.
+
+    Args:
+        pairs: seen by the observer, on the source's clock; true by motion capture, on its own.
+        search: lowest and highest offset, seconds, where it is known roughly.
+        drift: estimate a drift too where the overlap is long enough.
+
+    Raises:
+        NotObservable: one sentence that tells why and what would help.
+    """
     # A curve that does not vary knows nothing of the clocks, and its errors are not noise alone.
     pairs = informative(pairs) or pairs
     found = correlation(pairs)
@@ -115,7 +104,7 @@ def find_common_offset(
 
 
 def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[float, float | None]:
-    """The lag of the highest correlation, and the highest correlation of any other peak.
+    """Return the lag of the highest correlation, and the highest correlation of any other peak.
 
     Raises:
         NotObservable: there is no lag with enough overlap or no clear peak.
@@ -188,7 +177,7 @@ def refined(
     step: float,
     drift: bool,
 ) -> TimeOffset:
-    """The offset near ``coarse`` by least squares on the curves, with its sigma.
+    """Refine the offset near ``coarse`` by least squares on the curves, with its sigma.
 
     Raises:
         NotObservable: the offset remains too uncertain, or wanders off.

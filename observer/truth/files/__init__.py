@@ -1,1 +1,1 @@
-"""Motion capture from files: one reader for each format, and one that finds out which it is."""
+"""Motion capture from files: a reader for each format, and one that recognises the format."""

@@ -1,8 +1,9 @@
-"""What three angles of Vicon mean: a rotation vector ("helical"), or Euler angles about x, y, z.
+"""Rotations as files write them: quaternions, rotation vectors ("helical") or Euler angles XYZ.
 
-Tracker's default is helical, but its header says "Global Angle" for both. Euler angles have a
-range; helical ones leave it on the far side of a turn. Within it the body tells: what drives over
-a floor keeps one of its own directions upright, and only the right reading shows that.
+Vicon's three angles are one of the latter two. Tracker's default is helical, but its header says
+"Global Angle" for both. Euler angles have a range; helical ones leave it on the far side of a turn.
+Within it the body tells: what drives on the ground keeps one of its own directions upright, and
+only the right reading shows that.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ from observer.geometry import Float64Array, rotation_matrix
 
 AngleReading = Literal["helical", "euler_xyz"]
 
+# Files round quaternions to three digits and more.
+_UNIT_WITHIN = 1e-2
+
 # Files give six digits.
 _ROUNDING_RAD = 1e-3
 # Readings that differ by no more than this give the same experiment.
@@ -30,14 +34,14 @@ _UPRIGHT_DEG = 10.0
 # ... and at least this many times as much, and so much more, read wrongly.
 _CLEAR_RATIO = 3.0
 _CLEAR_MORE_DEG = 2.0
-# A single sample may be a marker's mistake.
+# A single sample may be an outlier.
 _SHARE = 0.99
-# More of them would tell nothing new.
+# More samples would tell nothing new.
 _LOOKED_AT = 20_000
 
 
 class AnglesUnclear(TruthError):
-    """The angles can be read in two ways, and only a person can tell which is meant.
+    """Angles that can be read in two ways; only a person can tell which is meant.
 
     Attributes:
         helical_tilt_deg, euler_xyz_tilt_deg: how far the bodies tilt, read in either way.
@@ -55,14 +59,14 @@ class AnglesUnclear(TruthError):
 
 @dataclass(frozen=True)
 class FoundReading:
-    """How angles are to be read, and one sentence that says why."""
+    """Reading of angles, and one sentence that says why."""
 
     reading: AngleReading
     why: str
 
 
 def rotations(angles: Float64Array, reading: AngleReading) -> Float64Array:
-    """``R_room_body`` (N, 3, 3) by angles (N, 3) in radians; NaN where an angle is.
+    """Return ``R_room_body`` (N, 3, 3) of angles (N, 3) in radians; NaN where an angle is.
 
     Helical: the rotation vector. Euler XYZ: intrinsic, ``R = Rx(a) Ry(b) Rz(c)``.
     """
@@ -79,8 +83,24 @@ def rotations(angles: Float64Array, reading: AngleReading) -> Float64Array:
     return matrices
 
 
+def quaternion_rotations(xyzw: Float64Array) -> tuple[Float64Array, NDArray[np.bool_]]:
+    """Return ``R_room_body`` (N, 3, 3) of quaternions (N, 4), scalar last; NaN where a number is.
+
+    The second array (N,) marks those that are no unit quaternions, those with NaN left out; their
+    rotations are NaN.
+    """
+    matrices = np.full((len(xyzw), 3, 3), np.nan)
+    known = np.isfinite(xyzw).all(axis=1)
+    with np.errstate(over="ignore"):
+        lengths = np.sqrt((xyzw * xyzw).sum(axis=1))
+    unit = known & (np.abs(lengths - 1) <= _UNIT_WITHIN)
+    if unit.any():
+        matrices[unit] = scipy.spatial.transform.Rotation.from_quat(xyzw[unit]).as_matrix()
+    return matrices, np.asarray(known & ~unit)
+
+
 def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> FoundReading:
-    """The reading of all bodies' angles (N, 3) in radians, NaN in gaps.
+    """Find the reading of all bodies' angles (N, 3) in radians, NaN in gaps.
 
     Args:
         name: the file's, for messages.
@@ -98,7 +118,7 @@ def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> FoundReading:
                 f"angles are helical (rotation vectors): those of {body} reach {most:.2f} rad, "
                 f"which Euler angles do not",
             )
-    # What hardly turns is given another constant by another reading, which nothing can tell.
+    # For what hardly turns another reading is another constant rotation, which nothing reveals.
     readings = [r for r in map(_Readings.of, some.values()) if r.turned_deg > _SAME_DEG]
     if some and not readings:
         return FoundReading(
@@ -131,7 +151,7 @@ def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> FoundReading:
 
 @dataclass(frozen=True)
 class _Readings:
-    """What two readings of one body's angles make of it, degrees."""
+    """Tilts and turns of a body by both readings of its angles, degrees."""
 
     helical_tilt_deg: float
     euler_tilt_deg: float
@@ -150,7 +170,7 @@ class _Readings:
 
     @property
     def vote(self) -> AngleReading | None:
-        """The reading that leaves the body upright while the other one does not."""
+        """Reading that leaves the body upright while the other one does not."""
         lower, higher = sorted((self.helical_tilt_deg, self.euler_tilt_deg))
         if lower > _UPRIGHT_DEG or higher < max(_CLEAR_RATIO * lower, lower + _CLEAR_MORE_DEG):
             return None
@@ -168,7 +188,7 @@ def _beyond_euler(angles: Float64Array) -> NDArray[np.bool_]:
 
 
 def _tilt_deg(R_room_body: Float64Array) -> float:
-    """How far the body's direction that is upright on average leaves the vertical, degrees."""
+    """Return the largest angle from the vertical of the body's mean upright direction, degrees."""
     # The room's z axis as the body sees it.
     up = R_room_body[:, 2, :]
     mean = up.mean(axis=0)
@@ -177,7 +197,8 @@ def _tilt_deg(R_room_body: Float64Array) -> float:
 
 
 def _largest_between_deg(a: Float64Array, b: Float64Array) -> float:
-    """Of rotations (N, 3, 3): the one from a to b has the trace 1 + 2 cos."""
+    """Return the largest angle between rotations (N, 3, 3), degrees."""
+    # The rotation from a to b has the trace 1 + 2 cos.
     return _largest_deg(((a * b).sum(axis=(1, 2)) - 1) / 2)
 
 

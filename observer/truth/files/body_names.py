@@ -1,4 +1,4 @@
-"""Names of bodies that differ, however often a file repeats one."""
+"""Unique names of bodies, however often a file repeats one."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class BodyNames:
         self._next: dict[str, int] = {}
 
     def of(self, told: str) -> str:
-        """The name for a body that the file calls ``told``; an empty one becomes ``unnamed``.
+        """Return the name for a body that the file calls ``told``; ``unnamed`` if it is empty.
 
         Raises:
-            TruthError: the file has more bodies than anybody tracks.
+            TruthError: the file has too many bodies.
         """
         if len(self._taken) == _MOST_BODIES:
             raise TruthError(

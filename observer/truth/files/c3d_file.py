@@ -1,7 +1,7 @@
 """C3D files: markers in binary, read by the package ``c3d``, which the extra ``c3d`` installs.
 
-It is plain Python: a damaged file ends in an exception and not, as with readers in C++, with the
-process. The format: C3D.ORG, The C3D File Format User Guide.
+It is plain Python: a damaged file raises an exception instead of ending the process, as readers in
+C++ may. The format: C3D.ORG, The C3D File Format User Guide.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from observer.truth.motion_capture import Capture, Trajectory
 _KEY = 0x50
 _LEAST_BYTES = 1024
 _MOST_NUMBERS = 60_000_000
-# Labels of points that are results of a model and no places.
+# Labels of points that are results of a model, not positions.
 _NO_PLACES = ("ANGLES", "FORCES", "MOMENTS", "POWERS", "SCALARS")
 
 
 def is_c3d(head: bytes) -> bool:
-    """Whether a file that begins so is C3D: a key byte, and words that no text has."""
+    """Tell whether a file that begins so is C3D: a key byte, and words that no text has."""
     return len(head) > 1 and head[1] == _KEY and 0 < head[0] < 0x20 and b"\0" in head
 
 
 def is_c3d_installed() -> bool:
-    """Whether the extra ``c3d`` is there."""
+    """Tell whether the extra ``c3d`` is installed."""
     return importlib.util.find_spec("c3d") is not None
 
 
 def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
-    """Every marker of the file; times are seconds since the system's frame 1.
+    """Read every marker of the file; times are seconds since the system's frame 1.
 
     Args:
         name: the file's, for messages. rate_hz: instead of the file's.
@@ -57,16 +57,17 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
         raise TruthError(f"{name}: the C3D file is cut off; export it once more")
     with (
         path.open("rb") as file,
-        # A damaged file may tell of any length: of a map nobody reads more than there is.
+        # A damaged file may claim any length; nobody reads beyond the end of a map.
         mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content,
         warnings.catch_warnings(),
         np.errstate(all="ignore"),
     ):
-        # The package warns of what is checked here, or does not matter.
+        # The package warns of what is checked here or does not matter.
         warnings.simplefilter("ignore")
         try:
-            trial = _Trial(_reader(content), name, len(content))
-            return trial.capture(rate_hz)
+            import c3d  # type: ignore[import-untyped]
+
+            return _Trial(c3d.Reader(content), name, len(content)).capture(rate_hz)
         except TruthError:
             raise
         except Exception as error:  # noqa: BLE001 - what the package raises of damage is anything
@@ -76,14 +77,8 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
             ) from None
 
 
-def _reader(content: mmap.mmap) -> Any:
-    import c3d  # type: ignore[import-untyped]
-
-    return c3d.Reader(content)
-
-
 class _Trial:
-    """What a C3D file holds of points."""
+    """Points of a C3D file."""
 
     def __init__(self, reader: Any, name: str, size: int) -> None:
         self._reader = reader
@@ -141,7 +136,7 @@ class _Trial:
         return Capture("C3D markers", rate, bodies, notes)
 
     def _first_frame(self) -> int:
-        """The first frame's number; the package has the word of large ones wrong."""
+        """Return the first frame's number; the package reads large ones wrong."""
         told = self._reader.get("TRIAL:ACTUAL_START_FIELD")
         if told is None:
             return int(self._reader.first_frame)
@@ -149,7 +144,7 @@ class _Trial:
         return low + (high << 16)
 
     def _positions(self) -> Float64Array:
-        """(frames, points, 3) in the file's unit; NaN in gaps."""
+        """Return positions (frames, points, 3) in the file's unit; NaN in gaps."""
         positions = np.full((self._frames, self._points, 3), np.nan)
         read = 0
         for _, points, _ in self._reader.read_frames(copy=False):
@@ -177,7 +172,7 @@ class _Trial:
         return "mm", ("places are read in millimetres, though the file tells no unit",)
 
     def _labels(self) -> list[str]:
-        # From 256 points on the names go on in LABELS2 and so on.
+        # From 256 points on the names continue in LABELS2 and so on.
         labels = self._texts("POINT:LABELS")
         number = 2
         while len(labels) < self._points and (more := self._texts(f"POINT:LABELS{number}")):
@@ -186,7 +181,7 @@ class _Trial:
         return labels
 
     def _texts(self, key: str) -> list[str]:
-        """A parameter's strings; the package's own way runs as long as a damaged file says."""
+        """Return a parameter's strings; the package would run as long as a damaged file says."""
         parameter = self._reader.get(key)
         if parameter is None:
             return []

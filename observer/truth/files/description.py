@@ -1,4 +1,4 @@
-"""What was understood of a file of motion capture, as an upload answers it."""
+"""Description of a file of motion capture, for the answer to an upload."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.truth.speeds import smoothed_velocity
 
 
 def describe_capture(capture: Capture) -> dict[str, Any]:
-    """Plain data for JSON; what is not known is None.
+    """Return plain data for JSON; unknown values are None.
 
     ``format``, ``rate_hz``, ``duration_s`` (of all bodies together), ``notes``, and ``bodies``:
     for each its ``name``, whether it ``has_orientation``, ``samples``, those ``seen``, ``gaps``,

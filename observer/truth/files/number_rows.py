@@ -1,4 +1,4 @@
-"""Rows of numbers out of a text file, quickly and with a bound on memory; empty cells are NaN."""
+"""Fast reader of rows of numbers in a text file, with bounded memory; empty cells are NaN."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NAN = math.nan
 
 
 class NumberRows:
-    """A table of numbers as it was read.
+    """Table of numbers as it was read.
 
     Attributes:
         count: of rows. names: the texts of the column of names, in the order they appear; that
@@ -36,19 +36,19 @@ class NumberRows:
         self.count = len(lines)
 
     def columns(self, wanted: Sequence[int]) -> Float64Array:
-        """(N, len(wanted)), a new array."""
+        """Return columns (N, len(wanted)) as a new array."""
         return np.concatenate([chunk[:, wanted] for chunk in self._chunks])
 
     def column(self, wanted: int) -> Float64Array:
-        """(N,), a new array."""
-        return np.concatenate([chunk[:, wanted] for chunk in self._chunks])
+        """Return a column (N,) as a new array."""
+        return self.columns([wanted])[:, 0]
 
     def line(self, row: int) -> int:
-        """The number of the line that a row stands in, from 1."""
+        """Return the number of a row's line, from 1."""
         return int(self._lines[row])
 
     def first(self, wrong: NDArray[np.bool_]) -> tuple[int, int]:
-        """The first True of (N,): its row and its line."""
+        """Return row and line of the first True of (N,)."""
         row = int(np.argmax(wrong))
         return row, self.line(row)
 
@@ -62,7 +62,7 @@ def read_numbers(
     only: Sequence[int] | None = None,
     short: bool = False,
 ) -> NumberRows:
-    """Rows until an empty line or the end, one number for each label.
+    """Read rows until an empty line or the end, one number for each label.
 
     Args:
         labels: what each cell is, for messages.
@@ -70,7 +70,7 @@ def read_numbers(
             ones are passed over.
         names_in: the index of a column that holds names.
         only: indices of the columns that are used; None for all. Others may hold anything.
-        short: whether a row may end early; what is not there is NaN.
+        short: rows may end early; missing cells are NaN.
 
     Raises:
         TruthError: a cell is no number, a row has too few or too many, or there are too many.
@@ -121,12 +121,12 @@ class _Reader:
         self.names: dict[str, int] = {}
 
     def row(self, line: str) -> list[float]:
-        """One number for each label."""
+        """Parse a line into one number for each label."""
         if '"' in line:
             cells = cells_of(self._lines, line, self._separator)
         else:
             if self._separator == ";":
-                # Where cells are parted by semicolons, a comma is the decimal point.
+                # Where semicolons separate cells, a comma is the decimal point.
                 line = line.replace(",", ".")
             cells = line.split(self._separator)
         if self._names_in is not None and self._names_in < len(cells):
@@ -160,7 +160,7 @@ class _Reader:
         return row
 
     def chunk(self, rows: list[list[float]], numbers: list[int]) -> Float64Array:
-        """The rows read last as an array, checked."""
+        """Return the rows read last as an array, checked."""
         values = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._labels))
         wrong = np.isinf(values)
         if wrong.any():
@@ -189,7 +189,7 @@ class _Reader:
 
 
 def cells_of(lines: TextLines, line: str, separator: str | None) -> list[str]:
-    """The cells of the line that was read last, quotation marks understood.
+    """Split the line that was read last into cells, with quotation marks.
 
     Raises:
         TruthError: the line is no valid CSV.

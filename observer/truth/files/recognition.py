@@ -1,4 +1,4 @@
-"""From a file of any known format to a capture, recognised by content, not by name."""
+"""Reader of motion capture files of all known formats, recognised by content, not by name."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from observer.truth.motion_capture import Capture
 
 FileKind = Literal["truth.csv", "vicon csv", "c3d", "plain csv", "tum"]
 
-# Lines that tell what a text is; a TUM file's comments may stand before them.
+# Lines that identify a text; a TUM file's comments may precede them.
 _LOOKED_AT = 8
 _MOST_COMMENTS = 100
 _HEAD_BYTES = 1024
 
 
 class IsAlignedTruth(TruthError):
-    """The file is the project's own ``truth.csv``: no motion capture, but aligned truth already."""
+    """File that is the project's own ``truth.csv``: aligned truth, no motion capture."""
 
 
 def file_kind(path: Path | str) -> FileKind:
-    """What a file is; ``truth.csv`` is for ``CsvTruth``, all others for ``read_capture``.
+    """Recognise a file; ``truth.csv`` is for ``CsvTruth``, all others for ``read_capture``.
 
     Raises:
         TruthError: it cannot be read, or is none of the known formats.
@@ -53,12 +53,12 @@ def read_capture(
     rate_hz: float | None = None,
     angles: AngleReading | None = None,
 ) -> Capture:
-    """Everything that a file of motion capture holds, in metres, seconds and its own room frame.
+    """Read all of a file of motion capture, in metres, seconds and its own room frame.
 
     Args:
-        rate_hz: instead of the file's, or where it tells none (Vicon Tracker 3.5); has no meaning
-            for files whose samples have times of their own.
-        angles: how Vicon's three angles are to be read; None finds out.
+        rate_hz: instead of the file's, or where it has none (Vicon Tracker 3.5); has no meaning
+            for files whose samples have their own times.
+        angles: reading of Vicon's three angles; None finds out.
 
     Raises:
         TruthError: one sentence naming the file, the line, the cell and the reason.

@@ -1,4 +1,4 @@
-"""A text file line by line, numbered for messages, never more of it in memory than needed."""
+"""Reader of a text file line by line, numbered for messages, with bounded memory."""
 
 from __future__ import annotations
 
@@ -10,20 +10,20 @@ from observer.errors import TruthError
 
 # Enough for tens of thousands of markers in a row.
 _MOST_CHARACTERS = 1 << 20
-# What the decision between UTF-8 and an older encoding looks at.
+# Bytes that decide between UTF-8 and an older encoding.
 _LOOK = 1 << 16
 _WIDE_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 class TextLines:
-    """Lines without their ends, one after the other; one may be looked at ahead.
+    """Lines without their ends, with look-ahead.
 
-    Text is UTF-8 with or without a byte order mark; what is not is read as Windows' Western
-    European code page, in which Nexus writes names.
+    Text is UTF-8 with or without a byte order mark; any other is read as Windows' Western European
+    code page, in which Nexus writes names.
 
     Attributes:
         name: the file's, for messages. number: the line's that ``next`` gave last, from 1.
-        is_utf8: whether the file's beginning is UTF-8.
+        is_utf8: True if the file's beginning is UTF-8.
 
     Raises:
         TruthError: it is no text, or a line is longer than a million characters.
@@ -46,14 +46,14 @@ class TextLines:
         self._ahead: list[str] = []
 
     def next(self) -> str | None:
-        """The next line, None at the end."""
+        """Return the next line, None at the end."""
         line = self._ahead.pop(0) if self._ahead else self._read(self.number + 1)
         if line is not None:
             self.number += 1
         return line
 
     def look(self, count: int) -> list[str]:
-        """The next lines, which ``next`` still gives: ``count``, or fewer at the end."""
+        """Return the next ``count`` lines, fewer at the end, without consuming them."""
         while len(self._ahead) < count:
             line = self._read(self.number + len(self._ahead) + 1)
             if line is None:
@@ -62,7 +62,7 @@ class TextLines:
         return self._ahead[:count]
 
     def where(self, number: int | None = None, cell: int | None = None) -> str:
-        """How a message names a line, the last one by default, and a cell of it from 1."""
+        """Name a line, the last one by default, and a cell of it from 1, for messages."""
         line = f"{self.name} line {self.number if number is None else number}"
         return line if cell is None else f"{line} cell {cell}"
 
@@ -80,6 +80,11 @@ UNDERSTOOD = (
     "understood are CSV files of Vicon Tracker (Objects, Segments) and Nexus (Trajectories), C3D, "
     "CSV with the header t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres, and TUM"
 )
+
+
+def separator_of(text: str) -> str:
+    """Return the separator of cells: spreadsheets of some countries write semicolons."""
+    return ";" if text.count(";") > text.count(",") else ","
 
 
 def _is_utf8(head: bytes) -> bool:

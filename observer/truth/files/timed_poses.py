@@ -1,8 +1,8 @@
-"""Trajectories whose samples have times of their own: plain CSV with a header, and TUM.
+"""Reader of trajectories whose samples have their own times: plain CSV with a header, and TUM.
 
 Plain CSV: columns ``t,x,y,z`` and, if known, ``qx,qy,qz,qw``, in any order, with a header, in
-seconds and metres unless the header names a unit (``x_mm``, ``t [ms]``); a column ``body`` parts
-several bodies. TUM: ``t tx ty tz qx qy qz qw`` parted by spaces, without a header.
+seconds and metres unless the header names a unit (``x_mm``, ``t [ms]``); a column ``body`` tells
+several bodies apart. TUM: ``t tx ty tz qx qy qz qw`` separated by spaces, without a header.
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
+from observer.truth.files.angles import quaternion_rotations
 from observer.truth.files.body_names import BodyNames
 from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
-from observer.truth.files.quaternions import quaternion_rotations
-from observer.truth.files.text_lines import TextLines
+from observer.truth.files.text_lines import TextLines, separator_of
 from observer.truth.files.units import LENGTHS_M, MOST_METRES, TIMES_S, length_word
 from observer.truth.motion_capture import Capture, Trajectory
 
@@ -29,7 +29,7 @@ _TURN = ("qx", "qy", "qz", "qw")
 _ALIASES = {"time": "t", "timestamp": "t", "tx": "x", "ty": "y", "tz": "z", "name": "body"}
 # A title, and its unit as in x_mm, x [mm] or x (mm).
 _TITLE = re.compile(r"^([a-z]+)(?:_(mm|cm|m|ms|us|ns|s)|\s*[\[(]\s*([a-z]+)\s*[\])])?$")
-# What a body is called where the file names none.
+# Name of a body where the file has none.
 _ONLY_BODY = "body"
 # Of the project's own truth.csv, which has x, y, z and t as well.
 _OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
@@ -37,39 +37,38 @@ _MOST_SECONDS = 1e11
 
 
 def is_own_truth(first_line: str) -> bool:
-    """Whether a file that begins so is the project's own ``truth.csv``."""
+    """Tell whether a file that begins so is the project's own ``truth.csv``."""
     return set(first_line.strip().split(",")) >= _OWN
 
 
 def is_plain_csv(first_line: str) -> bool:
-    """Whether a file that begins so is a plain CSV with a header."""
-    titles = {title for title, _ in map(_understood_title, _header_cells(first_line))}
+    """Tell whether a file that begins so is a plain CSV with a header."""
+    cells = first_line.split(separator_of(first_line))
+    titles = {title for title, _ in map(_understood_title, cells)}
     return titles >= {"t", *_POSITION}
 
 
 def is_tum(line: str) -> bool:
-    """Whether a file whose first line that is no comment is this one is a TUM trajectory."""
+    """Tell whether a file with this first line that is no comment is a TUM trajectory."""
     cells = line.split()
     return len(cells) == len(_TUM) and all(map(_is_number, cells))
 
 
 def read_plain_csv(lines: TextLines) -> Capture:
-    """Every body of a plain CSV.
+    """Read every body of a plain CSV.
 
     Raises:
         TruthError: one sentence naming the line, the cell and the reason.
     """
     first = lines.next() or ""
-    separator = _separator(first)
+    separator = separator_of(first)
     cells = cells_of(lines, first, separator)
     titles = [_understood_title(cell) for cell in cells]
     columns = _columns(lines, titles)
     scales = [_scale(lines, titles, index) for index in range(len(titles))]
     labels = [" ".join(cell.split())[:40] or f"column {k}" for k, cell in enumerate(cells, 1)]
-    rows = read_numbers(
-        lines, labels, separator=separator, names_in=columns.get("body"),
-        only=sorted(columns.values()),
-    )  # fmt: skip
+    names_in, used = columns.get("body"), sorted(columns.values())
+    rows = read_numbers(lines, labels, separator=separator, names_in=names_in, only=used)
     unit = titles[columns["x"]][1] or "m"
     turn = [columns[title] for title in _TURN if title in columns]
     bodies = rows.column(columns["body"]) if "body" in columns else np.zeros(rows.count)
@@ -90,7 +89,7 @@ def read_plain_csv(lines: TextLines) -> Capture:
 
 
 def read_tum(lines: TextLines) -> Capture:
-    """The one body of a TUM trajectory.
+    """Read the one body of a TUM trajectory.
 
     Raises:
         TruthError: one sentence naming the line, the cell and the reason.
@@ -105,7 +104,7 @@ def read_tum(lines: TextLines) -> Capture:
 
 @dataclass(frozen=True, eq=False)
 class _Table:
-    """All rows: times (N,) in seconds, positions (N, 3) in metres, quaternions (N, 4) or None."""
+    """Rows of a file: times (N,) s, positions (N, 3) m, quaternions (N, 4) or None."""
 
     lines: TextLines
     rows: NumberRows
@@ -115,7 +114,7 @@ class _Table:
     labels: Sequence[str]
 
     def trajectory(self, name: str, its: NDArray[np.bool_]) -> Trajectory:
-        """The rows that are one body's.
+        """Return the trajectory of one body's rows.
 
         Raises:
             TruthError: there are none, times do not rise, or numbers are no pose.
@@ -124,15 +123,15 @@ class _Table:
             raise TruthError(f"{self.lines.name}: there are no rows of numbers in it")
         at = np.flatnonzero(its)
         times, positions = self.times[at], self.positions[at]
-        self._refuse(at, ~(np.abs(times) <= _MOST_SECONDS),
-                     f"the time must be known, and within {_MOST_SECONDS:g} s")  # fmt: skip
+        lost = ~(np.abs(times) <= _MOST_SECONDS)
+        self._refuse(at, lost, f"the time must be known, and within {_MOST_SECONDS:g} s")
         late = np.append(False, np.diff(times) <= 0)
         self._refuse(at, late, f"the time is not later than that of {name} before it")
         known = np.isfinite(positions)
-        self._refuse(at, known.any(axis=1) & ~known.all(axis=1),
-                     "x, y and z must all be known, or none of them")  # fmt: skip
-        self._refuse(at, (np.abs(positions) > MOST_METRES).any(axis=1),
-                     f"x, y and z must lie within {MOST_METRES:g} m")  # fmt: skip
+        partial = known.any(axis=1) & ~known.all(axis=1)
+        self._refuse(at, partial, "x, y and z must all be known, or none of them")
+        far = (np.abs(positions) > MOST_METRES).any(axis=1)
+        self._refuse(at, far, f"x, y and z must lie within {MOST_METRES:g} m")
         matrices = None
         if self.turns is not None:
             turns = self.turns[at]
@@ -148,7 +147,7 @@ class _Table:
 
 
 def _columns(lines: TextLines, titles: Sequence[tuple[str, str | None]]) -> dict[str, int]:
-    """Where the columns that are used stand."""
+    """Return the indices of the columns that are used, by title."""
     columns: dict[str, int] = {}
     for index, (title, _) in enumerate(titles):
         if title in ("t", "body", *_POSITION, *_TURN):
@@ -164,7 +163,7 @@ def _columns(lines: TextLines, titles: Sequence[tuple[str, str | None]]) -> dict
 
 
 def _scale(lines: TextLines, titles: Sequence[tuple[str, str | None]], index: int) -> float:
-    """From a column's unit to seconds or metres."""
+    """Return the factor from a column's unit to seconds or metres."""
     title, unit = titles[index]
     known = TIMES_S if title == "t" else LENGTHS_M if title in _POSITION else None
     if known is None or unit is None:
@@ -177,16 +176,8 @@ def _scale(lines: TextLines, titles: Sequence[tuple[str, str | None]], index: in
     return known[unit]
 
 
-def _header_cells(line: str) -> list[str]:
-    return line.split(_separator(line))
-
-
-def _separator(line: str) -> str:
-    return ";" if line.count(";") > line.count(",") else ","
-
-
 def _understood_title(cell: str) -> tuple[str, str | None]:
-    """A column's title and its unit, where it names one."""
+    """Return a column's title and its unit, where it names one."""
     found = _TITLE.match(cell.strip(" \t\"'#").lower())
     if found is None:
         return "", None

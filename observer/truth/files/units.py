@@ -8,7 +8,7 @@ LENGTHS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 ANGLES_RAD = {"rad": 1.0, "deg": math.pi / 180, "°": math.pi / 180}
 TIMES_S = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 
-# Nothing that is larger was measured in a room, or outdoors.
+# Larger numbers were measured neither in a room nor outdoors.
 MOST_METRES = 1e8
 MOST_RADIANS = 1e3
 # A rate beyond it is a mistake.
@@ -16,5 +16,5 @@ FASTEST_HZ = 100_000.0
 
 
 def length_word(unit: str) -> str:
-    """The unit in words for people."""
+    """Return the unit as a word for people."""
     return {"m": "metres", "cm": "centimetres", "mm": "millimetres"}.get(unit, unit)

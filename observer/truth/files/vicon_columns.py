@@ -1,4 +1,4 @@
-"""What stands in which column of a Vicon CSV: its three header rows, understood."""
+"""Columns of a Vicon CSV, by its three header rows."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PREFIX = "global angle "
 
 @dataclass(frozen=True)
 class BodyColumns:
-    """One body's or marker's columns.
+    """Columns of a body or marker.
 
     Attributes:
         rotation: indices of RX, RY, RZ (and RW); empty for a marker. position: of x, y, z.
@@ -42,16 +42,14 @@ class BodyColumns:
 
     @property
     def labels(self) -> list[str]:
-        """What each of its cells is, in the file's order, for messages."""
+        """Names of its cells, in the file's order, for messages."""
         return [f"{axis} of {self.name}" for axis in _TITLES[self.kind]]
 
 
 def is_frame_row(cells: Sequence[str]) -> bool:
-    """Whether a row is the one that names the columns: ``Frame,Sub Frame,...``."""
-    return [cell.strip().lower().replace(" ", "") for cell in cells[:_BEFORE]] == [
-        "frame",
-        "subframe",
-    ]
+    """Tell whether a row is the one that names the columns: ``Frame,Sub Frame,...``."""
+    first = [cell.strip().lower().replace(" ", "") for cell in cells[:_BEFORE]]
+    return first == ["frame", "subframe"]
 
 
 def body_columns(
@@ -61,7 +59,7 @@ def body_columns(
     units: Sequence[str],
     taken: BodyNames,
 ) -> list[BodyColumns]:
-    """The columns by body, of a section whose row of units was read last.
+    """Return the columns by body, of a section whose row of units was read last.
 
     Args:
         taken: the names given so far.
@@ -126,7 +124,7 @@ def _name(cell: str) -> str:
     if name.lower().startswith(_PREFIX):
         name = name[len(_PREFIX) :]
     subject, colon, segment = name.partition(":")
-    # Tracker calls each object by its own name twice.
+    # Tracker writes each object's name twice.
     if colon and subject.strip() == segment.strip():
         name = subject.strip()
     return name

@@ -1,8 +1,8 @@
-"""Vicon's CSV files: Tracker's Objects and Segments, Nexus' Trajectories and Segments.
+"""Reader of Vicon's CSV files: Tracker's Objects and Segments, Nexus' Trajectories and Segments.
 
-A file is a list of sections, parted by empty lines; each has a title, the rate, the names, the
+A file is a list of sections, separated by empty lines; each has a title, the rate, the names, the
 columns (``Frame,Sub Frame,...``), the units, and the samples. Devices and what else Nexus writes
-(model outputs, joints, events) are passed over. Tracker 3.5 leaves the rate out.
+(model outputs, joints, events) are skipped. Tracker 3.5 leaves the rate out.
 """
 
 from __future__ import annotations
@@ -15,11 +15,15 @@ from numpy.typing import NDArray
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
-from observer.truth.files.angles import AngleReading, find_reading, rotations
+from observer.truth.files.angles import (
+    AngleReading,
+    find_reading,
+    quaternion_rotations,
+    rotations,
+)
 from observer.truth.files.body_names import BodyNames
 from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
-from observer.truth.files.quaternions import quaternion_rotations
-from observer.truth.files.text_lines import TextLines
+from observer.truth.files.text_lines import TextLines, separator_of
 from observer.truth.files.units import FASTEST_HZ, MOST_METRES, MOST_RADIANS, length_word
 from observer.truth.files.vicon_columns import BodyColumns, body_columns, is_frame_row
 from observer.truth.motion_capture import Capture, Trajectory
@@ -36,10 +40,10 @@ _EMPTY = " \t,;"
 
 
 def is_vicon_csv(first_lines: Sequence[str]) -> bool:
-    """Whether a text that begins with these lines is one of Vicon's."""
+    """Tell whether a text that begins with these lines is one of Vicon's."""
     if not first_lines:
         return False
-    separator = _separator(first_lines)
+    separator = separator_of("".join(first_lines))
     rows = [line.split(separator) for line in first_lines[:_HEADER_ROWS]]
     return _title(rows[0]) in (*_READ, *_SKIPPED) or any(map(is_frame_row, rows))
 
@@ -47,18 +51,18 @@ def is_vicon_csv(first_lines: Sequence[str]) -> bool:
 def read_vicon_csv(
     lines: TextLines, *, rate_hz: float | None = None, angles: AngleReading | None = None
 ) -> Capture:
-    """Every body and marker of the file.
+    """Read every body and marker of the file.
 
     Times are seconds since the system's frame 1.
 
     Args:
-        rate_hz: instead of the file's. angles: None finds out how they are to be read.
+        rate_hz: instead of the file's. angles: their reading; None finds out.
 
     Raises:
         TruthError: one sentence naming the line, the cell and the reason.
         AnglesUnclear: only a person can tell how angles are to be read.
     """
-    separator = _separator(lines.look(_HEADER_ROWS))
+    separator = separator_of("".join(lines.look(_HEADER_ROWS)))
     found = _Found(lines, separator, rate_hz, BodyNames(lines.name))
     while (line := lines.next()) is not None:
         if line.strip(_EMPTY):
@@ -91,7 +95,7 @@ def read_vicon_csv(
 
 @dataclass(eq=False)
 class _Found:
-    """What the sections read so far hold."""
+    """Content of the sections read so far."""
 
     lines: TextLines
     separator: str
@@ -146,7 +150,7 @@ def _read_section(first: str, found: _Found) -> None:
 
 
 def _rate(rows: Sequence[Sequence[str]], bodies: int, found: _Found) -> float:
-    """Samples a second, from the rows between the title and the names, or as was asked for."""
+    """Return the rate, 1/s, by the rows between the title and the names, or as asked for."""
     name = found.lines.name
     told = next((value for row in rows if (value := _number(row)) is not None), None)
     if told is not None and told == bodies and told < _SLOWEST_HZ:
@@ -203,13 +207,20 @@ def _add_body(body: BodyColumns, rows: NumberRows, times: Float64Array, found: _
     turned = rows.columns(body.rotation)
     turned *= body.rotation_scale
     known = np.isfinite(positions)
-    _refuse(known.any(axis=1) & ~known.all(axis=1), body, rows, found.lines,
-            "its place must be known in all three axes or in none")  # fmt: skip
-    _refuse((np.abs(positions) > MOST_METRES).any(axis=1), body, rows, found.lines,
-            f"its place must lie within {MOST_METRES:g} m")  # fmt: skip
-    _refuse((np.abs(turned) > MOST_RADIANS).any(axis=1), body, rows, found.lines,
-            f"its angles must lie within {MOST_RADIANS:g} rad")  # fmt: skip
-    # Nobody measures exact zeros in every axis: some exports write them for what was not seen.
+
+    def refuse(wrong: NDArray[np.bool_] | np.bool_, why: str) -> None:
+        if wrong.any():
+            _, line = rows.first(np.asarray(wrong))
+            cell = (body.rotation or body.position)[0] + 1
+            raise TruthError(f"{found.lines.where(line, cell)}: of {body.name}, {why}")
+
+    partial = known.any(axis=1) & ~known.all(axis=1)
+    refuse(partial, "its place must be known in all three axes or in none")
+    far = (np.abs(positions) > MOST_METRES).any(axis=1)
+    refuse(far, f"its place must lie within {MOST_METRES:g} m")
+    beyond = (np.abs(turned) > MOST_RADIANS).any(axis=1)
+    refuse(beyond, f"its angles must lie within {MOST_RADIANS:g} rad")
+    # Nobody measures exact zeros in all axes: some exports write them for gaps.
     lost = (positions == 0).all(axis=1) & (turned[:, :3] == 0).all(axis=1)
     if lost.any():
         found.notes.append("samples in which all numbers are exactly 0 are taken for gaps")
@@ -219,29 +230,10 @@ def _add_body(body: BodyColumns, rows: NumberRows, times: Float64Array, found: _
     matrices = None
     if body.kind == "quaternion":
         matrices, wrong = quaternion_rotations(turned)
-        _refuse(wrong, body, rows, found.lines, "RX, RY, RZ, RW must be a unit quaternion")
+        refuse(wrong, "RX, RY, RZ, RW must be a unit quaternion")
     elif body.kind == "helical or euler":
         found.angles[body.name] = turned
     found.bodies[body.name] = Trajectory(body.name, times, positions, matrices)
-
-
-def _refuse(
-    wrong: NDArray[np.bool_] | np.bool_,
-    body: BodyColumns,
-    rows: NumberRows,
-    lines: TextLines,
-    why: str,
-) -> None:
-    if wrong.any():
-        _, line = rows.first(np.asarray(wrong))
-        cell = (body.rotation or body.position)[0] + 1
-        raise TruthError(f"{lines.where(line, cell)}: of {body.name}, {why}")
-
-
-def _separator(lines: Sequence[str]) -> str:
-    """Between cells: a spreadsheet of some countries writes semicolons."""
-    text = "".join(lines)
-    return ";" if text.count(";") > text.count(",") else ","
 
 
 def _title(cells: Sequence[str]) -> str:

@@ -1,1 +1,1 @@
-"""Motion capture as it comes: servers on the network, and their clocks."""
+"""Live motion capture: servers on the network, and their clocks."""

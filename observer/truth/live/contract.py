@@ -1,4 +1,4 @@
-"""What a live motion-capture connection offers, whatever its protocol."""
+"""Contract of a live motion-capture connection, whatever its protocol."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MOST_KEPT = 10_000
 
 @dataclass(frozen=True)
 class LiveCaptureReport:
-    """How a connection is doing.
+    """State of a connection.
 
     Attributes:
         state: ``connecting`` (nobody is reached), ``waiting`` (reached, but no pose came within
@@ -44,23 +44,23 @@ class LiveCaptureReport:
 class LiveCapture(Protocol):
     """A connection that reconnects by itself. No call waits for the network.
 
-    Any thread may call; what one ``drain`` gave no other gives again.
+    Any thread may call; no sample is returned by two calls of ``drain``.
     """
 
     @property
     def spec(self) -> str:
-        """As it was opened, for people and records."""
+        """Spec as it was opened, for people and records."""
         ...
 
     def drain(self) -> tuple[BodySample, ...]:
-        """The samples since the last call, the newest ``MOST_KEPT`` at most, in order of arrival.
+        """Return the samples since the last call in order of arrival, at most ``MOST_KEPT``.
 
         Each body's times rise. A sample without a position says that the body was not seen then.
         """
         ...
 
     def report(self) -> LiveCaptureReport:
-        """How it is doing."""
+        """Return the state of the connection."""
         ...
 
     def close(self) -> None:

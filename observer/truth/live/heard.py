@@ -1,21 +1,60 @@
-"""What every live capture has: a thread that listens, and the intake it fills."""
+"""Base of live captures: a thread that listens, and the intake it fills."""
 
 from __future__ import annotations
 
+import contextlib
+import selectors
+import socket
 import threading
 from collections.abc import Callable
 
 from observer.truth.live.contract import LiveCaptureReport
 from observer.truth.live.intake import Intake
-from observer.truth.live.wakeup import Wakeup
 from observer.truth.motion_capture import BodySample
 
 _RETRY_S = 1.0
 _CLOSE_WITHIN_S = 2.0
 
 
+class Wakeup:
+    """Waiting for a socket that another thread can end at once."""
+
+    def __init__(self) -> None:
+        self._ended = threading.Event()
+        self._woken, self._waker = socket.socketpair()
+        self._waker.setblocking(False)
+
+    @property
+    def ended(self) -> bool:
+        return self._ended.is_set()
+
+    def end(self) -> None:
+        """End the waits, from any thread; safe to call twice."""
+        self._ended.set()
+        with contextlib.suppress(OSError):
+            self._waker.send(b"!")
+
+    def wait(self, timeout_s: float, to_read: socket.socket, *, to_write: bool = False) -> bool:
+        """Wait for the socket; return False after the time is over or ``end`` was called."""
+        with selectors.DefaultSelector() as selector:
+            wanted = selectors.EVENT_WRITE if to_write else selectors.EVENT_READ
+            selector.register(to_read, wanted)
+            selector.register(self._woken, selectors.EVENT_READ)
+            ready = selector.select(timeout_s)
+        return not self.ended and any(key.fileobj is to_read for key, _ in ready)
+
+    def pause(self, seconds: float) -> None:
+        """Wait for so long, or until ``end``."""
+        self._ended.wait(seconds)
+
+    def close(self) -> None:
+        """Release the sockets; for the thread that waits, at its end."""
+        self._woken.close()
+        self._waker.close()
+
+
 class HeardCapture:
-    """Fulfils ``LiveCapture`` by a thread of its own; what it listens to is a subclass's.
+    """Fulfils ``LiveCapture`` by a thread of its own that runs a subclass's ``_listened``.
 
     Args:
         intake: where samples go. spec: as it was opened. name: of the thread.
@@ -24,15 +63,11 @@ class HeardCapture:
 
     def __init__(self, intake: Intake, *, spec: str, name: str, clock: Callable[[], float]) -> None:
         self._intake = intake
-        self._spec = spec
+        self.spec = spec
         self._clock = clock
         self._wakeup = Wakeup()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._thread.start()
-
-    @property
-    def spec(self) -> str:
-        return self._spec
 
     def drain(self) -> tuple[BodySample, ...]:
         return self._intake.drain()
@@ -42,7 +77,7 @@ class HeardCapture:
 
     def close(self) -> None:
         self._wakeup.end()
-        # Looking a host's name up cannot be ended; nobody waits for that.
+        # Resolving a host's name cannot be ended; nobody waits for that.
         self._thread.join(_CLOSE_WITHIN_S)
 
     # --- the thread ---------------------------------------------------------------------------
@@ -55,9 +90,9 @@ class HeardCapture:
                     self._intake.lost(trouble)
                 self._wakeup.pause(_RETRY_S)
         finally:
-            self._intake.lost(f"nobody listens to {self._spec} any more")
+            self._intake.lost(f"nobody listens to {self.spec} any more")
             self._wakeup.close()
 
     def _listened(self) -> str | None:
-        """Listen until it cannot go on or is ended; one sentence of what hinders it, if any."""
+        """Listen until it fails or is ended; return one sentence of what failed, if any."""
         raise NotImplementedError

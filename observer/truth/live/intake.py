@@ -1,4 +1,4 @@
-"""What poses of every protocol go through: gaps, scale, stamps, and the queue to whoever asks."""
+"""Intake of poses of all protocols: gaps, scale, stamps, and the queue for other threads."""
 
 from __future__ import annotations
 
@@ -10,34 +10,37 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from observer.geometry import Float64Array
-from observer.truth.live.clock import ClockFit, ClockFitter
+from observer.truth.live.clock import ClockFitter
 from observer.truth.live.contract import MOST_KEPT, LiveCaptureReport, LiveState
 from observer.truth.live.stamps import StampReader
 from observer.truth.motion_capture import BodySample
 
-# Without a pose for so long, nothing is being received.
+# Without a pose for this long, nothing is being received.
 _QUIET_S = 1.0
 _RATE_OVER_S = 3.0
 _MOST_BODIES = 200
 # No room is larger, and hardly any body in millimetres stays nearer to the origin.
 _ROOM_M = 100.0
-# Whoever sends metres where millimetres are due stays within this, in millimetres.
+# A server that sends metres where millimetres are due stays within this.
 _NEAR_M = 0.02
 _SCALE_AFTER = 100
+
+# Name, position and rotation.
+_Pose = tuple[str, Float64Array | None, Float64Array | None]
 
 
 @dataclass(eq=False)
 class _Body:
-    """What is remembered of one body."""
+    """State of one body."""
 
     pose: tuple[float, ...] | None = None
     time: float | None = None
-    # When, and whether it was seen.
+    # Time of arrival, and True if it was seen.
     lately: deque[tuple[float, bool]] = field(default_factory=lambda: deque(maxlen=4096))
 
 
 class Intake:
-    """Takes poses from the thread that listens, gives samples to any other.
+    """Takes poses from the thread that listens, and gives samples to any other.
 
     Args:
         counts: stamps are numbers of frames. millimetres: the protocol's unit, for people.
@@ -53,8 +56,7 @@ class Intake:
         self._samples: deque[BodySample] = deque()
         self._bodies: dict[str, _Body] = {}
         self._notes: dict[str, str] = {}
-        self._stamps: StampReader[tuple[str, Float64Array | None, Float64Array | None]]
-        self._stamps = StampReader(self._note, counts=counts)
+        self._stamps: StampReader[_Pose] = StampReader(self._note, counts=counts)
         self._fitter = ClockFitter()
         self._dropped = self._unreadable = self._connections = 0
         self._trouble: str | None = "the connection is only being opened"
@@ -67,7 +69,7 @@ class Intake:
     # --- the listening thread -----------------------------------------------------------------
 
     def connected(self) -> None:
-        """Somebody is reached."""
+        """Note that a sender is reached."""
         with self._lock:
             self._connected, self._trouble = True, None
             self._connections += 1
@@ -75,23 +77,23 @@ class Intake:
             self._stamps.restart()
 
     def waiting(self) -> None:
-        """It is listened, but nobody has spoken yet."""
+        """Note that the port is open, but nothing has been received yet."""
         with self._lock:
             self._connected, self._trouble = True, None
             self._since_connected = self._clock()
 
     def lost(self, sentence: str) -> None:
-        """Nobody is reached, and why."""
+        """Note that no sender is reached, and why."""
         with self._lock:
             self._connected, self._trouble = False, sentence
 
     def malformed(self) -> None:
-        """A message could not be read."""
+        """Count a message that could not be read."""
         with self._lock:
             self._unreadable += 1
 
     def note(self, kind: str, sentence: str) -> None:
-        """Something that people should know; it takes the place of what was said of its kind."""
+        """Keep a note for people; it replaces the last one of its kind."""
         with self._lock:
             self._note(kind, sentence)
 
@@ -104,7 +106,7 @@ class Intake:
         position: Float64Array,
         rotation: Float64Array | None,
     ) -> None:
-        """One body's pose as it came.
+        """Take a body's pose as it arrived.
 
         Args:
             numbers: the pose as it stood in the message. A pose that is exactly the one before,
@@ -123,31 +125,24 @@ class Intake:
             body.pose = numbers
             body.lately.append((received, seen))
             self._last_pose = received
-            self._fitter_feed(stamp, received, name, position if seen else None, rotation)
+            item = (name, position, rotation) if seen else (name, None, None)
+            self._queue(stamp, received, item)
             if seen:
                 self._look_at_scale(position)
 
-    def _fitter_feed(
-        self,
-        stamp: float,
-        received: float,
-        name: str,
-        position: Float64Array | None,
-        rotation: Float64Array | None,
-    ) -> None:
-        item = (name, position, None if position is None else rotation)
+    def _queue(self, stamp: float, received: float, item: _Pose) -> None:
         for timed in self._stamps.feed(stamp, received, item):
             self._fitter.add(timed.time, timed.received)
-            known = self._bodies[timed.item[0]]
-            # A stamp that was there already, or comes too late, tells nothing new.
+            name, position, rotation = timed.item
+            known = self._bodies[name]
+            # A stamp that repeats or comes too late tells nothing new.
             if known.time is not None and timed.time <= known.time:
                 continue
             known.time = timed.time
             if len(self._samples) >= MOST_KEPT:
                 self._samples.popleft()
                 self._dropped += 1
-            whose, where, turned = timed.item
-            self._samples.append(BodySample(whose, timed.time, timed.received, where, turned))
+            self._samples.append(BodySample(name, timed.time, timed.received, position, rotation))
 
     def _look_at_scale(self, position: Float64Array) -> None:
         self._poses += 1
@@ -169,25 +164,20 @@ class Intake:
             )
 
     def _note(self, kind: str, sentence: str) -> None:
-        # The newest of a kind, so that a clock that jumps every minute fills nothing.
+        # Only the newest of a kind, so that a clock that jumps every minute needs no memory.
         self._notes[kind] = sentence
 
     # --- any thread ---------------------------------------------------------------------------
 
     def drain(self) -> tuple[BodySample, ...]:
-        """See ``LiveCapture.drain``."""
+        """Return the samples; see ``LiveCapture.drain``."""
         with self._lock:
             ready = tuple(self._samples)
             self._samples.clear()
         return ready
 
-    def clock_fit(self) -> ClockFit | None:
-        """Server to host, as far as known."""
-        with self._lock:
-            return self._fitter.fit()
-
     def report(self) -> LiveCaptureReport:
-        """See ``LiveCapture.report``."""
+        """Return the state; see ``LiveCapture.report``."""
         now = self._clock()
         with self._lock:
             rates, seen = self._rates(now)

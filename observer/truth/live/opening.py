@@ -1,4 +1,4 @@
-"""Opens whatever live motion capture a text names."""
+"""Opening of live motion capture by a spec."""
 
 from __future__ import annotations
 
@@ -21,13 +21,8 @@ _VRPN = re.compile(
 )
 
 
-def is_live(spec: str) -> bool:
-    """Whether a text names live motion capture, and no file; it may name it wrongly."""
-    return spec.lower().startswith((VRPN, VICON_UDP))
-
-
 def check_live(spec: str) -> None:
-    """See that a text names live motion capture, without opening anything.
+    """Check that a text names live motion capture, without opening anything.
 
     Raises:
         TruthError: it does not.
@@ -36,7 +31,7 @@ def check_live(spec: str) -> None:
 
 
 def open_live_truth(spec: str, *, clock: Callable[[], float] = time.monotonic) -> LiveCapture:
-    """Motion capture as it comes; it connects by itself from now on.
+    """Open live motion capture, which connects by itself from now on.
 
     Args:
         spec: ``vrpn:HOST[:PORT][/NAME,NAME]`` (port 3883; only these bodies, or every one) or
@@ -57,7 +52,7 @@ def open_live_truth(spec: str, *, clock: Callable[[], float] = time.monotonic) -
 
 
 def _parse(spec: str) -> tuple[str, str, int, tuple[str, ...]]:
-    """Kind, host, port, names."""
+    """Return kind, host, port and names."""
     if spec.lower().startswith(VICON_UDP):
         text = spec[len(VICON_UDP) :]
         return VICON_UDP, "", _port(text or str(VICON_PORT), spec), ()

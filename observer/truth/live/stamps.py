@@ -1,7 +1,7 @@
-"""A server's stamps made into seconds that rise: whether they are seconds at all, and jumps.
+"""Conversion of a server's stamps, which may be ticks or jump, into seconds that rise.
 
 Some servers stamp with the time of day, some with counters of their own, Vicon's object stream
-with the frame's number; and a server's clock may be set, or begin anew when it is restarted.
+with the frame's number; and a server's clock may be set, or start again when it is restarted.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ _SECONDS_WITHIN = 0.05
 _WHOLE_HZ_WITHIN = 0.1
 _HIGHEST_WHOLE_HZ = 2000
 _COUNTER_HZ = (1e4, 1e5, 1e6, 1e7, 1e9)
-# Nothing arrives before it was sent: what does by more than this was stamped by a clock that
-# somebody set. Clocks drift by far less within ten seconds.
+# Nothing arrives before it was sent: what seems to, by more than this, was stamped by a clock that
+# was set. Clocks drift by far less within ten seconds.
 _EARLY_S = 0.02
-# A network may hold everything back for a while, but hardly for so long.
+# A network may hold everything back for a while, but hardly for this long.
 _LATE_S = 0.05
 _LATE_FOR_S = 3.0
 # Stamps of several bodies, or of datagrams that overtook each other, may be this much out of order.
@@ -43,7 +43,7 @@ _Item = TypeVar("_Item")
 
 @dataclass(frozen=True)
 class Timed(Generic[_Item]):
-    """Something at its time.
+    """An item at its time.
 
     Attributes:
         time: seconds on the server's clock, without its jumps.
@@ -56,10 +56,10 @@ class Timed(Generic[_Item]):
 
 
 class StampReader(Generic[_Item]):
-    """Turns stamps into seconds; keeps things back until it knows how, half a second as a rule.
+    """Turns stamps into seconds; holds items back until it knows how, usually half a second.
 
     Args:
-        notice: told whatever is noticed: its kind, and one sentence.
+        notice: called with the kind and one sentence of what is noticed.
         counts: the stamps are known to be counters, not seconds.
     """
 
@@ -81,12 +81,12 @@ class StampReader(Generic[_Item]):
         self._reached_anew = False
 
     def restart(self) -> None:
-        """The connection is new: its clock may be another."""
+        """Prepare for a new connection, whose clock may be another."""
         self._forget()
         self._reached_anew = True
 
     def feed(self, stamp: float, received: float, item: _Item) -> list[Timed[_Item]]:
-        """What is ready now, in order: nothing, this, or all that was kept back."""
+        """Return what is ready now, in order: nothing, this item, or all that was held back."""
         if self._unit is not None:
             jump = self._jumped(stamp, received)
             if jump is None:
@@ -130,7 +130,7 @@ class StampReader(Generic[_Item]):
         received = np.array([each[1] for each in self._held])
         jumps = _jumps(stamps)
         if len(jumps):
-            # Set while we look at it: what is behind the jump is looked at alone.
+            # The clock was set meanwhile: only what follows the jump counts.
             for _ in range(int(jumps[-1]) + 1):
                 self._held.popleft()
             return False
@@ -160,7 +160,7 @@ class StampReader(Generic[_Item]):
         return True
 
     def _release(self) -> list[Timed[_Item]]:
-        """What was kept back; a clock that began anew goes on where the one before it was."""
+        """Return what was held back; a new clock continues where the one before it was."""
         if self._quickest and not self._stampless:
             unit = self._unit or 1.0
             least = min(each[1] - each[0] * unit for each in self._held)
@@ -183,7 +183,7 @@ class StampReader(Generic[_Item]):
     # --- jumps --------------------------------------------------------------------------------
 
     def _jumped(self, stamp: float, received: float) -> str | None:
-        """A sentence where the server's clock is not what it was."""
+        """Return a sentence if the server's clock has changed."""
         if self._stampless:
             if self._last_stamp is not None and stamp != self._last_stamp:
                 return "the server's stamps move again"
@@ -219,13 +219,13 @@ def _jump_sentence(seconds: float) -> str:
 
 
 def _jumps(stamps: Float64Array) -> NDArray[np.intp]:
-    """Before which stamps, of a yet unknown unit, a clock was set: steps far beyond the mean."""
+    """Return the steps at which a clock of unknown unit was set: those far beyond the mean."""
     steps = np.abs(np.diff(stamps))
     return np.flatnonzero(steps > _JUMP_STEPS * steps.mean())
 
 
 def _nominal(slope: float) -> float:
-    """Seconds in a tick: of the whole rate that is meant, where one is near."""
+    """Return the seconds in a tick, by the nominal rate where one is near."""
     rate = 1 / slope
     if round(rate) >= 1 and rate < _HIGHEST_WHOLE_HZ and abs(rate - round(rate)) < _WHOLE_HZ_WITHIN:
         return 1 / round(rate)

@@ -1,8 +1,8 @@
-"""Vicon Tracker's UDP Object Stream: datagrams to objects and back; no socket here.
+"""Codec of Vicon Tracker's UDP Object Stream, without a socket.
 
 Little-endian and packed: number of the frame (u32), number of items (u8); each item has an id (u8,
 0 for an object), its size (u16, 72 for an object) and so many bytes: a name of 24, then translation
-(mm) and rotation (rad, intrinsic XYZ) as six f64. What follows the items is filling.
+(mm) and rotation (rad, intrinsic XYZ) as six f64. Padding follows the items.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ _OBJECT_ID = 0
 
 
 class ViconStreamError(Exception):
-    """A datagram that is none of the stream's; one sentence."""
+    """Invalid datagram; one sentence."""
 
 
 @dataclass(frozen=True)
 class ViconObject:
-    """One object as it stands in the datagram.
+    """Object of a datagram.
 
     Attributes:
         translation_mm: (x, y, z). rotation_rad: angles about X, Y, Z, intrinsic, in this order.
@@ -38,14 +38,14 @@ class ViconObject:
 
 @dataclass(frozen=True)
 class ViconFrame:
-    """One datagram."""
+    """Content of a datagram."""
 
     frame: int
     objects: tuple[ViconObject, ...]
 
 
 def unpack_frame(data: bytes) -> ViconFrame:
-    """A datagram's objects; items of other kinds are passed over.
+    """Decode a datagram; items of other kinds are skipped.
 
     Raises:
         ViconStreamError: it is cut off, or an object is smaller than it must be.
@@ -74,7 +74,7 @@ def unpack_frame(data: bytes) -> ViconFrame:
 
 
 def pack_frame(frame: int, objects: Sequence[ViconObject], filling: int = 0) -> bytes:
-    """A datagram, with zeros up to ``filling`` bytes as Vicon's buffers of fixed size have them.
+    """Encode a datagram, padded with zeros to ``filling`` bytes as Vicon's fixed-size buffers are.
 
     Raises:
         ViconStreamError: there are more objects than fit.

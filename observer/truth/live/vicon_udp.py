@@ -1,4 +1,4 @@
-"""Vicon's UDP Object Stream from a port: one thread owns the socket."""
+"""Receiver of Vicon's UDP Object Stream: one thread owns the socket."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from observer.truth.live.vicon_stream import ViconObject, ViconStreamError, unpa
 _LONGEST_DATAGRAM = 65_536
 _BUFFER = 1 << 20
 _LOOK_EVERY_S = 1.0
-# Two senders at once would be two clocks: another is heard once the first has been silent.
+# Two senders would be two clocks: another one counts once the first has been silent for this long.
 _SILENT_S = 2.0
 
 
@@ -23,7 +23,7 @@ class ViconUdpCapture(HeardCapture):
     """Fulfils ``LiveCapture``. The frame's number is the clock: its rate is found from arrivals.
 
     Args:
-        port: where Tracker sends to. spec: as it was opened. clock: host's monotonic clock.
+        port: that Tracker sends to. spec: as it was opened. clock: host's monotonic clock.
     """
 
     def __init__(self, port: int, *, spec: str, clock: Callable[[], float]) -> None:
@@ -45,7 +45,7 @@ class ViconUdpCapture(HeardCapture):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as port:
             port.setblocking(False)
             port.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _BUFFER)
-            # Tracker sends to an address or to everybody in the network.
+            # Tracker sends to an address or broadcasts.
             port.bind(("", self._port))
             self._intake.waiting()
             while not self._wakeup.ended:

@@ -1,4 +1,4 @@
-"""VRPN's bytes and what they say; no socket here.
+"""Codec of VRPN, without a socket.
 
 The wire format is that of the public VRPN library, version 07 (``vrpn_Connection.C``,
 ``vrpn_Tracker.C``, ``vrpn_BaseClass.C``): big-endian; each side begins with a cookie of 24 bytes;
@@ -33,12 +33,12 @@ _MOST_DESCRIBED = 2000
 
 
 class VrpnError(Exception):
-    """Bytes that are no VRPN; one sentence. What follows them cannot be read either."""
+    """Bytes that are no VRPN; one sentence. The bytes behind them cannot be read either."""
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message.
+    """Message on the wire.
 
     Attributes:
         seconds, microseconds: its stamp, each from 0 to 2**32 - 1.
@@ -53,13 +53,13 @@ class Message:
 
     @property
     def time(self) -> float:
-        """The stamp in seconds."""
+        """Stamp in seconds."""
         return self.seconds + self.microseconds / 1e6
 
 
 @dataclass(frozen=True)
 class TrackerPose:
-    """A body's pose: sensor of a sender.
+    """Pose of a body, which is a sensor of a sender.
 
     Attributes:
         time: the server's stamp, seconds. position: metres, if the server keeps to the rule.
@@ -75,20 +75,20 @@ class TrackerPose:
 
 @dataclass(frozen=True)
 class Ping:
-    """The other side asks whether a device of ours lives."""
+    """Question of the other side whether a device of ours lives."""
 
     sender: str
 
 
 @dataclass(frozen=True)
 class Pong:
-    """The other side's device lives."""
+    """Sign of life of the other side's device."""
 
     sender: str
 
 
 def check_cookie(cookie: bytes) -> str | None:
-    """See whether the other side is one that we understand.
+    """Check that the other side's version is supported.
 
     Returns:
         None, or a sentence where its minor version is not ours, which works all the same.
@@ -107,26 +107,20 @@ def check_cookie(cookie: bytes) -> str | None:
 
 
 def pack(message: Message, sequence: int = 0) -> bytes:
-    """A message as bytes.
+    """Encode a message.
 
     Raises:
         VrpnError: its body is longer than the library takes.
     """
     if len(message.body) > _LONGEST_BODY:
         raise VrpnError(f"a message's body must have {_LONGEST_BODY} bytes at most")
-    header = _HEADER.pack(
-        _HEADER.size + len(message.body),
-        message.seconds,
-        message.microseconds,
-        message.sender,
-        message.type,
-        sequence,
-    )
+    length, stamp = _HEADER.size + len(message.body), (message.seconds, message.microseconds)
+    header = _HEADER.pack(length, *stamp, message.sender, message.type, sequence)
     return header + message.body + bytes(-len(message.body) % 8)
 
 
 def describe(kind: int, number: int, name: str) -> Message:
-    """What tells the other side the name behind a number.
+    """Return the message that tells the other side the name behind a number.
 
     Args:
         kind: ``SENDER_DESCRIPTION`` or ``TYPE_DESCRIPTION``.
@@ -141,18 +135,18 @@ def describe(kind: int, number: int, name: str) -> Message:
 
 
 def pose_body(sensor: int, numbers: tuple[float, ...]) -> bytes:
-    """The body of a pose: ``numbers`` are x, y, z, qx, qy, qz, qw."""
+    """Encode the body of a pose: ``numbers`` are x, y, z, qx, qy, qz, qw."""
     return _POSE.pack(sensor, 0, *numbers)
 
 
 class MessageParser:
-    """Bytes as they come to messages."""
+    """Parser of bytes in pieces of any size."""
 
     def __init__(self) -> None:
         self._pending = bytearray()
 
     def feed(self, data: bytes) -> list[Message]:
-        """The messages that are complete now.
+        """Return the messages that are complete now.
 
         Raises:
             VrpnError: a length that no message has; what was complete before it is lost as well.
@@ -179,7 +173,7 @@ class MessageParser:
 
 
 class Conversation:
-    """What the other side's messages mean, by what it has described."""
+    """Interpreter of the other side's messages, by the names that it has described."""
 
     def __init__(self) -> None:
         self._parser = MessageParser()
@@ -188,21 +182,17 @@ class Conversation:
 
     @property
     def senders(self) -> tuple[str, ...]:
-        """Names that were described so far."""
+        """Names of senders that were described so far."""
         return tuple(self._senders.values())
 
     def feed(self, data: bytes) -> list[TrackerPose | Ping | Pong]:
-        """What was said with these bytes and what came before; the rest is nothing to us.
+        """Return the poses, pings and pongs that are complete with these bytes.
 
         Raises:
             VrpnError: the bytes are no VRPN.
         """
-        told = []
-        for message in self._parser.feed(data):
-            meaning = self._take(message)
-            if meaning is not None:
-                told.append(meaning)
-        return told
+        meanings = map(self._take, self._parser.feed(data))
+        return [meaning for meaning in meanings if meaning is not None]
 
     def _take(self, message: Message) -> TrackerPose | Ping | Pong | None:
         if message.type in (SENDER_DESCRIPTION, TYPE_DESCRIPTION):
@@ -227,7 +217,7 @@ class Conversation:
 
 
 class Speaker:
-    """Our side's messages: describes each name before it is first used."""
+    """Encoder of our side's messages, which describes each name before its first use."""
 
     def __init__(self) -> None:
         self._senders: dict[str, int] = {}
@@ -235,7 +225,7 @@ class Speaker:
         self._sequence = 0
 
     def say(self, type_: str, sender: str, time: float = 0.0, body: bytes = b"") -> bytes:
-        """A message as bytes, with the descriptions that it needs in front of it.
+        """Encode a message, with the descriptions that it needs in front of it.
 
         Raises:
             VrpnError: a name or the body is longer than the library takes.

@@ -1,4 +1,4 @@
-"""A VRPN server's trackers over TCP: one thread owns the connection and makes it again when lost.
+"""Client of a VRPN server's trackers over TCP: one thread owns the connection and reconnects.
 
 We open the connection ourselves (as the library does for ``tcp://`` addresses) and describe no
 port for datagrams, so the server sends everything by this connection.
@@ -39,12 +39,12 @@ _CHUNK = 64 * 1024
 _ASK_AFTER_S = 3.0
 _ASK_EVERY_S = 1.0
 _GIVE_UP_AFTER_S = 13.0
-# The system's own questions to a host that is gone: seconds, seconds, times.
+# TCP keepalive for a host that is gone: seconds, seconds, times.
 _KEEPALIVE = (("TCP_KEEPIDLE", 5), ("TCP_KEEPINTVL", 2), ("TCP_KEEPCNT", 3))
 
 
 class _Lost(Exception):
-    """The connection is not, or no longer. One sentence."""
+    """Connection that failed or was lost; one sentence."""
 
 
 class VrpnCapture(HeardCapture):
@@ -82,7 +82,7 @@ class VrpnCapture(HeardCapture):
 
     @contextlib.contextmanager
     def _connected(self) -> Iterator[socket.socket]:
-        """A connection, cookies exchanged."""
+        """Provide a connection to the first address that answers."""
         try:
             found = socket.getaddrinfo(self._host, self._port, type=socket.SOCK_STREAM)
         except (OSError, UnicodeError):
@@ -119,7 +119,7 @@ class VrpnCapture(HeardCapture):
             raise _Lost(_reason(OSError(failed, "")))
 
     def _listen(self, connection: socket.socket) -> None:
-        """Until the connection is lost or ended.
+        """Listen until the connection is lost or ended.
 
         Raises:
             _Lost, VrpnError: why it ended.
@@ -139,8 +139,7 @@ class VrpnCapture(HeardCapture):
             if not self._wakeup.wait(_ASK_EVERY_S, connection):
                 data = b""
                 now = self._clock()
-                # Who never described a device has nothing that could answer; there the system's
-                # own questions must do.
+                # A server that described no device cannot answer; there TCP keepalive must do.
                 if conversation.senders and now - heard > _GIVE_UP_AFTER_S:
                     raise _Lost(f"it has said nothing for {_GIVE_UP_AFTER_S:g} s")
                 if now - heard > _ASK_AFTER_S and now - asked >= _ASK_EVERY_S:
@@ -148,13 +147,13 @@ class VrpnCapture(HeardCapture):
                     for sender in conversation.senders:
                         self._send(connection, speaker.say(PING_TYPE, sender))
                 continue
-            # As soon as it is there, before anything is made of it.
+            # Taken before anything else is done.
             received = self._clock()
             data = self._receive(connection)
             heard = received
 
     def _cookies(self, connection: socket.socket) -> bytes:
-        """Read the other side's cookie; what came behind it."""
+        """Read the other side's cookie, and return the bytes behind it."""
         data = b""
         until = self._clock() + _COOKIE_WITHIN_S
         while len(data) < COOKIE_LENGTH:
@@ -180,7 +179,7 @@ class VrpnCapture(HeardCapture):
 
     def _send(self, connection: socket.socket, data: bytes) -> None:
         try:
-            # A few bytes a second at most: what does not fit goes to somebody who is gone.
+            # A few bytes a second at most: if they do not fit, nobody reads.
             if connection.send(data) < len(data):
                 raise _Lost("it takes no bytes any more")
         except OSError as error:
@@ -201,7 +200,7 @@ class VrpnCapture(HeardCapture):
 
 
 def _rotation(quaternion: tuple[float, float, float, float]) -> Float64Array | None:
-    """(3, 3) of x, y, z, w; None where it is no direction at all."""
+    """Return the rotation (3, 3) of x, y, z, w; None where it is no rotation at all."""
     if not 0.9 < math.hypot(*quaternion) < 1.1:
         return None
     return np.asarray(Rotation.from_quat(quaternion).as_matrix())

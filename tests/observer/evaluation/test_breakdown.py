@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -237,7 +237,7 @@ def test_classes_on_the_road() -> None:
 
 
 def test_as_json_and_tables(scene: Breakdown) -> None:
-    again = json.loads(json.dumps(scene.as_dict(), allow_nan=False))
+    again = json.loads(json.dumps(asdict(scene), allow_nan=False))
     assert again["by_range"][0]["label"] == "< 2 m"
     assert again["delays"][0]["median_s"] == pytest.approx(0.9)
     text = breakdown_tables({"paper": scene, "default": scene})

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import cache
 
 import numpy as np
@@ -150,7 +150,7 @@ def test_few_views_already_calibrate_and_all_figures_are_there() -> None:
     assert run.exact_p95_px < run.held_out_p95_px < 0.4
     assert run.depth.median_percent is not None
     assert run.depth.median_percent < 2.5
-    assert run.as_dict()["errors"]["turn_y_deg"] == run.errors.turn_y_deg
+    assert asdict(run)["errors"]["turn_y_deg"] == run.errors.turn_y_deg
 
 
 def test_the_worst_seed_decides() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -160,7 +161,7 @@ def test_false_ones_are_kept_with_where_and_when() -> None:
     assert (found.nearest_id, found.nearest_moving) == (2, False)
     assert found.nearest_m == pytest.approx(0.5)
     assert counted.moved
-    json.dumps(found.as_dict(), allow_nan=False)
+    json.dumps(asdict(found), allow_nan=False)
 
 
 def test_false_ones_are_listed_up_to_a_number() -> None:

@@ -14,7 +14,7 @@ from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters
 from observer.recording.payloads import ParameterRevision, RunFacts
-from observer.recording.replay import recorded_mount, replay, replay_revisions
+from observer.recording.replay import replay, replay_revisions
 from observer.recording.source import RecordingSource
 from observer.recording.writer import RecordingWriter
 from observer.types import Observation, StereoFrame
@@ -131,7 +131,7 @@ def test_revisions_are_kept_with_what_they_changed(
     revisions = source.recording.parameter_revisions()
     assert [r.frame for r in revisions] == [frames[k].index for k in CHANGES]
     assert [r.difference for r in revisions] == list(CHANGES.values())
-    assert recorded_mount(source.recording) == source.info.mount
+    assert source.recording.facts.camera_mount() == source.info.mount
     source.close()
 
 

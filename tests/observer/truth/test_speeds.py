@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.signal import savgol_filter
 
 from observer.geometry import Float64Array
-from observer.truth.speeds import smoothed_velocity, two_point_speeds
+from observer.truth.speeds import smoothed_velocity
 
 NUMBERS = st.floats(-5, 5)
 
@@ -51,9 +51,6 @@ def test_nothing_is_known_where_the_window_touches_a_gap_or_a_jump() -> None:
     unknown = np.isnan(smoothed_velocity(times, positions)).all(axis=1)
     assert np.flatnonzero(unknown).tolist() == [*range(5), *range(25, 36), *range(55, 65),
                                                 *range(95, 100)]  # fmt: skip
-    middles, speeds = two_point_speeds(times, positions)
-    assert np.flatnonzero(np.isnan(speeds)).tolist() == [29, 30, 59]
-    assert len(middles) == 99
 
 
 def test_long_trajectories_are_fitted_piece_by_piece() -> None:
@@ -64,23 +61,11 @@ def test_long_trajectories_are_fitted_piece_by_piece() -> None:
         np.testing.assert_allclose(found[5:-5, 1], np.cos(times)[5:-5], atol=1e-3)
 
 
-@given(NUMBERS, NUMBERS, NUMBERS, st.integers(2, 20))
-def test_two_points_give_the_speed_at_their_middle(
-    x: float, y: float, z: float, count: int
-) -> None:
-    times = 7 + np.arange(count) / 10
-    middles, speeds = two_point_speeds(times, times[:, None] * np.array([x, y, z]))
-    np.testing.assert_allclose(middles, times[:-1] + 0.05)
-    np.testing.assert_allclose(speeds, np.linalg.norm([x, y, z]), atol=1e-9)
-
-
 @pytest.mark.parametrize("count", [0, 1, 2, 10])
 def test_few_samples_give_no_speed(count: int) -> None:
     times = np.arange(float(count))
     positions = np.zeros((count, 3))
     assert np.isnan(smoothed_velocity(times, positions)).all()
-    middles, speeds = two_point_speeds(times, positions)
-    assert len(middles) == len(speeds) == max(0, count - 1)
 
 
 @pytest.mark.parametrize(("window", "order"), [(10, 2), (3, 3), (5, 0)])

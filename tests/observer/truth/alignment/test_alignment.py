@@ -16,7 +16,7 @@ from observer.truth.alignment.alignment import align
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.observability import NotObservable
 from observer.truth.alignment.observed import ObservedRun, TrackKey
-from observer.truth.alignment.online import OnlineAlignment
+from observer.truth.alignment.online import OnlineAlignment, pieces
 from observer.truth.alignment.result import Alignment
 from observer.truth.motion_capture import BodySample, Capture, Trajectory
 
@@ -205,7 +205,7 @@ def test_online_it_says_when_it_is_not_yet_aligned(room: Any, mount: CameraMount
         until = taken
         while until < len(samples) and samples[until].time + room.offset <= line["time"]:
             until += 1
-        online.add_samples(samples[taken:until])
+        online.add_pieces(pieces(samples[taken:until]))
         taken = until
         # The caller may ask less often than every two seconds, never gets more.
         if line["frame"] % 60 == 59 and online.solve():

@@ -60,7 +60,7 @@ def test_planted_offsets_are_found_within_the_stated_sigma(
     for seed in range(21):
         offset = (0.05, -0.12, 0.3)[seed % 3]
         seen, true = curves(offset, noise, seed, base=100.0 * seed)
-        found = find_time_offset(seen, true, drift=False)
+        found = find_time_offset([(seen, true)], drift=False)
         error = found.offset_s - (offset - 100.0 * seed)
         errors.append(abs(error))
         within.append(abs(error) <= 2 * found.sigma_s)
@@ -74,7 +74,7 @@ def test_planted_offsets_are_found_within_the_stated_sigma(
 
 def test_drift_is_found_over_a_long_overlap() -> None:
     seen, true = curves(0.3, 0.004, 4, duration=80.0, drift_ppm=150.0)
-    found = find_time_offset(seen, true)
+    found = find_time_offset([(seen, true)])
     assert found.drift_sigma_ppm is not None
     assert found.drift_sigma_ppm < 60
     assert abs(found.drift_ppm - 150) < 2.5 * found.drift_sigma_ppm
@@ -84,7 +84,7 @@ def test_drift_is_found_over_a_long_overlap() -> None:
 
 
 def test_short_overlaps_give_no_drift() -> None:
-    found = find_time_offset(*curves(0.3, 0.02, 4, duration=15.0, drift_ppm=50.0))
+    found = find_time_offset([curves(0.3, 0.02, 4, duration=15.0, drift_ppm=50.0)])
     assert found.drift_ppm == 0
     assert found.drift_sigma_ppm is None
 
@@ -103,7 +103,7 @@ def test_constant_speed_is_refused() -> None:
     seen = SpeedCurve.of(t, 0.4 + rng.normal(0, 0.02, len(t)), 0.02)
     true = SpeedCurve.of(np.arange(0, 30, 0.01), np.full(3000, 0.4), 0.003)
     with pytest.raises(NotObservable, match=r"constant within its noise.*start, stop or turn"):
-        find_time_offset(seen, true)
+        find_time_offset([(seen, true)])
 
 
 def test_a_motion_that_repeats_itself_is_refused_unless_it_is_said_where_to_look() -> None:
@@ -111,8 +111,8 @@ def test_a_motion_that_repeats_itself_is_refused_unless_it_is_said_where_to_look
     seen = SpeedCurve.of(t, 0.3 + 0.2 * np.sin(2 * np.pi * t / 8), 0.02)
     true = SpeedCurve.of(own - 0.3, 0.3 + 0.2 * np.sin(2 * np.pi * own / 8), 0.003)
     with pytest.raises(NotObservable, match="repeats itself"):
-        find_time_offset(seen, true)
-    found = find_time_offset(seen, true, search=(-1, 1), drift=False)
+        find_time_offset([(seen, true)])
+    found = find_time_offset([(seen, true)], search=(-1, 1), drift=False)
     assert found.offset_s == pytest.approx(0.3, abs=0.002)
 
 
@@ -120,13 +120,13 @@ def test_another_body_is_refused() -> None:
     seen, _ = curves(0, 0.02, 1)
     _, true = curves(0, 0.02, 7)
     with pytest.raises(NotObservable, match=r"agree too little|nearly as well|edge"):
-        find_time_offset(seen, true, search=(-1, 1))
+        find_time_offset([(seen, true)], search=(-1, 1))
 
 
 def test_too_short_an_overlap_is_refused() -> None:
     seen, true = curves(0.05, 0.02, 3, duration=3.0)
     with pytest.raises(NotObservable, match="too short"):
-        find_time_offset(seen, true)
+        find_time_offset([(seen, true)])
 
 
 def test_nothing_is_interpolated_over_gaps() -> None:
