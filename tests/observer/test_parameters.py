@@ -145,10 +145,10 @@ def test_the_presets() -> None:
     ("old", "new"),
     [
         ({"following.spacing_px": 9}, {"klt_tracking.spacing_px": 9}),
-        ({"following.scale_change_noise": 0.1}, {"klt_tracking.scale_change_noise": 0.1}),
+        ({"following.growth_noise": 0.1}, {"klt_tracking.scale_change_noise": 0.1}),
         ({"one_camera.tilt_deg": 5.0}, {"monocular.tilt_deg": 5.0}),
-        ({"evidence.distortion_sigma": 0.2}, {"evidence.distortion_sigma": 0.2}),
-        ({"motion.noise_correlation": 0.2}, {"motion.noise_correlation": 0.2}),
+        ({"evidence.stretch": 0.2}, {"evidence.distortion_sigma": 0.2}),
+        ({"motion.shared_error": 0.2}, {"motion.noise_correlation": 0.2}),
         ({"ego_motion.model": "one_camera"}, {"ego_motion.model": "monocular"}),
     ],
 )
