@@ -1,4 +1,4 @@
-"""A robot's place by its own wheels, summed up on the host. Pure."""
+"""Wheel odometry of a robot, accumulated on the host. Pure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _SLACK_M = 0.05
 
 
 class WheelOdometry:
-    """Sums up what the robot tells in numbers that go around.
+    """Accumulates the robot's own odometry, whose numbers wrap around.
 
     Attributes:
         place: as the robot stood when the first packet came, forward and left.
@@ -36,11 +36,11 @@ class WheelOdometry:
         self._axes = 0.0
 
     def rebaseline(self) -> None:
-        """The next packet's numbers are where the robot stands now."""
+        """Take the next packet's numbers as where the robot stands now."""
         self._last = None
 
     def add(self, x: int, y: int, heading: int, time: float) -> Odometry:
-        """One packet's numbers.
+        """Take one packet's numbers and return the accumulated odometry.
 
         Args:
             x, y: 0 to 0x7FFF. heading: units of angle, in any turn. time: of its reception,

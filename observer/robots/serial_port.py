@@ -25,7 +25,7 @@ _FAILURES = (OSError, ValueError, TypeError, termios.error)
 
 
 class PortLost(Exception):
-    """The port cannot be opened, is gone, or takes nothing. The text is a sentence."""
+    """The port cannot be opened, is gone, or accepts no data. The text is a sentence."""
 
 
 class Port(Protocol):
@@ -33,21 +33,21 @@ class Port(Protocol):
 
     @property
     def name(self) -> str:
-        """As people name it."""
+        """Name of the port, for people."""
         ...
 
     @property
     def serial_line(self) -> bool:
-        """Whether it has a baud rate."""
+        """Return whether it has a baud rate."""
         ...
 
     @property
     def baud(self) -> int | None:
-        """Its rate, None where it has none."""
+        """Baud rate; None without one."""
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """What has come, waited for so long at most; empty where nothing did.
+        """Return what has come; wait so long at most; empty if nothing came.
 
         Raises:
             PortLost: it is gone.
@@ -63,7 +63,7 @@ class Port(Protocol):
         ...
 
     def change_baud(self, baud: int) -> None:
-        """Do nothing where there is no rate.
+        """Change the baud rate; do nothing where there is none.
 
         Raises:
             PortLost: it is gone or knows no such rate.
@@ -183,7 +183,7 @@ def _close_socket(connection: socket.socket, discard: bool) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """The system's own words, which pyserial wraps once or twice."""
+    """Return the system's own words, which pyserial wraps once or twice."""
     cause: BaseException | None = error
     while cause is not None:
         told = cause.args

@@ -1,4 +1,4 @@
-"""The one thread that writes to a robot in a session: what is urgent, then velocities."""
+"""The only thread that writes to a robot in a session: urgent commands, then velocities."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class SetpointWriter:
         self._thread.start()
 
     def drive(self, setpoint: Setpoint) -> None:
-        """This velocity from now on, for ``SETPOINT_FRESH_S``."""
+        """Send this velocity from now on, for ``SETPOINT_FRESH_S``."""
         with self._changed:
             self._asked_at = self._clock()
             if setpoint != self._asked:
@@ -73,7 +73,7 @@ class SetpointWriter:
                 self._changed.notify()
 
     def in_outage(self, outage: bool) -> None:
-        """Whether the robot may hear nothing: as long, only standstills with STOP in front go
+        """Note whether the robot may hear nothing: as long, only standstills with STOP in front go
         out, and one more goes in front of the first velocity behind it."""
         with self._changed:
             if outage != self._outage:
@@ -82,13 +82,13 @@ class SetpointWriter:
                 self._changed.notify()
 
     def send(self, *commands: bytes) -> None:
-        """These as well, behind what waits."""
+        """Send these commands, after those that wait."""
         with self._changed:
             self._commands += commands
             self._changed.notify()
 
     def halt(self, *commands: bytes) -> None:
-        """These before anything else, and zero velocity; what waited is dropped but E_STOP."""
+        """Send these before anything else, and zero velocity; drop what waited, except E_STOP."""
         with self._changed:
             hard = _E_STOP in self._commands and _E_STOP not in commands
             self._commands = deque((_E_STOP, *commands) if hard else commands)
@@ -99,7 +99,7 @@ class SetpointWriter:
             self._changed.notify()
 
     def finish(self, timeout_s: float) -> bool:
-        """Write what waits and end; whether it has ended by then."""
+        """Write what waits and end; return whether it has ended within the time."""
         with self._changed:
             self._finishing = True
             self._changed.notify()
@@ -120,7 +120,7 @@ class SetpointWriter:
             self.broken = failed
 
     def _next(self) -> bytes | None:
-        """The next command, waited for; None at the end."""
+        """Wait for the next command and return it; None at the end."""
         with self._changed:
             while True:
                 if self._commands:
@@ -138,7 +138,7 @@ class SetpointWriter:
                 self._changed.wait(wait)
 
     def _plan(self, now: float) -> float:
-        """Have the velocity told where it is due; else how long nothing is."""
+        """Queue the velocity where it is due; return for how long nothing is."""
         if self._pair and self._whole:
             # A robot that has heard only half of a standstill may go on with the other half.
             return 0.0

@@ -47,12 +47,12 @@ _BUCKET_S = 10.0
 
 
 class ExternalClientError(Exception):
-    """The other side does not answer or refuses; one sentence."""
+    """The server does not answer or refuses; the text is a sentence."""
 
 
 @dataclass(frozen=True)
 class Permitted:
-    """What the robot may do at this moment.
+    """Velocity that the robot may drive at this moment.
 
     Attributes:
         stop: stop as hard as it can, motors off. reason: in words, mostly None.
@@ -148,11 +148,11 @@ class ExternalClient:
 
     @property
     def connected(self) -> bool:
-        """Whether the connection stands, as far as is known."""
+        """Return whether the connection stands, as far as is known."""
         return self._socket is not None and self._over is None
 
     def permitted(self) -> Permitted:
-        """What the robot may do now; never waits, never raises."""
+        """Return what the robot may do now; never waits, never raises."""
         with self._lock:
             if self._over is not None:
                 return Permitted(0.0, 0.0, True, self._over, self._newest.sequence)
@@ -292,14 +292,14 @@ class ExternalClient:
 
 
 class _Lines:
-    """Reads JSON objects, one a line."""
+    """Reader of JSON objects, one a line."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
         self._rest = b""
 
     def next(self, *, patient: bool) -> dict[str, Any] | None:
-        """The next one, however long it takes if ``patient``; None at the connection's end."""
+        """Return the next one; wait without limit if ``patient``. None at the connection's end."""
         while b"\n" not in self._rest:
             if len(self._rest) > LONGEST_LINE:
                 raise ValueError("a line is longer than any message")
@@ -347,7 +347,7 @@ class DemoRobot:
 
 
 def demo(client: ExternalClient, seconds: float = math.inf, period_s: float = 0.05) -> None:
-    """Be a simulated robot, and connect again whenever the connection is lost."""
+    """Act as a simulated robot, and connect again whenever the connection is lost."""
     robot = DemoRobot()
     told: str | None = None
     end = time.monotonic() + seconds
@@ -378,7 +378,7 @@ def demo(client: ExternalClient, seconds: float = math.inf, period_s: float = 0.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """``--demo HOST PORT [--key KEY] [--seconds S]``."""
+    """Run ``--demo HOST PORT [--key KEY] [--seconds S]``."""
     parser = argparse.ArgumentParser(description="A simulated robot that connects by itself.")
     parser.add_argument("--demo", nargs=2, metavar=("HOST", "PORT"), required=True)
     parser.add_argument("--key", help="what the other side asks for")

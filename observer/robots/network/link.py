@@ -1,4 +1,4 @@
-"""The listening side of a robot of one's own: one thread, any number of callers, one robot."""
+"""Listening side of a network robot: one thread, any number of callers, one robot."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _SEND_BUFFER = 4096
 
 @dataclass(eq=False)
 class _Connection:
-    """Somebody who connected."""
+    """One accepted connection."""
 
     socket: socket.socket
     since: float
@@ -49,7 +49,7 @@ class _Connection:
 
 
 class ExternalLink:
-    """Listens, says what is permitted every 50 ms and at once when it changed.
+    """Listens, and sends permits every 50 ms and at once on a change.
 
     Args:
         host, port: where to listen. key: the robot must give it; None: none is needed.
@@ -83,7 +83,7 @@ class ExternalLink:
         self._thread.start()
 
     def wake(self) -> None:
-        """What is permitted changed: say so at once. Never waits."""
+        """Have a changed permit sent at once. Never waits."""
         # A full pipe wakes just as well; a closed one has nobody to wake.
         with contextlib.suppress(OSError):
             self._waker.send(b"!")
@@ -260,7 +260,7 @@ class ExternalLink:
                 self._watch.told(permit, sequence, now)
 
     def _send(self, connection: _Connection, line: bytes) -> bool:
-        """Whether it went out, at least its beginning. Never waits."""
+        """Send a line; return whether it went out, at least its beginning. Never waits."""
         try:
             if connection.unsent:
                 sent = connection.socket.send(connection.unsent)
