@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from observer.geometry import Pose
 from observer.types import Observation, Obstacle
 
+# In the order of a line.
+_OF_OBSTACLE = (
+    *("id", "state", "motion", "position", "velocity", "speed", "speed_std", "position_cov"),
+    *("velocity_cov", "velocity_time", "size", "orientation_wxyz", "range", "bearing"),
+    *("closing_speed", "points", "significance", "box_px"),
+)
+
 
 def observation_line(observation: Observation, *, tentative: bool = False) -> dict[str, Any]:
-    """One observation as the plain dictionary of one JSON line; no NaN, unknown is None.
+    """Return the plain dictionary of an observation's JSON line; no NaN, unknown is None.
 
     Args:
         tentative: include obstacles that are not confirmed yet.
     """
     pose = observation.T_world_camera
+    shown = observation.obstacles if tentative else observation.reported
     return {
         "frame": observation.frame,
         "time": observation.time,
@@ -26,22 +34,18 @@ def observation_line(observation: Observation, *, tentative: bool = False) -> di
         "status": observation.status.value,
         "reasons": list(observation.reasons),
         "parameters_revision": observation.parameters_revision,
-        "pose": None
-        if pose is None
-        else {
+        "pose": pose
+        and {
             "position": pose.translation.tolist(),
             "orientation_wxyz": pose.quaternion_wxyz.tolist(),
         },
-        "obstacles": [
-            obstacle_entry(o)
-            for o in (observation.obstacles if tentative else observation.reported)
-        ],
+        "obstacles": [obstacle_entry(o) for o in shown],
         "timings_ms": {name: round(ms, 3) for name, ms in observation.timings_ms.items()},
     }
 
 
 def line_pose(line: Mapping[str, Any]) -> Pose | None:
-    """``T_world_camera`` of a JSON line; None where the pose was unknown.
+    """Return ``T_world_camera`` of a JSON line; None where the pose was unknown.
 
     Raises:
         KeyError, TypeError, ValueError: the line is not as ``observation_line`` makes it.
@@ -53,29 +57,18 @@ def line_pose(line: Mapping[str, Any]) -> Pose | None:
 
 
 def obstacle_entry(obstacle: Obstacle) -> dict[str, Any]:
-    """One obstacle of a JSON line. World quantities are null where the pose is unknown."""
-    return {
-        "id": obstacle.id,
-        "state": obstacle.state.value,
-        "motion": obstacle.motion.value,
-        "position": _listed(obstacle.position),
-        "velocity": _listed(obstacle.velocity),
-        "speed": obstacle.speed,
-        "speed_std": obstacle.speed_std,
-        "position_cov": _listed(obstacle.position_cov),
-        "velocity_cov": _listed(obstacle.velocity_cov),
-        "velocity_time": obstacle.velocity_time,
-        "size": _listed(obstacle.size),
-        "orientation_wxyz": _listed(obstacle.orientation_wxyz),
-        "range": obstacle.range,
-        "bearing": obstacle.bearing,
-        "closing_speed": obstacle.closing_speed,
-        "points": obstacle.points,
-        "significance": obstacle.significance,
-        "box_px": list(obstacle.box_px),
-        "why": obstacle.reason,
-    }
+    """Return one obstacle of a JSON line. World quantities are None where the pose is unknown."""
+    entry = {name: _plain(getattr(obstacle, name)) for name in _OF_OBSTACLE}
+    return entry | {"why": obstacle.reason}
 
 
-def _listed(array: NDArray[np.float64] | None) -> Any:
-    return None if array is None else array.tolist()
+def _plain(value: Any) -> Any:
+    """Return a value as JSON has it."""
+    match value:
+        case np.ndarray():
+            return value.tolist()
+        case StrEnum():
+            return value.value
+        case tuple():
+            return list(value)
+    return value

@@ -14,15 +14,15 @@ from pydantic import BaseModel, ConfigDict, Field
 
 ParameterValue = float | int | bool | str
 
-# Of ego_motion.model, which chooses the method.
+# Values of ego_motion.model, which chooses the method.
 MODELS = ("rigid", "homography", "affine", "monocular")
-# Those that track points by KLT over time, and those that use both images.
+# Methods that track points by KLT over time, and methods that use both images.
 KLT: tuple[str, ...] = ("rigid", "monocular")
 STEREO: tuple[str, ...] = ("rigid", "homography", "affine")
 RIGID: tuple[str, ...] = ("rigid",)
 PLANAR: tuple[str, ...] = ("homography", "affine")
 
-# bool is no number here, and neither are NaN and the infinities.
+# Bool does not count as a number here, nor do NaN and the infinities.
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
@@ -33,7 +33,7 @@ class Stage(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    # With which ego_motion.model the group acts on what is observed, and whether it acts with
+    # Values of ego_motion.model with which the group acts on observations, and whether it acts with
     # every model on the dense cloud and the disparity that are shown.
     models: ClassVar[tuple[str, ...]] = MODELS
     cloud: ClassVar[bool] = False

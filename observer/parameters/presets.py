@@ -6,7 +6,7 @@ from observer.errors import InputError
 from observer.parameters.fields import ParameterValue
 from observer.parameters.groups import Parameters
 
-# What is declared is the best we have; the method exactly as published differs from it here.
+# The declared defaults are the best we have; the published method differs in these.
 _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "paper": {
         "ego_motion.model": "affine",

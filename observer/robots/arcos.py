@@ -158,7 +158,7 @@ class PacketParser:
         """
         found: list[bytes] = []
         while self._rest:
-            # A header that is cut off itself is no packet's loss.
+            # A header that is itself cut off counts as no bad packet.
             if len(self._rest) > 2:
                 self.bad_packets += 1
             self._skip(1)

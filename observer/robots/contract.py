@@ -14,7 +14,7 @@ from typing import Literal, Protocol, runtime_checkable
 from observer.rig.rig import Role
 from observer.types import Odometry
 
-# A velocity that is not repeated for so long is replaced by zero by the port's own thread, so
+# A velocity not repeated within this time is replaced by zero by the port's own thread, so
 # that a drive loop that hangs moves nothing.
 SETPOINT_FRESH_S = 0.15
 
@@ -24,9 +24,9 @@ class RobotPhase(StrEnum):
 
     CONNECTING = "connecting"
     CONNECTED = "connected"
-    # It was or could not be connected, and is tried again by itself.
+    # The connection was lost or never made; it is retried automatically.
     WAITING = "waiting"
-    # It is not tried again: what is wrong does not mend itself (an unknown robot, say).
+    # Not retried: the cause does not go away by itself (an unknown robot, say).
     REFUSED = "refused"
     CLOSED = "closed"
 

@@ -11,14 +11,14 @@ from observer.robots.packet_line import PacketLine
 from observer.robots.serial_port import FIRST_BAUD
 from observer.robots.sip import is_status
 
-# In this order: a robot that its watchdog stopped takes up its last velocity at any command but
+# In this order: a robot stopped by its watchdog resumes its last velocity at any command but
 # these.
 STANDSTILL = (command(Command.STOP), command(Command.VEL, 0), command(Command.RVEL, 0))
 MOTORS_OFF = command(Command.ENABLE, 0)
 _CLOSE = command(Command.CLOSE)
 
 _SYNC_S = 1.0
-# In an open session SYNC 0 would be PULSE, and the robot would go on where it was stopped; but
+# In an open session SYNC 0 would be PULSE, and a stopped robot would resume driving; but
 # then a status packet comes every 100 ms.
 _LISTEN_S = 0.25
 _TRIES, _TRIES_IN_SILENCE = 10, 5
@@ -57,10 +57,10 @@ def shake_hands(line: PacketLine) -> Identity:
     """
     answered = line.wait_for(is_status, _LISTEN_S) is not None
     if answered or line.parser.skipped_bytes:
-        # Damaged packets, or those of another rate, are a session's as well.
+        # Damaged packets, or those of another rate, also show an open session.
         _end_session(line)
     step, silent = 0, 0
-    # A try is a SYNC that was not echoed; those that were come at most twice between two tries.
+    # A failure is a SYNC that was not echoed; at most two echoed ones lie between two failures.
     failed = 0
     while failed < (_TRIES if answered else _TRIES_IN_SILENCE):
         line.send(command(step))
@@ -134,7 +134,7 @@ def speed_up(line: PacketLine, baud: int) -> bool:
     line.change_baud(baud)
     if _tells_status(line):
         return True
-    # It may have changed though nothing of it arrives.
+    # It may have changed its rate though nothing arrives.
     line.send(command(Command.HOSTBAUD, _HOSTBAUD[before]))
     line.change_baud(before)
     if _tells_status(line):
@@ -149,7 +149,7 @@ def _tells_status(line: PacketLine) -> bool:
 
 def _counts(payload: bytes, *, step: int) -> bool:
     """Return whether a payload can be the answer to SYNC ``step``."""
-    # A late echo of the step before is none of this one.
+    # A late echo of the previous step does not count.
     return (
         is_status(payload)
         or payload[0] == _NOT_UNDERSTOOD

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from observer.robots.arcos import PacketParser
 from observer.robots.serial_port import Port
 
-# Between two commands the firmware wants 3 to 5 ms.
+# The firmware needs 3 to 5 ms between two commands.
 COMMAND_GAP_S = 0.004
-# A packet is sent in one go: where nothing follows for so long, the rest was lost.
+# A packet is sent in one go: if nothing follows within this time, the rest was lost.
 _QUIET_S = 0.05
 _BUFFERED_READS = 16
 
@@ -87,10 +87,10 @@ class PacketLine:
         Raises:
             PortLost: as ``Port.change_baud``.
         """
-        # Nothing tells for certain when a USB adapter has sent; a few commands take 40 ms.
+        # There is no sure sign that a USB adapter has sent; a few commands take 40 ms.
         time.sleep(0.05)
         self.port.change_baud(baud)
-        # What still waits was received at the old rate, and proves nothing of the new one.
+        # What is still buffered came at the old rate and says nothing about the new one.
         for _ in range(_BUFFERED_READS):
             if not self.port.read(0.0):
                 break

@@ -34,13 +34,13 @@ from observer.robots.serial_port import Port, PortLost, open_port
 from observer.robots.setpoint_writer import SetpointWriter
 from observer.robots.sip import decode_status, is_status
 
-# Between two tries to connect: a port that went away may be back at once, for one that is not
-# there nobody waits.
+# Pauses between attempts to connect: a lost port may be back at once, a missing one is
+# not urgent.
 _FIRST_PAUSE_S, _PAUSE_S = 0.3, 1.0
-# A robot that tells nothing for so long has been switched off, or its cable is out.
+# A robot silent for this long has been switched off, or its cable is out.
 _SILENCE_LOST_S = 3.0
 _FAREWELL_S = 0.1
-# CLOSE may be lost on its way: it is said again while status, every 100 ms, still comes.
+# CLOSE may be lost: it is repeated while status packets, every 100 ms, still come.
 _GOODBYES, _SILENT_S = 3, 0.15
 _CLOSE_S = 1.9
 _COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
@@ -85,7 +85,7 @@ class Pioneer:
         self._clock = clock
         self._wanted = limits
         self._open_port = open_port
-        # Guards all below; held for moments only.
+        # Guards everything below; held briefly.
         self._lock = threading.Lock()
         self._phase = RobotPhase.CONNECTING
         self._trouble: str | None = None
@@ -101,7 +101,7 @@ class Pioneer:
         self._counters: Counter[str] = Counter()
         self._line: PacketLine | None = None
         self._last_sent: Sent | None = None
-        # A rate that was agreed on and brought no status is not tried again.
+        # An agreed rate that brought no status is not tried again.
         self._may_speed_up, self._sped_up = True, False
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robot reader", daemon=True)
@@ -170,7 +170,7 @@ class Pioneer:
         finally:
             with self._lock:
                 if self._phase in (RobotPhase.CONNECTED, RobotPhase.CONNECTING):
-                    # Something that nobody expected: it must not pass for connected.
+                    # After an unexpected error it must not pass for connected.
                     self._phase, self._trouble = RobotPhase.REFUSED, "its driver failed"
                     self._watch.lost(self._trouble, self._clock())
 
@@ -208,7 +208,7 @@ class Pioneer:
         except (PortLost, NoSession, UnknownRobot):
             raise
         except BaseException:
-            # It shall go, or something happened that nobody expected: it must not drive on.
+            # On closing or after an unexpected error the robot must not drive on.
             self._say_goodbye(line, writer)
             discard = False
             raise
@@ -329,11 +329,11 @@ class Pioneer:
                 line.send(*farewell)
             for _ in range(_GOODBYES):
                 line.send(command(Command.CLOSE))
-                # What comes first may have been under way.
+                # The first bytes may have been sent before.
                 if not line.port.read(_SILENT_S) or not line.port.read(_SILENT_S):
                     return
         except PortLost:
-            # Nobody is there to say it to.
+            # The robot is gone already.
             return
 
     def _gone(self, phase: RobotPhase, sentence: str) -> bool:

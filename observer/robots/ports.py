@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 EXTERNAL, COPPELIASIM, SOCKET = "external:", "coppeliasim:", "socket://"
-# Where a key begins, however it was mistyped.
+# Start of a key, even a mistyped one.
 _BEFORE_KEY = re.compile(r"[?&]|key=", re.IGNORECASE)
 
 

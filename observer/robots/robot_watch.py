@@ -13,14 +13,14 @@ SILENCE_WARNED_S = 0.3
 SILENCE_FAULT_S = 1.0
 BATTERY_LOW_V = 11.75
 BATTERY_CRITICAL_V = 11.0
-# A status packet tells of up to 0.1 s ago, and ENABLE takes a little.
+# A status packet is up to 0.1 s old, and ENABLE takes a moment.
 _SWITCHING_S = 0.3
-# ENABLE is not acknowledged and may be lost: within so long after it was asked for it is told
-# again, until the motors were seen to be on. Never after they were.
+# ENABLE is not acknowledged and may be lost: at these times after the request it is sent
+# again, until the motors were seen on; never after that.
 _ENABLE_AGAIN_S = (0.3, 0.6)
 _ENABLE_IN_VAIN_S = 1.5
 _DISABLE_AGAIN_S = 0.5
-# Its watchdog counts from what it heard, we count from what we heard.
+# The robot's watchdog counts from what it received, we count from what we received.
 _WATCHDOG_PART = 0.5
 _AVERAGED = 30
 
@@ -70,7 +70,7 @@ class RobotWatch:
         volts = self.battery_v
         if volts is None:
             return None
-        # As it is told: a tenth of a volt summed up is not exact.
+        # Rounded as it is shown: sums of tenths of a volt are not exact.
         volts = round(volts, 3)
         if volts < BATTERY_CRITICAL_V:
             return "critical"

@@ -13,9 +13,9 @@ from observer.robots.models import RobotSpec
 
 STOPPED, MOVING = 0x32, 0x33
 _FIXED = struct.Struct("<xHHhhhBHhHBB")
-# The word's bits are an odd few of a stall and seven segments, one half for each end.
+# Each byte of the word holds a stall bit and seven segments: one byte for each end.
 BUMPERS = 7
-# Farther, nothing echoes; the firmware tells this where nothing did.
+# Maximum range; the firmware reports it where there was no echo.
 SONAR_REACH_MM = 5000
 _CHARGING: Mapping[int, str] = MappingProxyType(
     {0: "not charging", 1: "bulk", 2: "overcharge", 3: "float", 4: "balance"}
@@ -90,7 +90,7 @@ def decode_status(
     )
     end = _FIXED.size + 3 * count
     overrun = end > len(payload)
-    # Behind a false count nothing can be told apart: a range that is none would pass for free.
+    # After a wrong count nothing can be decoded: a false range could pass for free space.
     tail = partial(_number, b"" if overrun else payload[end:])
     battery = tail(5, 2) or decivolts
     turn_rate = tail(8, 2, signed=True)

@@ -40,9 +40,9 @@ LIMITS = {
 }
 OUTLINE = {"radius_m": 0.3, "width_m": 0.4, "length_m": 0.5}
 _ANSWER_WITHIN_S = 3.0
-# Before the first welcome says otherwise.
+# Until the first permit says otherwise.
 _EXPIRES_S = 0.25
-# The quickest permit is looked for within the last one or two of these.
+# Window for the quickest permit: the last one or two of these.
 _BUCKET_S = 10.0
 
 
@@ -105,7 +105,7 @@ class ExternalClient:
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._sequence = 0
-        # Why nothing more comes; None while the connection stands.
+        # Reason why the connection is over; None while it stands.
         self._over: str | None = None
         # Smallest (arrival - time of saying): in this bucket, and in the one before.
         self._least = self._least_before = math.inf
@@ -136,7 +136,7 @@ class ExternalClient:
             connection.close()
             sentence = (answer or {}).get("sentence", "the connection was ended")
             raise ExternalClientError(f"the robot was refused: {sentence}")
-        # Sending waits for so long at most: a robot must not stand in it with old permits.
+        # Limit on sending: a robot must not wait in it with old permits.
         connection.settimeout(_EXPIRES_S)
         self._socket = connection
         self._sequence = 0
@@ -207,7 +207,7 @@ class ExternalClient:
             try:
                 connection.sendall(_line(message))
             except OSError as error:
-                # Part of a line may be out: nothing that follows could be read.
+                # Part of a line may be sent: nothing after it could be read.
                 self._end(f"the connection was lost ({error})")
                 raise ExternalClientError(f"the connection was lost ({error})") from None
 
@@ -306,7 +306,7 @@ class _Lines:
             try:
                 data = self._connection.recv(LONGEST_LINE)
             except TimeoutError:
-                # What silence means is judged by what is permitted, not here.
+                # Silence is judged by ``permitted``, not here.
                 if patient:
                     continue
                 raise

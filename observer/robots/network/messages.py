@@ -18,7 +18,7 @@ from observer.robots.contract import RobotLimits
 PROTOCOL = 1
 LONGEST_LINE = 4096
 Mode = Literal["driven", "guarded"]
-# Beyond, a number is in other units or damaged.
+# Beyond these a number is in other units or damaged.
 _FAR_M, _FAST_MPS, _FAST_RADPS, _LARGE_M = 1e6, 100.0, 1000.0, 100.0
 _LONGEST_TEXT = 200
 
@@ -231,7 +231,7 @@ def _part(data: dict[str, Any], key: str) -> dict[str, Any]:
 def _number(data: dict[str, Any], key: str, most: float, what: str) -> float:
     value = data.get(key)
     try:
-        # Whole numbers may have any number of digits.
+        # JSON integers may have any number of digits.
         number = math.nan if isinstance(value, bool | str | None) else float(value)
     except (TypeError, OverflowError):
         number = math.nan

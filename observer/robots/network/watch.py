@@ -10,14 +10,14 @@ from observer.robots.models import RobotSpec
 from observer.robots.network.messages import Hello, OdometryMessage, Permit
 from observer.types import Odometry
 
-# Without odometry for so long it has a fault.
+# Time without odometry that is a fault.
 SILENCE_S = 0.5
-# Or if the newest permit that it confirms is older: it does not hear us. By as much longer as
-# a permit and the odometry that confirms it are on their way when all is well.
+# Maximum age of the newest confirmed permit: beyond, the robot does not hear us. Longer by
+# the time that a permit and its confirmation normally take.
 UNHEARD_S = 0.7
-# A robot needs a moment to switch its motors on; until then it does not contradict.
+# Time for a robot to switch its motors on, without a fault.
 _ENABLE_WITHIN_S = 1.0
-# More than go out until they count as not confirmed.
+# More permits than are sent until they count as not confirmed.
 _MOST_UNCONFIRMED = 100
 _ZERO = (0.0, 0.0)
 
@@ -79,7 +79,7 @@ class ExternalWatch:
         self._counters["packets"] += 1
         self._said = message
         self._place.move(message)
-        # What waited on its way is heard now, but tells of then.
+        # A delayed message is received now, but describes an earlier moment.
         self._heard = max(self._heard, now - self._delay.of(message.time, now))
         told = self._permit_times.get(message.permit)
         if told is not None:
@@ -88,7 +88,7 @@ class ExternalWatch:
                 del self._permit_times[old]
         if message.fault is not None:
             self._fail(message.fault)
-        # Not by what it said before it knew that it may.
+        # Only by messages sent after it knew that it may.
         if self._enabled_by is not None and message.permit >= self._enabled_by:
             self._seen_enabled = self._seen_enabled or message.enabled
 
@@ -278,7 +278,7 @@ class _Place:
         if last is None:
             self.odometry = here
             return
-        # From the robot's frame of counting into ours.
+        # From the robot's odometry frame to ours.
         turn = here.yaw - last.yaw
         c, s = math.cos(turn), math.sin(turn)
         dx, dy = message.x - last.x, message.y - last.y
@@ -292,7 +292,7 @@ class _Place:
 class _Delay:
     """Delay of a message on its way, beyond that of the quickest recent one."""
 
-    # Long enough to hold a quick one, short enough for two clocks not to drift apart.
+    # Long enough to hold a quick message, short enough that clock drift does not matter.
     _BUCKET_S = 10.0
 
     def __init__(self) -> None:

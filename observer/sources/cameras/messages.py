@@ -1,4 +1,4 @@
-"""What a camera's process and the source tell each other: one line of JSON each.
+"""Messages between a camera's process and the source: one line of JSON each.
 
 Every notice fits into a pipe's atomic write (POSIX: at least 512 bytes), so that it is written as
 a whole or, where nobody reads, not at all.
@@ -30,7 +30,7 @@ class Open:
     opener: str
 
     def camera_settings(self) -> CameraSettings:
-        """The settings, with JSON's list made the pair it was."""
+        """Return the settings, with JSON's list made the pair it was."""
         values = dict(self.settings)
         if values.get("size") is not None:
             width, height = values["size"]
@@ -141,18 +141,18 @@ _NOTICES: Mapping[str, type[Notice]] = {
 
 
 def encode(message: Command | Notice) -> bytes:
-    """The message as a line."""
+    """Encode a message as a line."""
     return json.dumps([type(message).__name__, vars(message)]).encode() + b"\n"
 
 
 def decode_command(line: bytes) -> Command:
-    """The command of a line without its end; both sides are of one version."""
+    """Decode the command in a line without its end; both sides are of one version."""
     kind, values = json.loads(line)
     return _COMMANDS[kind](**values)
 
 
 def decode_notice(line: bytes) -> Notice:
-    """The notice of a line without its end; both sides are of one version."""
+    """Decode the notice in a line without its end; both sides are of one version."""
     kind, values = json.loads(line)
     if kind == Opened.__name__:
         values["refused"] = tuple(values["refused"])
