@@ -30,13 +30,13 @@ def R_base_camera(pan_rad: float, tilt_rad: float, roll_rad: float) -> Float64Ar
 
 @dataclass(frozen=True)
 class CameraMount:
-    """The left camera on a robot that stands on a flat floor.
+    """The left camera on a robot that stands on flat ground.
 
     The camera is level and looks ahead, then turns about its own axes: by ``pan_rad`` to the
     left, by ``tilt_rad`` down, at last by ``roll_rad`` about the direction it looks in.
 
     Attributes:
-        height_m: of the camera above the floor. tilt_rad: angle by which it looks down from the
+        height_m: of the camera above the ground. tilt_rad: angle by which it looks down from the
             horizontal.
         forward_m, left_m: of the camera from the middle of the axle about which the robot turns;
             None where unknown.
@@ -89,7 +89,7 @@ class CameraMount:
 
     @property
     def T_level_camera(self) -> Pose:
-        """The camera in upright axes: z up from the floor below it, x to where it looks, y left.
+        """The camera in upright axes: z up from the ground below it, x to where it looks, y left.
 
         What ``T_base_camera`` is, but for pan and offset: all that levelling needs. Applied to
         the world, which is a segment's first camera, it is the display's frame.

@@ -82,7 +82,7 @@ class Nearby:
 
     @property
     def nearest(self) -> str:
-        """Where the nearest feature of all is, in words."""
+        """Distance of the nearest feature of all, in words."""
         if self.nearest_px is None:
             return "there is none in the image"
         return f"the nearest is {self.nearest_px:.0f} px away"

@@ -27,7 +27,7 @@ class SourceInfo:
         frame_rate: nominal, 1/s.
         frame_count: total number of frames, or None where it never ends, live or not.
         live: True where frames come at their own pace and cannot be paused.
-        mount_height_m: height of the left camera above the floor, None where unknown.
+        mount_height_m: height of the left camera above the ground, None where unknown.
         mount_tilt_rad: angle by which the camera looks down from the horizontal, None where
             unknown.
         mount_forward_m, mount_left_m: of the left camera from the middle of the axle about which

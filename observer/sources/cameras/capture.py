@@ -74,7 +74,7 @@ def open_capture(address: str, settings: CameraSettings) -> Capture:
 
 
 class _OpenCvCapture:
-    """What devices and streams have in common, by OpenCV."""
+    """Base of captures by OpenCV, of devices and of streams."""
 
     _capture: cv2.VideoCapture
 

@@ -103,7 +103,7 @@ class CameraSource:
 
     @property
     def calibration(self) -> StereoCalibration | None:
-        """None: cameras bring no calibration."""
+        """Always None: cameras bring no calibration."""
         return None
 
     def read(self) -> StereoFrame | NoFrame:
