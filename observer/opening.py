@@ -9,11 +9,15 @@ import contextlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from observer.errors import SourceError
 from observer.robots.contract import RobotWorld
 from observer.sources.contract import Source
 from observer.truth.contract import Truth
+
+if TYPE_CHECKING:
+    from observer.sources.cameras.spec import CamerasSpec
 
 # A scheme, even a mistyped one; a Windows drive letter is one character and stays a path.
 _SCHEME = re.compile(r"^([a-z_]{2,}):", re.IGNORECASE)
@@ -56,14 +60,10 @@ def open_source(spec: str) -> OpenedSource:
         from observer.sources.video import open_video
 
         return OpenedSource(open_video(rest), None)
-    if kind == "camera":
-        from observer.sources.cameras.source import open_devices
+    if kind == "camera" or kind in _NETWORK_KINDS:
+        from observer.sources.cameras.source import CameraSource
 
-        return OpenedSource(open_devices(rest), None)
-    if kind in _NETWORK_KINDS:
-        from observer.sources.cameras.source import open_urls
-
-        return OpenedSource(open_urls(spec), None)
+        return OpenedSource(CameraSource(_parse_cameras(spec)), None)
     if kind == "coppeliasim":
         from observer.coppeliasim.opening import open_coppeliasim
 
@@ -84,10 +84,10 @@ def shown_spec(spec: str) -> str:
     kind, rest = _split(spec)
     if kind not in _NETWORK_KINDS:
         return spec
-    from observer.sources.cameras.spec import parse_urls, without_password
+    from observer.sources.cameras.spec import without_password
 
     try:
-        return parse_urls(spec).text
+        return _parse_cameras(spec).text
     except SourceError:
         # It will be refused; a possible password is left out all the same.
         with contextlib.suppress(ValueError):
@@ -100,16 +100,12 @@ def live_devices(spec: str) -> tuple[str, ...]:
 
     Nothing is opened; empty for what names no live cameras.
     """
-    kind, rest = _split(spec)
-    if kind not in ("camera", *_NETWORK_KINDS):
+    if _split(spec)[0] not in ("camera", *_NETWORK_KINDS):
         return ()
-    from observer.sources.cameras.spec import parse_devices, parse_urls
-
     try:
-        parsed = parse_devices(rest) if kind == "camera" else parse_urls(spec)
+        return tuple(target.name for target in _parse_cameras(spec).targets)
     except SourceError:
         return ()
-    return tuple(target.name for target in parsed.targets)
 
 
 def exclusive_world(spec: str) -> str | None:
@@ -129,6 +125,13 @@ def _split(spec: str) -> tuple[str, str]:
     """Return the kind of source, empty for a path, and what follows its colon."""
     scheme = _SCHEME.match(spec)
     return (scheme.group(1).lower(), spec[scheme.end() :]) if scheme else ("", spec)
+
+
+def _parse_cameras(spec: str) -> CamerasSpec:
+    from observer.sources.cameras.spec import parse_devices, parse_urls
+
+    kind, rest = _split(spec)
+    return parse_devices(rest) if kind == "camera" else parse_urls(spec)
 
 
 def _open_simulated(rest: str) -> OpenedSource:

@@ -15,7 +15,7 @@ from observer.sources.cameras.capture import OPENER
 from observer.sources.cameras.live_camera import LiveCamera
 from observer.sources.cameras.messages import Grabbed
 from observer.sources.cameras.pairing import Skews, judge
-from observer.sources.cameras.spec import CamerasSpec, parse_devices, parse_urls
+from observer.sources.cameras.spec import CamerasSpec
 from observer.sources.cameras.usb import bandwidth_hints
 from observer.sources.contract import LIVE_PATIENCE_S, LiveReport, NoFrame, SourceInfo
 from observer.types import Image, StereoFrame
@@ -35,24 +35,6 @@ _REAPING_S = 1.0
 _OLD_PERIODS = 1.5
 
 
-def open_devices(rest: str) -> CameraSource:
-    """Open what follows ``camera:``: ``0,1``, two paths, or ``sbs:0``; settings after ``?``.
-
-    Raises:
-        SourceError: one sentence that names the camera and what is wrong.
-    """
-    return CameraSource(parse_devices(rest))
-
-
-def open_urls(text: str) -> CameraSource:
-    """Open two addresses of network cameras with a comma between them, or ``sbs:`` and one.
-
-    Raises:
-        SourceError: one sentence that names the camera and what is wrong.
-    """
-    return CameraSource(parse_urls(text))
-
-
 class CameraSource:
     """Live cameras; implements ``Source`` and ``LiveSource``.
 
@@ -65,7 +47,8 @@ class CameraSource:
         opener: as in ``messages.Open``; another one than OpenCV's cameras for tests.
 
     Raises:
-        SourceError: a camera is missing, refuses or delivers no pair within 15 s.
+        SourceError: a camera is missing, refuses or delivers no pair within 15 s; one sentence
+            that names the camera.
     """
 
     def __init__(self, spec: CamerasSpec, *, opener: str = OPENER) -> None:
