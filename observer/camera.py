@@ -1,4 +1,4 @@
-"""What is known of the two cameras: as calibrated, and as one rectified pair."""
+"""Models of the two cameras: as calibrated, and as one rectified pair."""
 
 from __future__ import annotations
 
@@ -135,7 +135,7 @@ class StereoCalibration:
 
     @property
     def is_rectified(self) -> bool:
-        """Whether images of this pair are used as they are, without any remapping."""
+        """True if images of this pair are used as they are, without any remapping."""
         return bool(
             self.distortion_model == "radtan"
             and not self.D1.any()
@@ -151,7 +151,7 @@ class StereoCalibration:
     def rectified(
         width: int, height: int, fx: float, fy: float, cx: float, cy: float, baseline: float
     ) -> StereoCalibration:
-        """The calibration of images that are rectified already."""
+        """Return the calibration of images that are rectified already."""
         K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64)
         return StereoCalibration(
             width, height, K, np.zeros(5), K, np.zeros(5), np.eye(3), np.array([-baseline, 0, 0])
@@ -159,7 +159,7 @@ class StereoCalibration:
 
 
 def _unit_hint(baseline: float) -> str:
-    """Which units would make a baseline of this number plausible, as the rest of a sentence."""
+    """Say in which units a baseline of this number is plausible, as the rest of a sentence."""
     fitting = [
         f"in {unit} it would fit, so divide T by {divisor} ({baseline / divisor:.3g} m)"
         for unit, divisor in (("millimetres", 1000), ("centimetres", 100))
@@ -200,7 +200,7 @@ class StereoCamera:
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
 
     def triangulate(self, px: ArrayLike, disparity: ArrayLike) -> Float64Array:
-        """Points (..., 3) in the camera frame, from pixels (..., 2) and disparities (...).
+        """Triangulate points (..., 3), camera frame, from pixels (..., 2) and disparities (...).
 
         A disparity that is not positive or not finite gives NaN, never a far point.
         """
@@ -213,7 +213,7 @@ class StereoCamera:
         return np.stack([x, y, z], axis=-1)
 
     def project(self, points: ArrayLike) -> tuple[Float64Array, Float64Array]:
-        """Pixels (..., 2) and disparities (...) of camera-frame points (..., 3).
+        """Project camera-frame points (..., 3) to pixels (..., 2) and disparities (...).
 
         Points that do not lie in front of the camera give NaN.
         """
@@ -224,7 +224,7 @@ class StereoCamera:
         return np.stack([u, v], axis=-1), self.fx * self.baseline / z
 
     def projection_jacobian(self, points: ArrayLike) -> Float64Array:
-        """(..., 3, 3) derivative of u, v and disparity by camera-frame points (..., 3), px/m.
+        """Derivative (..., 3, 3) of u, v and disparity by camera-frame points (..., 3), px/m.
 
         NaN for points that do not lie in front of the camera.
         """
@@ -262,7 +262,7 @@ class StereoCamera:
 
 
 def as_gray(image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(H, W) luma of a grey (H, W) or BGR (H, W, 3) image; grey images are not copied."""
+    """Return the luma (H, W) of a grey or BGR (H, W, 3) image; grey images are not copied."""
     if image.ndim == 2:
         return image
     import cv2

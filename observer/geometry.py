@@ -54,7 +54,7 @@ class Pose:
 
     @staticmethod
     def _trusted(rotation: Float64Array, translation: Float64Array) -> Pose:
-        """Of new arrays (3, 3) and (3,) float64 that follow from poses and need no check.
+        """Make a pose of new float64 arrays (3, 3) and (3,) that follow from poses, unchecked.
 
         The checks cost more than what is computed here, and poses are made dozens of times a
         frame.
@@ -72,7 +72,7 @@ class Pose:
 
     @staticmethod
     def from_matrix(matrix: ArrayLike) -> Pose:
-        """From a (3, 4) or (4, 4) homogeneous matrix."""
+        """Make a pose from a (3, 4) or (4, 4) homogeneous matrix."""
         m = np.asarray(matrix, dtype=np.float64)
         if m.shape not in ((3, 4), (4, 4)):
             raise ValueError(f"a pose matrix must be (3, 4) or (4, 4), not {m.shape}")
@@ -80,7 +80,7 @@ class Pose:
 
     @staticmethod
     def from_rotvec(rotvec: ArrayLike, translation: ArrayLike) -> Pose:
-        """From a rotation vector (3,) in radians and a translation (3,) in metres."""
+        """Make a pose from a rotation vector (3,), radians, and a translation (3,), metres."""
         x, y, z = np.asarray(rotvec, dtype=np.float64).reshape(3).tolist()
         angle = math.sqrt(x * x + y * y + z * z)
         scale = math.sin(angle / 2) / angle if angle > _SMALL_ANGLE else 0.5 - angle * angle / 48
@@ -89,7 +89,7 @@ class Pose:
 
     @staticmethod
     def from_quaternion(wxyz: ArrayLike, translation: ArrayLike) -> Pose:
-        """From a quaternion (4,), scalar first, of any length but zero, and metres (3,)."""
+        """Make a pose from a quaternion (4,), scalar first, not zero, and metres (3,)."""
         w, x, y, z = np.asarray(wxyz, dtype=np.float64).reshape(4).tolist()
         square = w * w + x * x + y * y + z * z
         if not square > 0:
@@ -120,7 +120,7 @@ class Pose:
         """(3,) rotation vector in radians."""
         w, x, y, z = _quaternion(self.rotation)
         sine = math.sqrt(x * x + y * y + z * z)
-        # Of half the angle; for small ones the angle is twice the sine.
+        # The sine is that of half the angle; a small angle is twice the sine.
         scale = 2 * math.atan2(sine, w) / sine if sine > _SMALL_ANGLE**2 else 2.0
         return np.array([scale * x, scale * y, scale * z])
 
@@ -147,7 +147,7 @@ class Pose:
 
 
 def along_arc(x: float, y: float, heading: float, way: float, turned: float) -> tuple[float, float]:
-    """Where an arc over a plane ends that begins at ``x``, ``y`` along ``heading``.
+    """Return the end of an arc over a plane that begins at ``x``, ``y`` along ``heading``.
 
     A circle's chord (Siegwart and Nourbakhsh, Introduction to Autonomous Mobile Robots, 5.2.4).
 
@@ -161,7 +161,7 @@ def along_arc(x: float, y: float, heading: float, way: float, turned: float) -> 
 
 
 def is_rotation(matrix: ArrayLike, tolerance: float = _ROTATION_TOLERANCE) -> bool:
-    """Whether a (3, 3) matrix is orthonormal with determinant +1, within ``tolerance``."""
+    """Return whether a (3, 3) matrix is orthonormal with determinant +1, within ``tolerance``."""
     m = np.asarray(matrix, dtype=np.float64)
     if m.shape != (3, 3):
         return False
@@ -226,7 +226,7 @@ def _quaternion(rotation: Float64Array) -> tuple[float, float, float, float]:
 
 
 def map_pixels(homography: ArrayLike, px: ArrayLike) -> Float64Array:
-    """Pixels (N, 2) that a planar map (3, 3) makes of pixels (N, 2)."""
+    """Map pixels (N, 2) by a planar map (3, 3)."""
     H = np.asarray(homography, dtype=np.float64)
     q = np.asarray(px, dtype=np.float64).reshape(-1, 2) @ H[:, :2].T + H[:, 2]
     return np.asarray(q[:, :2] / q[:, 2:], dtype=np.float64)
@@ -254,7 +254,7 @@ def inverse_3x3(matrices: Float64Array) -> Float64Array:
 _COFACTORS = np.array(
     [[4, 2, 1, 0, 1, 0], [8, 5, 5, 8, 2, 4], [5, 1, 2, 2, 0, 1], [5, 8, 4, 2, 5, 1]]
 )
-# Which of the six stands at each of the nine places.
+# Index of the entry at each of the nine places.
 _SYMMETRIC = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
 
 

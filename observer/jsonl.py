@@ -65,7 +65,7 @@ class ObservationLine(TypedDict):
 
 
 def observation_line(observation: Observation, *, tentative: bool = False) -> ObservationLine:
-    """One observation as the plain dictionary of one JSON line; no NaN, unknown is None.
+    """Return the plain dictionary of an observation's JSON line; no NaN, unknown is None.
 
     Args:
         tentative: include obstacles that are not confirmed yet.
@@ -105,7 +105,7 @@ def line_pose(line: Mapping[str, Any]) -> Pose | None:
 
 
 def obstacle_entry(obstacle: Obstacle) -> ObstacleEntry:
-    """One obstacle of a JSON line."""
+    """Return one obstacle of a JSON line."""
     return {
         "id": obstacle.id,
         "state": _word(obstacle.state),

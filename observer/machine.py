@@ -11,7 +11,7 @@ from observer.sources.cameras.v4l2.device import DeviceAccess, LinuxAccess
 
 
 def described_ports() -> Mapping[str, str]:
-    """Serial ports and what they say of themselves, as far as pyserial finds any."""
+    """Return the serial ports that pyserial finds, with their descriptions."""
     from serial.tools.list_ports import comports  # type: ignore[import-untyped]
 
     return {port.device: port.description for port in comports()}
@@ -19,7 +19,7 @@ def described_ports() -> Mapping[str, str]:
 
 @dataclass(frozen=True)
 class Machine:
-    """Where devices are looked for.
+    """Places where devices are looked for.
 
     Attributes:
         root: of the file system. access: the kernel, for device files.

@@ -1,4 +1,4 @@
-"""How the camera is mounted on the robot: what one camera needs to know depth in metres."""
+"""Mount of the camera on its robot, which gives a single camera its scale in metres."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _T_LEVEL_CAMERA = Pose(_R_CAMERA_BASE.T, np.zeros(3))
 
 
 def R_base_camera(pan_rad: float, tilt_rad: float, roll_rad: float) -> Float64Array:
-    """(3, 3) from a camera's axes to those it is mounted in (x forward, y left, z up).
+    """Return the rotation (3, 3) from a camera's axes to those it is mounted in (x forward, z up).
 
     Args:
         pan_rad, tilt_rad, roll_rad: as ``CameraMount`` has them.
@@ -30,13 +30,13 @@ def R_base_camera(pan_rad: float, tilt_rad: float, roll_rad: float) -> Float64Ar
 
 @dataclass(frozen=True)
 class CameraMount:
-    """The left camera on a robot that stands on a flat floor.
+    """The left camera on a robot that stands on flat ground.
 
     The camera is level and looks ahead, then turns about its own axes: by ``pan_rad`` to the
     left, by ``tilt_rad`` down, at last by ``roll_rad`` about the direction it looks in.
 
     Attributes:
-        height_m: of the camera above the floor. tilt_rad: angle by which it looks down from the
+        height_m: of the camera above the ground. tilt_rad: angle by which it looks down from the
             horizontal.
         forward_m, left_m: of the camera from the middle of the axle about which the robot turns;
             None where unknown.
@@ -67,7 +67,7 @@ class CameraMount:
 
     @staticmethod
     def angles_of(down: Float64Array) -> tuple[float, float]:
-        """Tilt and roll, radians, of a camera that has gravity in this direction.
+        """Return tilt and roll, radians, of a camera that has gravity in this direction.
 
         Args:
             down: (3,) unit vector in the camera's axes; the inverse of ``down``.
@@ -78,11 +78,8 @@ class CameraMount:
     @property
     def down(self) -> Float64Array:
         """(3,) the direction of gravity in the camera's axes, unit length."""
-        level = math.cos(self.tilt_rad)
-        return np.array(
-            [level * math.sin(self.roll_rad), level * math.cos(self.roll_rad),
-             math.sin(self.tilt_rad)]
-        )  # fmt: skip
+        level, tilt, roll = math.cos(self.tilt_rad), self.tilt_rad, self.roll_rad
+        return np.array([level * math.sin(roll), level * math.cos(roll), math.sin(tilt)])
 
     @property
     def T_base_camera(self) -> Pose:
@@ -92,7 +89,7 @@ class CameraMount:
 
     @property
     def T_level_camera(self) -> Pose:
-        """The camera in upright axes: z up from the floor below it, x to where it looks, y left.
+        """The camera in upright axes: z up from the ground below it, x to where it looks, y left.
 
         What ``T_base_camera`` is, but for pan and offset: all that levelling needs. Applied to
         the world, which is a segment's first camera, it is the display's frame.
@@ -102,7 +99,7 @@ class CameraMount:
 
     @property
     def lever_sigma_m(self) -> float:
-        """How well the offset from the axle is known, one standard deviation, metres."""
+        """Standard deviation of the offset from the axle, metres."""
         return 0.1 if self.forward_m is None or self.left_m is None else 0.01
 
     @property
@@ -112,7 +109,7 @@ class CameraMount:
 
 
 def level_pose(mount: CameraMount | None) -> Pose:
-    """``T_level_camera``: z up, x to where the camera looks, the floor at z = 0.
+    """Return ``T_level_camera``: z up, x to where the camera looks, the ground at z = 0.
 
     Args:
         mount: where unknown, the camera is taken to be level and put at z = 0.

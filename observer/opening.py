@@ -1,4 +1,4 @@
-"""From the text that names a source to the opened source and, where there is one, its truth.
+"""Opening of the source that a text names and, where there is one, its ground truth.
 
 This is the only place that knows every kind of source; the sources do not know each other.
 """
@@ -9,13 +9,17 @@ import contextlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from observer.errors import SourceError
 from observer.robots.contract import RobotWorld
 from observer.sources.contract import Source
 from observer.truth.contract import Truth
 
-# What a mistyped scheme looks like; a Windows drive letter is one character and stays a path.
+if TYPE_CHECKING:
+    from observer.sources.cameras.spec import CamerasSpec
+
+# A scheme, even a mistyped one; a Windows drive letter is one character and stays a path.
 _SCHEME = re.compile(r"^([a-z_]{2,}):", re.IGNORECASE)
 _NETWORK_KINDS = ("rtsp", "rtsps", "http", "https", "sbs", "sbs_swapped")
 
@@ -49,23 +53,17 @@ def open_source(spec: str) -> OpenedSource:
         SourceError: one sentence that says what is wrong and what would be right.
         ScenarioError: the scenario is unknown or inconsistent.
     """
-    scheme = _SCHEME.match(spec)
-    kind = scheme.group(1).lower() if scheme else ""
-    rest = spec[scheme.end() :] if scheme else spec
+    kind, rest = _split(spec)
     if kind == "simulated":
         return _open_simulated(rest)
     if kind == "video":
         from observer.sources.video import open_video
 
         return OpenedSource(open_video(rest), None)
-    if kind == "camera":
-        from observer.sources.cameras.source import open_devices
+    if kind == "camera" or kind in _NETWORK_KINDS:
+        from observer.sources.cameras.source import CameraSource
 
-        return OpenedSource(open_devices(rest), None)
-    if kind in _NETWORK_KINDS:
-        from observer.sources.cameras.source import open_urls
-
-        return OpenedSource(open_urls(spec), None)
+        return OpenedSource(CameraSource(_parse_cameras(spec)), None)
     if kind == "coppeliasim":
         from observer.coppeliasim.opening import open_coppeliasim
 
@@ -82,50 +80,58 @@ def open_source(spec: str) -> OpenedSource:
 
 
 def shown_spec(spec: str) -> str:
-    """The text that names a source, without users and passwords: for people, records and logs."""
-    scheme = _SCHEME.match(spec)
-    if scheme is None or scheme.group(1).lower() not in _NETWORK_KINDS:
+    """Return the text that names a source, without users and passwords, for people and logs."""
+    kind, rest = _split(spec)
+    if kind not in _NETWORK_KINDS:
         return spec
-    from observer.sources.cameras.spec import parse_urls, without_password
+    from observer.sources.cameras.spec import without_password
 
     try:
-        return parse_urls(spec).text
+        return _parse_cameras(spec).text
     except SourceError:
-        # It will be refused; what might be a password in it is left out all the same.
+        # It will be refused; a possible password is left out all the same.
         with contextlib.suppress(ValueError):
             return without_password(spec)
-        return scheme.group()
+        return spec.removesuffix(rest)
 
 
 def live_devices(spec: str) -> tuple[str, ...]:
-    """The names of the live cameras that ``spec`` names, as ``SourceInfo.devices`` has them.
+    """Return the names of the live cameras that ``spec`` names, as in ``SourceInfo.devices``.
 
     Nothing is opened; empty for what names no live cameras.
     """
-    scheme = _SCHEME.match(spec)
-    kind = scheme.group(1).lower() if scheme else ""
-    if scheme is None or kind not in ("camera", *_NETWORK_KINDS):
+    if _split(spec)[0] not in ("camera", *_NETWORK_KINDS):
         return ()
-    from observer.sources.cameras.spec import parse_devices, parse_urls
-
     try:
-        parsed = parse_devices(spec[scheme.end() :]) if kind == "camera" else parse_urls(spec)
+        return tuple(target.name for target in _parse_cameras(spec).targets)
     except SourceError:
         return ()
-    return tuple(target.name for target in parsed.targets)
 
 
 def exclusive_world(spec: str) -> str | None:
-    """The world that ``spec`` names, where it takes one source at a time; nothing is opened."""
-    scheme = _SCHEME.match(spec)
-    if scheme is None or scheme.group(1).lower() != "coppeliasim":
+    """Return the world that ``spec`` names if it takes one source at a time; nothing is opened."""
+    kind, rest = _split(spec)
+    if kind != "coppeliasim":
         return None
     from observer.coppeliasim.address import parse_address
 
     try:
-        return parse_address(spec[scheme.end() :]).world
+        return parse_address(rest).world
     except SourceError:
         return None
+
+
+def _split(spec: str) -> tuple[str, str]:
+    """Return the kind of source, empty for a path, and what follows its colon."""
+    scheme = _SCHEME.match(spec)
+    return (scheme.group(1).lower(), spec[scheme.end() :]) if scheme else ("", spec)
+
+
+def _parse_cameras(spec: str) -> CamerasSpec:
+    from observer.sources.cameras.spec import parse_devices, parse_urls
+
+    kind, rest = _split(spec)
+    return parse_devices(rest) if kind == "camera" else parse_urls(spec)
 
 
 def _open_simulated(rest: str) -> OpenedSource:
@@ -144,7 +150,7 @@ def _open_simulated(rest: str) -> OpenedSource:
         seed = int(value)
     world = World(load_scenario(name or "lab"), seed)
     source = SimulatedSource(world)
-    # Who shows a board to cameras counts on their standing still.
+    # Cameras must stand still while a board is shown to them.
     robots = None if world.board else SimulatedRobots(world, source)
     return OpenedSource(source, SimulatedTruth(world), robots)
 

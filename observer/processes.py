@@ -32,7 +32,7 @@ def die_with_parent(parent_pid: int, by: signal.Signals = signal.SIGKILL) -> Non
 
 
 def anonymous_memory(name: str) -> int:
-    """Descriptor of an empty file in memory (elsewhere: on disk) that no path leads to.
+    """Return the descriptor of an empty file in memory (elsewhere: on disk) without a path.
 
     Args:
         name: shown by the system's tools only.

@@ -1,4 +1,4 @@
-"""Opens whatever robot a text names."""
+"""Opening of the robot that a text names."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _FORMS = (
 def open_robot(
     port: str, model: str | None = None, *, clock: Callable[[], float] = time.monotonic
 ) -> Robot:
-    """The robot at a port; it connects by itself from now on, with motors off.
+    """Open the robot at a port; it connects by itself from now on, with motors off.
 
     Args:
         port: a device's path or ``socket://HOST:PORT`` (ARCOS), ``external:HOST:PORT`` (a robot
@@ -51,7 +51,7 @@ def open_robot(
 
 
 def check_port(port: str) -> None:
-    """See that a text names a port, without opening anything.
+    """Check that a text names a port, without opening anything.
 
     Raises:
         InputError: it does not.

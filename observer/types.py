@@ -1,4 +1,4 @@
-"""The data that passes from stage to stage: frozen, checked at the door, with its validity.
+"""Data passed from stage to stage: frozen, checked on entry, with its validity.
 
 A value that is not known is ``None`` beside a status, never a zero or an identity.
 """
@@ -20,7 +20,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Odometry:
-    """How far the robot has driven by its own wheels, summed up since its start; it drifts.
+    """Pose of the robot by its own wheels, accumulated since its start; it drifts.
 
     Attributes:
         x, y: metres, of the robot's base in the plane it drives on: forward and left as it stood
@@ -85,7 +85,7 @@ class StereoFrame:
 
 
 class Status(StrEnum):
-    """How far a result may be trusted."""
+    """Degree to which a result may be trusted."""
 
     OK = "ok"
     DEGRADED = "degraded"
@@ -139,22 +139,22 @@ class EgoMotion(Protocol):
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """Why the status is not ``ok``, one sentence each."""
+        """Reasons why the status is not ``ok``, one sentence each."""
         ...
 
     @property
     def inliers(self) -> NDArray[np.bool_]:
-        """(N,) which matches follow the model: the static background."""
+        """Mask (N,) of the matches that follow the model: the static background."""
         ...
 
     @property
     def covariance(self) -> Float64Array | None:
-        """(P, P) covariance of the model's parameters; None where it is not estimated."""
+        """Covariance (P, P) of the model's parameters; None where it is not estimated."""
         ...
 
     @property
     def homography(self) -> Float64Array | None:
-        """(3, 3) pixel map from t to t+dt of a planar model, by which images are warped.
+        """Pixel map (3, 3) from t to t+dt of a planar model, by which images are warped.
 
         None for models that warp no image and while the motion is lost.
         """
@@ -167,11 +167,11 @@ class EgoMotion(Protocol):
 
     @property
     def pose_covariance(self) -> Float64Array | None:
-        """(6, 6) of ``T_current_previous`` as rotation vector (rad) and translation (m)."""
+        """Covariance (6, 6) of ``T_current_previous``: rotation vector (rad), translation (m)."""
         ...
 
     def predict(self, px: Float64Array, disparity: Float64Array | None) -> Float64Array:
-        """Pixels (N, 2) at t+dt of static points seen at pixels (N, 2) at t.
+        """Predict pixels (N, 2) at t+dt of static points seen at pixels (N, 2) at t.
 
         ``disparity`` (N,) at t is needed by models that account for depth.
         """
@@ -180,7 +180,7 @@ class EgoMotion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ResidualFlow:
-    """What still moves after the camera's own motion is taken out; M features.
+    """Motion that remains after the camera's own is taken out; M features.
 
     Attributes:
         px: (M, 2) float32 pixels at t.
@@ -195,7 +195,7 @@ class ResidualFlow:
 
     @property
     def residual_px(self) -> NDArray[np.float32]:
-        """(M, 2) observed minus predicted, pixels."""
+        """Residual (M, 2), observed minus predicted, pixels."""
         return np.asarray(self.observed_px - self.px, dtype=np.float32)
 
     def __len__(self) -> int:
@@ -261,12 +261,12 @@ class Detection:
 
     @property
     def speed(self) -> float:
-        """m/s."""
+        """Length of the velocity, m/s."""
         return float(np.linalg.norm(self.velocity))
 
 
 class TrackState(StrEnum):
-    """Where a track stands in its life."""
+    """Stage in the life of a track."""
 
     TENTATIVE = "tentative"
     CONFIRMED = "confirmed"
@@ -274,7 +274,7 @@ class TrackState(StrEnum):
 
 
 class MotionState(StrEnum):
-    """Whether a dynamic obstacle moves at this moment."""
+    """Present motion of a dynamic obstacle."""
 
     MOVING = "moving"
     STOPPED = "stopped"
@@ -346,7 +346,7 @@ class Obstacle:
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """All that one call of ``Observer.observe`` found.
+    """Result of one call of ``Observer.observe``.
 
     Attributes:
         frame, time, received: as of the frame that was observed.

@@ -1,4 +1,4 @@
-"""Why a place in the image counts as moving, as standing, or as neither: any pixel can be asked.
+"""Reasons why any pixel counts as moving, as standing, or as neither.
 
 ``explain_pixel`` reads what one ``observe`` left in a full trace and runs nothing of the method
 again but the grouping of points, so that it can say by how much an answer was missed.

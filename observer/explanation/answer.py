@@ -1,4 +1,4 @@
-"""What is answered of a pixel, and the figures and phrases that all methods' answers share."""
+"""The answer for a pixel, and the figures and phrases that all methods' answers share."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from observer.parameters import Parameters
 # Around a pixel: about as far as features of one textured surface lie apart, 10 px of 512.
 _RADIUS_SHARE = 1 / 50
 _LEAST_RADIUS_PX = 6.0
-# As many of the nearest features speak for a pixel; odd, so that there is a majority.
+# Number of nearest features that speak for a pixel; odd, so that there is a majority.
 _SPEAKERS = 5
 
 
 class PixelVerdict(StrEnum):
-    """What a pixel counts as.
+    """Verdict on a pixel.
 
     ``undecided``: features are there, but they are too young, too few of them agree, their depth
     is unknown, or their motion does not stand out enough.
@@ -40,7 +40,7 @@ class PixelVerdict(StrEnum):
 
 @dataclass(frozen=True)
 class PixelAnswer:
-    """Why one pixel counts as what it does.
+    """Verdict on one pixel, with its reasons.
 
     Attributes:
         px: u, v in the rectified left image of t+dt.
@@ -76,20 +76,27 @@ class Nearby:
 
     @property
     def speakers(self) -> NDArray[np.intp]:
-        """The nearest of them, an odd number, that speak for the pixel."""
+        """Nearest of them, an odd number, that speak for the pixel."""
         count = min(len(self.members), _SPEAKERS)
         return self.members[: count - 1 + count % 2]
 
     @property
+    def nearest(self) -> str:
+        """Distance of the nearest feature of all, in words."""
+        if self.nearest_px is None:
+            return "there is none in the image"
+        return f"the nearest is {self.nearest_px:.0f} px away"
+
+    @property
     def numbers(self) -> dict[str, float | None]:
-        """As ``PixelAnswer.numbers`` shows them."""
+        """Figures as ``PixelAnswer.numbers`` shows them."""
         return {"features_near": len(self.members), "nearest_feature_px": self.nearest_px}
 
 
 def look_around(
     features_px: ArrayLike, px: tuple[float, float], camera: StereoCamera, apart_px: float = 0.0
 ) -> Nearby:
-    """The features (N, 2) around a pixel.
+    """Find the features (N, 2) around a pixel.
 
     Args:
         apart_px: so far apart features are meant to lie; where none is around, the nearest one
@@ -107,24 +114,24 @@ def look_around(
 
 
 def radius_px(camera: StereoCamera) -> float:
-    """Within which features are taken for those of a pixel."""
+    """Return the radius within which features speak for a pixel."""
     return max(_LEAST_RADIUS_PX, camera.width * _RADIUS_SHARE)
 
 
 def distances(features_px: ArrayLike, px: tuple[float, float]) -> Float64Array:
-    """(N,) pixels, infinite where a feature's place is not known."""
+    """Return the distances (N,), pixels; infinite where a feature's place is not known."""
     gap = np.asarray(features_px, dtype=np.float64).reshape(-1, 2) - px
     return np.nan_to_num(np.hypot(gap[:, 0], gap[:, 1]), nan=np.inf)
 
 
 def known(value: float) -> float | None:
-    """A figure as an answer holds it: None for NaN and the infinities."""
+    """Return a figure as an answer holds it: None for NaN and the infinities."""
     return float(value) if math.isfinite(value) else None
 
 
 @functools.cache
 def limits(parameter: str) -> tuple[float, float]:
-    """Least and greatest value that a numeric parameter, by its dotted name, takes."""
+    """Return the least and greatest value that a numeric parameter, by its dotted name, takes."""
     entry = next(entry for entry in Parameters.declared() if entry["name"] == parameter)
     return float(entry["minimum"]), float(entry["maximum"])
 
@@ -133,17 +140,17 @@ def limits(parameter: str) -> tuple[float, float]:
 
 
 def below(value: float, digits: int = 2) -> str:
-    """The greatest number of so many decimals that is less than ``value``."""
+    """Return the greatest number of so many decimals that is less than ``value``."""
     scale = 10**digits
     return f"{(math.ceil(value * scale - 1e-6) - 1) / scale:.{digits}f}"
 
 
 def above(value: float, digits: int = 2) -> str:
-    """The least number of so many decimals that is greater than ``value``."""
+    """Return the least number of so many decimals that is greater than ``value``."""
     scale = 10**digits
     return f"{(math.floor(value * scale + 1e-6) + 1) / scale:.{digits}f}"
 
 
 def count_of(number: int, what: str) -> str:
-    """As in ``1 feature`` and ``3 features``."""
+    """Return a count with its noun, as in ``1 feature`` and ``3 features``."""
     return f"{number} {what}{'' if number == 1 else 's'}"

@@ -1,4 +1,4 @@
-"""Reasons where one camera judges which points can stand."""
+"""Reasons of the monocular method."""
 
 from __future__ import annotations
 
@@ -7,13 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.explanation.answer import (
-    PixelAnswer,
-    PixelVerdict,
-    count_of,
-    known,
-    look_around,
-)
+from observer.explanation.answer import PixelAnswer, PixelVerdict, count_of, known, look_around
 from observer.methods.monocular.ray_evidence import RayEvidence
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import Parameters
@@ -29,7 +23,7 @@ def explain_by_rays(
     px: tuple[float, float],
     counts: Mapping[str, float],
 ) -> PixelAnswer:
-    """The answer of the nearest points' majority.
+    """Return the answer of the nearest points' majority.
 
     Args:
         counts: figures of the camera's own motion, shown with the answer's.

@@ -1,4 +1,4 @@
-"""The way in: what is so whatever the method, then the method's own reasons."""
+"""Explanation of a pixel: what holds with every method, then the method's own reasons."""
 
 from __future__ import annotations
 
@@ -17,12 +17,9 @@ from observer.types import Status
 
 
 def explain_pixel(
-    trace: Mapping[str, Any],
-    camera: StereoCamera,
-    parameters: Parameters,
-    px: tuple[float, float],
+    trace: Mapping[str, Any], camera: StereoCamera, parameters: Parameters, px: tuple[float, float]
 ) -> PixelAnswer:
-    """Why the pixel counts as moving, as standing, or as neither.
+    """Explain why the pixel counts as moving, as standing, or as neither.
 
     Args:
         trace: all that one ``Observer.observe`` kept (see ``observer.observer``): ``evidence``

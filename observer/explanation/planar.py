@@ -1,4 +1,4 @@
-"""Reasons where one planar motion is taken out of the image and residual flow tells what moves."""
+"""Reasons of the planar methods: residual flow after one planar motion is taken out."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def explain_by_flow(
     px: tuple[float, float],
     counts: Mapping[str, float],
 ) -> PixelAnswer:
-    """The answer of the nearest features' residual motion.
+    """Return the answer of the nearest features' residual motion.
 
     Args:
         counts: figures of the camera's own motion, shown with the answer's.
@@ -100,7 +100,7 @@ def explain_by_flow(
 
 
 def _depth_at(disparity: Float64Array, px: Float64Array, camera: StereoCamera) -> float:
-    """Metres, the middle one of the depths around a pixel of t; NaN where too few are known."""
+    """Return the median of the depths around a pixel of t, metres; NaN where too few are known."""
     u, v = (round(float(c)) for c in px)
     rows = slice(max(0, v - _DEPTH_REACH_PX), max(0, v + _DEPTH_REACH_PX + 1))
     columns = slice(max(0, u - _DEPTH_REACH_PX), max(0, u + _DEPTH_REACH_PX + 1))
@@ -231,7 +231,7 @@ def _too_small(place: _Place, motions: PointMotions, around: np.ndarray[Any, Any
 
 
 def _end_of_dynamic(place: _Place, group: Detection) -> str:
-    """The nearest way to another answer."""
+    """Return the nearest way to another answer."""
     p = place.parameters
     by_flow = place.residual_px / p.flow.residual_threshold_px
     by_significance = group.significance / max(p.motion.min_significance, 1e-9)
@@ -252,14 +252,14 @@ def _end_of_dynamic(place: _Place, group: Detection) -> str:
 
 
 def _groups(motions: PointMotions, parameters: ClusteringParameters) -> np.ndarray[Any, Any]:
-    """(K,) number of each point's group, -1 = too small; as the method groups them."""
+    """Return the number (K,) of each point's group, -1 = too small; as the method groups them."""
     return group_points(motions.points_camera, np.sqrt(motions.point_cov[:, 2, 2]), parameters)
 
 
 def _detections(
     motions: PointMotions, place: _Place, clustering: ClusteringParameters
 ) -> tuple[Detection, ...]:
-    """All groups as the method describes them, those that do not stand out as well."""
+    """Return all groups as the method describes them, those that do not stand out as well."""
     motion: MotionParameters = place.parameters.motion.model_copy(update={"min_significance": 0.0})
     return detect_obstacles(motions, float(place.trace["time"]), clustering, motion)
 
@@ -274,12 +274,12 @@ def _figures(group: Detection, p: Parameters) -> dict[str, float | None]:
 
 
 def _at_most(value: float) -> str:
-    """Two decimals, rounded down: a least value that is reached."""
+    """Round down to two decimals: a least value that is reached."""
     return f"{np.floor(value * 100) / 100:.2f}"
 
 
 def _too_far_words(depth: float, farthest: float) -> tuple[str, str]:
-    """The sentence, and what would change it, for a place beyond the farthest depth, metres."""
+    """Return the sentence for a place beyond the farthest depth, and what would change it."""
     _, most = limits("stereo.max_depth_m")
     sentence = (
         f"It is too far: {depth:.1f} m away, where only {farthest:g} m are measured reliably "

@@ -1,4 +1,4 @@
-"""Reasons where evidence of motion is gathered over time, feature by feature."""
+"""Reasons of the rigid method: evidence of motion over time, feature by feature."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ from observer.vision.lifecycle import is_provisional
 
 # 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).
 _STANDING_LENGTH = 3.37
-# Who was followed for less than this has hardly been measured twice.
+# A feature tracked for less than this has hardly been measured twice.
 _YOUNG_S = 0.2
-# Where a person would not be seen to walk slowly, nothing is said to stand.
+# Where a slow walker would not stand out, nothing is said to stand.
 _SLOW_WALK_MPS = 1.0
 _RATE = "evidence.false_alarms_per_frame"
 _FEWEST = "evidence.min_points"
@@ -45,7 +45,7 @@ def explain_by_evidence(
     counts: Mapping[str, float],
     image: Image | None = None,
 ) -> PixelAnswer:
-    """The answer of the nearest features' majority.
+    """Return the answer of the nearest features' majority.
 
     Args:
         image: the rectified left image, to say why there is no feature; None says less.
@@ -53,12 +53,11 @@ def explain_by_evidence(
     """
     near = look_around(evidence.px, px, camera, parameters.klt_tracking.spacing_px)
     if len(near.members) == 0:
-        around = radius_px(camera)
-        return _nothing_there(near, around, px, counts, image, parameters)
+        return _nothing_there(near, radius_px(camera), px, counts, image, parameters)
     chosen = near.speakers
     moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
     middle = float(np.median(evidence.significance[chosen]))
-    # One of the majority speaks: the middle one by significance.
+    # The majority's median by significance speaks.
     agreeing = chosen[evidence.dynamic[chosen] == moving]
     order = np.argsort(evidence.significance[agreeing], kind="stable")
     speaker = int(agreeing[order[(len(order) - 1) // 2]])
@@ -83,15 +82,14 @@ def _nothing_there(
         texture = texture_around(image, px, near.radius_px, parameters.klt_tracking.window_px)
         numbers["texture_grey_per_px"] = known(texture)
         why, change = _why_none(texture, around_px, parameters)
-    where = "there is none in the image"
-    if near.nearest_px is not None:
-        where = f"the nearest is {near.nearest_px:.0f} px away"
-    sentence = f"No feature is followed within {near.radius_px:.0f} px of here{why}; {where}."
+    sentence = (
+        f"No feature is followed within {near.radius_px:.0f} px of here{why}; {near.nearest}."
+    )
     return PixelAnswer(px, PixelVerdict.TOO_FEW_FEATURES, sentence, numbers, change)
 
 
 def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple[str, str]:
-    """Why no feature is followed where the texture is so much, and what would change it."""
+    """Return why no feature is tracked at so much texture, and what would change it."""
     tracking, detector = parameters.klt_tracking, parameters.features.detector
     if texture < tracking.min_texture:
         least, _ = limits("klt_tracking.min_texture")
@@ -105,7 +103,7 @@ def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple
             f"With klt_tracking.min_texture at {below(texture, 1)} or below (now "
             f"{tracking.min_texture:g}) one may be followed here, though it may slide along edges."
         )
-    # Wherever in its square a feature lies, it is then around this place.
+    # With such squares a feature lies near this place wherever it is in its square.
     closer = int(around_px / math.sqrt(2))
     why = f", although there is texture ({texture:.1f} grey levels/px)"
     if closer < tracking.spacing_px:
@@ -118,10 +116,7 @@ def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple
             f"{detector} may find none here; with features.detector at shi_tomasi (now "
             f"{detector}) texture alone decides."
         )
-    return (
-        why,
-        "One that is found here is followed from then on, if both cameras see it.",
-    )
+    return why, "One that is found here is followed from then on, if both cameras see it."
 
 
 def _numbers(
@@ -141,7 +136,7 @@ def _numbers(
 
 
 def _least_speed(evidence: PointEvidence, speaker: int) -> float:
-    """m/s above which a motion would stand out here."""
+    """Return the speed, m/s, above which a motion would stand out here."""
     return float(evidence.threshold * evidence.velocity_std[speaker])
 
 
@@ -215,7 +210,7 @@ def _judge(
 def _too_far(
     depth: float, age: float, least: float, memory: float
 ) -> tuple[PixelVerdict, str, str]:
-    """Where only what is faster than ``least`` m/s would be seen to move."""
+    """Answer for a place where only what is faster than ``least`` m/s would be seen to move."""
     if age < memory:
         return (
             PixelVerdict.UNDECIDED,
@@ -243,7 +238,7 @@ def _name(obstacle: int) -> str:
 
 
 def _until_it_ends(evidence: PointEvidence, obstacle: int, parameters: Parameters) -> str:
-    """What would end the obstacle that a feature is part of."""
+    """Say what would end the obstacle that a feature is part of."""
     seen, now = int(np.count_nonzero(evidence.obstacle_id == obstacle)), parameters.obstacles
     _, most = limits("obstacles.min_points")
     if seen + 1 > most:
@@ -259,7 +254,7 @@ def _until_it_ends(evidence: PointEvidence, obstacle: int, parameters: Parameter
 
 
 def _until(middle: float, threshold: float, parameters: Parameters) -> str:
-    """What would end the being dynamic of a feature that is part of no obstacle."""
+    """Say what would make a dynamic feature that is part of no obstacle static."""
     if middle <= threshold:
         return (
             "It is kept as dynamic by what was seen before; it ends once its features have stood "
@@ -273,7 +268,7 @@ def _until(middle: float, threshold: float, parameters: Parameters) -> str:
 
 
 def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
-    """What would make a feature that does not stand out count as dynamic."""
+    """Say what would make a feature that does not stand out count as dynamic."""
     now, (_, most) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
     value = _two_digits(_rate_for(middle, threshold, now), down=False)
     if value > most:
@@ -282,7 +277,7 @@ def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
 
 
 def _rate_for(length: float, threshold: float, now: float) -> float:
-    """The rate of false alarms whose threshold is ``length``, where ``now`` gives ``threshold``.
+    """Return the false alarm rate whose threshold is ``length``, where ``now`` gives ``threshold``.
 
     The threshold is that of chi-squared at the rate divided by the number of tests, which need
     not be known: it is the same for both.
@@ -292,7 +287,7 @@ def _rate_for(length: float, threshold: float, now: float) -> float:
 
 
 def _two_digits(value: float, *, down: bool) -> float:
-    """Rounded to two digits, to the side on which the answer changes."""
+    """Round to two digits, to the side on which the answer changes."""
     unit = 10.0 ** (np.floor(np.log10(max(value, 1e-300))) - 1)
     steps = np.floor(value / unit) if down else np.floor(value / unit) + 1
     return float(steps * unit)

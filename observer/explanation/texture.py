@@ -1,4 +1,4 @@
-"""Why there is no feature at a place: nothing to see, or something that was left out."""
+"""Reasons for a place without a feature: nothing to see, or something that was left out."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _FAST_REACH_PX = 4
 def why_no_feature(
     trace: Mapping[str, Any], parameters: Parameters, px: Float64Array, near: Nearby
 ) -> tuple[str, str]:
-    """The sentence, and what would change it.
+    """Return the sentence, and what would change it.
 
     Args:
         px: (2,) the place in the image of t, where features are looked for.
@@ -35,12 +35,7 @@ def why_no_feature(
     found = np.flatnonzero(distances(trace["features_px"], place) <= near.radius_px)
     if len(found):
         return _not_followed(image, trace["features_px"][found], parameters.flow, near)
-    nearest = (
-        "there is none in the image"
-        if near.nearest_px is None
-        else f"the nearest is {near.nearest_px:.0f} px away"
-    )
-    sentence = f"There is no feature within {near.radius_px:.0f} px of here; {nearest}."
+    sentence = f"There is no feature within {near.radius_px:.0f} px of here; {near.nearest}."
     return sentence, _to_get_one(image, place, parameters, near)
 
 
@@ -69,7 +64,7 @@ def _not_followed(
 def texture_around(
     image: Image, place: tuple[float, float], radius_px: float, window_px: int
 ) -> float:
-    """The most texture around a place, grey levels/px in the direction of least texture."""
+    """Return the most texture around a place, grey levels/px in the direction of least texture."""
     reach = np.arange(-int(radius_px), int(radius_px) + 1, 2, dtype=np.float32)
     u, v = (grid.ravel() for grid in np.meshgrid(reach, reach))
     inside = np.hypot(u, v) <= radius_px
@@ -80,7 +75,7 @@ def texture_around(
 
 
 def _texture(image: Image, px: np.ndarray[Any, Any], window_px: int) -> Float64Array:
-    """(N,) grey levels/px in the direction of least texture, as ``min_texture`` means it."""
+    """Return the texture (N,), grey levels/px in its least direction, as for ``min_texture``."""
     _, _, eigenvalue = cv2.calcOpticalFlowPyrLK(
         image,
         image,
@@ -98,7 +93,7 @@ def _texture(image: Image, px: np.ndarray[Any, Any], window_px: int) -> Float64A
 def _to_get_one(
     image: Image, place: tuple[float, float], parameters: Parameters, near: Nearby
 ) -> str:
-    """Which setting gives a feature here: found by detecting with it."""
+    """Say which setting gives a feature here, found by detecting with it."""
     features = parameters.features
     ways: list[str] = []
     if features.detector == "fast":
@@ -143,7 +138,7 @@ def _to_get_one(
 def _count_that_finds(
     image: Image, place: tuple[float, float], features: FeaturesParameters, radius_px: float
 ) -> int | None:
-    """A number of features, from the one in force up, with which one is here; None without any."""
+    """Return a number of features, from the one in force up, that finds one here; None without."""
     most = int(limits("features.max_count")[1])
     count = features.max_count
     while True:
@@ -156,7 +151,7 @@ def _count_that_finds(
 
 
 def _best_corner(image: Image, place: tuple[float, float], radius_px: float) -> float | None:
-    """The greatest FAST threshold at which a corner around the place is one; None without any."""
+    """Return the greatest FAST threshold that gives a corner around the place; None without one."""
     reach = int(np.ceil(radius_px)) + _FAST_REACH_PX
     u, v = (round(c) for c in place)
     left, top = max(0, u - reach), max(0, v - reach)
@@ -176,7 +171,7 @@ def _best_corner(image: Image, place: tuple[float, float], radius_px: float) -> 
 def _best_quality(
     image: Image, place: tuple[float, float], radius_px: float, features: FeaturesParameters
 ) -> float | None:
-    """The greatest ``features.quality`` at which a corner around the place is one; None without."""
+    """Return the greatest ``features.quality`` that gives a corner around the place; else None."""
     lowest, _ = limits("features.quality")
     everything = features.model_copy(update={"quality": lowest})
     px, strength = corners(image, everything, 0)

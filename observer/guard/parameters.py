@@ -9,189 +9,64 @@ from observer.parameters.fields import Real, Stage, number
 class GuardParameters(Stage):
     """Speed limits of the robots, by what is seen and by sonar; no observation depends on them."""
 
-    speed_max_mps: Real = number(
-        0.5,
-        ge=0.05,
-        le=2.0,
-        unit="m/s",
-        step=0.05,
-        title="Max. speed",
-        help="Upper limit for both robots, whoever drives.",
-    )
+    speed_max_mps: Real = number(0.5, unit="m/s", ge=0.05, le=2.0, step=0.05, title="Max. speed")
+    """Upper limit for both robots, whoever drives."""
     turn_rate_max_radps: Real = number(
-        1.0,
-        ge=0.1,
-        le=5.0,
-        unit="rad/s",
-        step=0.1,
-        title="Max. turn rate",
-        help="Upper limit for both robots, whoever drives.",
+        1.0, unit="rad/s", ge=0.1, le=5.0, step=0.1, title="Max. turn rate"
     )
+    """Upper limit for both robots, whoever drives."""
     acceleration_mps2: Real = number(
-        0.3,
-        ge=0.05,
-        le=3.0,
-        unit="m/s^2",
-        step=0.05,
-        title="Acceleration",
-        help="Limit on how fast the speed rises; braking is not limited.",
+        0.3, unit="m/s^2", ge=0.05, le=3.0, step=0.05, title="Acceleration"
     )
+    """Limit on how fast the speed rises; braking is not limited."""
     turn_acceleration_radps2: Real = number(
-        1.5,
-        ge=0.1,
-        le=10.0,
-        unit="rad/s^2",
-        step=0.1,
-        title="Turn acceleration",
-        help="Limit on how fast the turn rate rises, and the rate at which it is assumed to fall.",
+        1.5, unit="rad/s^2", ge=0.1, le=10.0, step=0.1, title="Turn acceleration"
     )
+    """Limit on how fast the turn rate rises, and the rate at which it is assumed to fall."""
     deceleration_mps2: Real = number(
-        0.5,
-        ge=0.05,
-        le=5.0,
-        unit="m/s^2",
-        step=0.05,
-        title="Braking deceleration",
-        help="Deceleration that is assumed; measure that of your robot.",
+        0.5, unit="m/s^2", ge=0.05, le=5.0, step=0.05, title="Braking deceleration"
     )
-    reaction_s: Real = number(
-        0.3,
-        ge=0.05,
-        le=2.0,
-        unit="s",
-        step=0.05,
-        title="Reaction time",
-        help="From an event in front of the cameras until the robot begins to brake.",
-    )
-    margin_m: Real = number(
-        0.08,
-        ge=0.0,
-        le=1.0,
-        unit="m",
-        step=0.01,
-        title="Margin",
-        help="Distance to everything at which the robot must have stopped.",
-    )
+    """Deceleration that is assumed; measure that of your robot."""
+    reaction_s: Real = number(0.3, unit="s", ge=0.05, le=2.0, step=0.05, title="Reaction time")
+    """From an event in front of the cameras until the robot begins to brake."""
+    margin_m: Real = number(0.08, unit="m", ge=0.0, le=1.0, step=0.01, title="Margin")
+    """Distance to everything at which the robot must have stopped."""
     sigmas: Real = number(
-        2.0,
-        ge=0.0,
-        le=5.0,
-        unit="standard deviations",
-        step=0.5,
-        title="Uncertainty factor",
-        help="Standard deviations of the measurements that are added to every distance.",
+        2.0, unit="standard deviations", ge=0.0, le=5.0, step=0.5, title="Uncertainty factor"
     )
-    slow_time_s: Real = number(
-        2.0,
-        ge=0.1,
-        le=10.0,
-        unit="s",
-        step=0.1,
-        title="Slow-down time",
-        help="A shorter time to contact slows the robot down in proportion.",
-    )
-    creep_mps: Real = number(
-        0.03,
-        ge=0.0,
-        le=0.5,
-        unit="m/s",
-        step=0.01,
-        title="Min. speed",
-        help="Where less is permitted, the robot stops.",
-    )
-    release_s: Real = number(
-        0.4,
-        ge=0.0,
-        le=5.0,
-        unit="s",
-        step=0.1,
-        title="Release time",
-        help="A limit is relaxed after a looser one has sufficed for this long, so that the speed "
-        "does not oscillate.",
-    )
-    robot_height_m: Real = number(
-        0.5,
-        ge=0.05,
-        le=3.0,
-        unit="m",
-        step=0.05,
-        title="Robot height",
-        help="Whatever hangs higher above the ground is passed under.",
-    )
-    step_m: Real = number(
-        0.06,
-        ge=0.01,
-        le=0.5,
-        unit="m",
-        step=0.01,
-        title="Min. obstacle height",
-        help="Whatever rises less above the ground counts as ground.",
-    )
-    intruder_mps: Real = number(
-        0.5,
-        ge=0.0,
-        le=3.0,
-        unit="m/s",
-        step=0.1,
-        title="Intruder speed",
-        help="Speed at which something unseen may enter ground that was seen free and is out of "
-        "view.",
-    )
-    memory_s: Real = number(
-        1.0,
-        ge=0.0,
-        le=30.0,
-        unit="s",
-        step=0.1,
-        title="Free ground memory",
-        help="Time for which ground that was seen free counts, as far as nothing unseen can have "
-        "entered it.",
-    )
+    """Standard deviations of the measurements that are added to every distance."""
+    slow_time_s: Real = number(2.0, unit="s", ge=0.1, le=10.0, step=0.1, title="Slow-down time")
+    """A shorter time to contact slows the robot down in proportion."""
+    creep_mps: Real = number(0.03, unit="m/s", ge=0.0, le=0.5, step=0.01, title="Min. speed")
+    """Where less is permitted, the robot stops."""
+    release_s: Real = number(0.4, unit="s", ge=0.0, le=5.0, step=0.1, title="Release time")
+    """A limit is relaxed after a looser one has sufficed for this long, so that the speed does not
+    oscillate."""
+    robot_height_m: Real = number(0.5, unit="m", ge=0.05, le=3.0, step=0.05, title="Robot height")
+    """Whatever hangs higher above the ground is passed under."""
+    step_m: Real = number(0.06, unit="m", ge=0.01, le=0.5, step=0.01, title="Min. obstacle height")
+    """Whatever rises less above the ground counts as ground."""
+    intruder_mps: Real = number(0.5, unit="m/s", ge=0.0, le=3.0, step=0.1, title="Intruder speed")
+    """Speed at which something unseen may enter ground that was seen free and is out of view."""
+    memory_s: Real = number(1.0, unit="s", ge=0.0, le=30.0, step=0.1, title="Free ground memory")
+    """Time for which ground that was seen free counts, as far as nothing unseen can have entered
+    it."""
     sonar_stop_m: Real = number(
-        0.2,
-        ge=0.0,
-        le=2.0,
-        unit="m",
-        step=0.05,
-        title="Sonar stop distance",
-        help="An echo this near ahead of the robot stops it, whatever is seen.",
+        0.2, unit="m", ge=0.0, le=2.0, step=0.05, title="Sonar stop distance"
     )
-    sonar_reach_m: Real = number(
-        2.0,
-        ge=0.1,
-        le=6.0,
-        unit="m",
-        step=0.1,
-        title="Sonar range",
-        help="Without an echo, the cone of a sonar counts as free up to here.",
-    )
+    """An echo this near ahead of the robot stops it, whatever is seen."""
+    sonar_reach_m: Real = number(2.0, unit="m", ge=0.1, le=6.0, step=0.1, title="Sonar range")
+    """Without an echo, the cone of a sonar counts as free up to here."""
     sonar_half_angle_deg: Real = number(
-        15.0,
-        ge=2.0,
-        le=60.0,
-        unit="deg",
-        step=1.0,
-        title="Sonar half angle",
-        help="Half the angle of a sonar's cone of detection.",
+        15.0, unit="deg", ge=2.0, le=60.0, step=1.0, title="Sonar half angle"
     )
-    sonar_fresh_s: Real = number(
-        0.6,
-        ge=0.05,
-        le=5.0,
-        unit="s",
-        step=0.05,
-        title="Sonar timeout",
-        help="Time for which a reading counts; the sonars of a ring are read in turn.",
-    )
+    """Half the angle of a sonar's cone of detection."""
+    sonar_fresh_s: Real = number(0.6, unit="s", ge=0.05, le=5.0, step=0.05, title="Sonar timeout")
+    """Time for which a reading counts; the sonars of a ring are read in turn."""
     thing_width_m: Real = number(
-        0.35,
-        ge=0.0,
-        le=1.0,
-        unit="m",
-        step=0.05,
-        title="Min. obstacle width",
-        help="Narrower things between the cones of two sonars may go undetected.",
+        0.35, unit="m", ge=0.0, le=1.0, step=0.05, title="Min. obstacle width"
     )
+    """Narrower things between the cones of two sonars may go undetected."""
 
 
 class AllParameters(Parameters):

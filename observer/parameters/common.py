@@ -4,78 +4,34 @@ from __future__ import annotations
 
 from typing import Literal
 
-from observer.parameters.fields import (
-    KLT,
-    PLANAR,
-    STEREO,
-    Real,
-    Stage,
-    Whole,
-    choice,
-    number,
-)
+from observer.parameters.fields import KLT, PLANAR, STEREO, Real, Stage, Whole, choice, number
 
 
 class EgoMotionParameters(Stage):
     """The method and its estimate of the camera's motion."""
 
-    model: Literal["rigid", "homography", "affine", "monocular"] = choice(
-        "rigid",
-        title="Method",
-        help="rigid estimates the motion in space by stereo and tells motion from parallax. The "
-        "planar methods map image to image: affine has six parameters and is the paper's, "
-        "homography has eight and also fits a plane in perspective. monocular uses the left image "
-        "only. Changing between rigid, monocular and the planar methods begins a new segment.",
-    )
+    model: Literal["rigid", "homography", "affine", "monocular"] = choice("rigid", title="Method")
+    """rigid estimates the motion in space by stereo and tells motion from parallax. The planar
+    methods map image to image: affine has six parameters and is the paper's, homography has eight
+    and also fits a plane in perspective. monocular uses the left image only. Changing between
+    rigid, monocular and the planar methods begins a new segment."""
     ransac_threshold_px: Real = number(
-        1.2,
-        ge=0.1,
-        le=20.0,
-        unit="px",
-        step=0.1,
-        title="RANSAC threshold",
-        help="Maximum reprojection error of an inlier.",
-        models=STEREO,
+        1.2, unit="px", ge=0.1, le=20.0, step=0.1, title="RANSAC threshold", models=STEREO
     )
+    """Maximum reprojection error of an inlier."""
     ransac_iterations: Whole = number(
-        500,
-        ge=10,
-        le=10000,
-        unit="iterations",
-        step=10,
-        title="RANSAC iterations",
-        help="Maximum number of samples. Fewer are faster and may miss the background.",
-        models=STEREO,
+        500, unit="iterations", ge=10, le=10000, step=10, title="RANSAC iterations", models=STEREO
     )
-    min_inliers: Whole = number(
-        12,
-        ge=4,
-        le=500,
-        unit="matches",
-        step=1,
-        title="Min. inliers",
-        help="With fewer inliers the ego-motion counts as lost.",
-    )
+    """Maximum number of samples. Fewer are faster and may miss the background."""
+    min_inliers: Whole = number(12, unit="matches", ge=4, le=500, step=1, title="Min. inliers")
+    """With fewer inliers the ego-motion counts as lost."""
     noise_correlation: Real = number(
-        0.02,
-        ge=0.0,
-        le=1.0,
-        unit="",
-        step=0.01,
-        title="Noise correlation",
-        help="Share of the measurement noise that all points have in common.",
-        models=KLT,
+        0.02, ge=0.0, le=1.0, step=0.01, title="Noise correlation", models=KLT
     )
-    recover_frames: Whole = number(
-        5,
-        ge=0,
-        le=60,
-        unit="frames",
-        step=1,
-        title="Recovery time",
-        help="While the ego-motion is lost, frames are compared with the last good one; after this "
-        "many frames all tracks end and a new segment begins.",
-    )
+    """Share of the measurement noise that all points have in common."""
+    recover_frames: Whole = number(5, unit="frames", ge=0, le=60, step=1, title="Recovery time")
+    """While the ego-motion is lost, frames are compared with the last good one; after this many
+    frames all tracks end and a new segment begins."""
 
 
 class FeaturesParameters(Stage):
@@ -83,54 +39,28 @@ class FeaturesParameters(Stage):
     square (klt_tracking.spacing_px) in which no point is tracked."""
 
     detector: Literal["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"] = (
-        choice(
-            "shi_tomasi",
-            title="Detector",
-            help="shi_tomasi is the minimum eigenvalue, whose points can be tracked best, harris "
-            "is Harris-Stephens; the paper uses FAST. surf is installed by: "
-            "pip install 'dynamic-observer[surf]'.",
-        )
+        choice("shi_tomasi", title="Detector")
     )
+    """shi_tomasi is the minimum eigenvalue, whose points can be tracked best, harris is
+    Harris-Stephens; the paper uses FAST. surf is installed by: pip install
+    'dynamic-observer[surf]'."""
     max_count: Whole = number(
-        600,
-        ge=50,
-        le=4000,
-        unit="points",
-        step=50,
-        title="Max. features",
-        help="Number of the strongest features that are kept, spread over the grid.",
-        models=PLANAR,
+        600, unit="points", ge=50, le=4000, step=50, title="Max. features", models=PLANAR
     )
+    """Number of the strongest features that are kept, spread over the grid."""
     grid_cells: Whole = number(
-        8,
-        ge=1,
-        le=32,
-        unit="cells",
-        step=1,
-        title="Grid columns",
-        help="Columns of square cells that get an equal share of the features; 1 keeps the "
-        "strongest anywhere in the image.",
-        models=PLANAR,
+        8, unit="cells", ge=1, le=32, step=1, title="Grid columns", models=PLANAR
     )
+    """Columns of square cells that get an equal share of the features; 1 keeps the strongest
+    anywhere in the image."""
     fast_threshold: Whole = number(
-        12,
-        ge=2,
-        le=100,
-        unit="grey levels",
-        step=1,
-        title="FAST threshold",
-        help="Min. contrast between a corner and the circle around it, for fast, brisk and orb.",
+        12, unit="grey levels", ge=2, le=100, step=1, title="FAST threshold"
     )
+    """Min. contrast between a corner and the circle around it, for fast, brisk and orb."""
     quality: Real = number(
-        0.01,
-        ge=0.0005,
-        le=0.5,
-        unit="",
-        step=0.0005,
-        title="Corner quality",
-        help="Min. corner measure of shi_tomasi and harris, relative to the strongest corner.",
-        models=PLANAR,
+        0.01, ge=0.0005, le=0.5, step=0.0005, title="Corner quality", models=PLANAR
     )
+    """Min. corner measure of shi_tomasi and harris, relative to the strongest corner."""
 
 
 class StereoParameters(Stage):
@@ -140,54 +70,17 @@ class StereoParameters(Stage):
     models = PLANAR
     cloud = True
 
-    matcher: Literal["bm", "sgbm"] = choice(
-        "sgbm",
-        title="Matcher",
-        help="bm is block matching, fast and sparse; sgbm is semi-global matching, denser.",
-    )
+    matcher: Literal["bm", "sgbm"] = choice("sgbm", title="Matcher")
+    """bm is block matching, fast and sparse; sgbm is semi-global matching, denser."""
     max_disparity_px: Whole = number(
-        96,
-        ge=16,
-        le=256,
-        unit="px",
-        step=16,
-        title="Max. disparity",
-        help="Limits the nearest depth that can be measured; rounded up to a multiple of 16.",
-        models=STEREO,
+        96, unit="px", ge=16, le=256, step=16, title="Max. disparity", models=STEREO
     )
-    block_px: Whole = number(
-        7,
-        ge=5,
-        le=31,
-        unit="px",
-        step=2,
-        title="Block size",
-        help="Side of the matched block; even values are rounded up.",
-    )
-    uniqueness_percent: Whole = number(
-        8,
-        ge=0,
-        le=50,
-        unit="%",
-        step=1,
-        title="Uniqueness",
-        help="Margin by which the best disparity must beat the second best.",
-    )
-    min_depth_m: Real = number(
-        0.2,
-        ge=0.05,
-        le=10.0,
-        unit="m",
-        step=0.05,
-        title="Min. depth",
-        help="Nearer points are ignored.",
-    )
-    max_depth_m: Real = number(
-        30.0,
-        ge=0.5,
-        le=200.0,
-        unit="m",
-        step=0.5,
-        title="Max. depth",
-        help="Farther points are ignored.",
-    )
+    """Limits the nearest depth that can be measured; rounded up to a multiple of 16."""
+    block_px: Whole = number(7, unit="px", ge=5, le=31, step=2, title="Block size")
+    """Side of the matched block; even values are rounded up."""
+    uniqueness_percent: Whole = number(8, unit="%", ge=0, le=50, step=1, title="Uniqueness")
+    """Margin by which the best disparity must beat the second best."""
+    min_depth_m: Real = number(0.2, unit="m", ge=0.05, le=10.0, step=0.05, title="Min. depth")
+    """Nearer points are ignored."""
+    max_depth_m: Real = number(30.0, unit="m", ge=0.5, le=200.0, step=0.5, title="Max. depth")
+    """Farther points are ignored."""

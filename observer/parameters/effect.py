@@ -1,4 +1,4 @@
-"""With which method a parameter acts: what would do nothing is named, never silently ignored."""
+"""Check of changes: a parameter that would have no effect is named, never silently ignored."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from observer.parameters.groups import Parameters
 
 
 def without_effect(names: Iterable[str], model: str) -> dict[str, str]:
-    """Return the parameters that do not act on what is observed with a method.
+    """Return the parameters that have no effect on what a method observes.
 
     Args:
         names: dotted; others than those of the method are left out.
@@ -32,7 +32,7 @@ def without_effect(names: Iterable[str], model: str) -> dict[str, str]:
 
 
 def effective(parameters: Parameters, changes: Mapping[str, Any]) -> Parameters:
-    """Return the parameters with changes of which each has an effect.
+    """Return the parameters with the changes, each of which must have an effect.
 
     Raises:
         ParameterError: naming every refused field and its range, or else every one that does not

@@ -1,33 +1,39 @@
-"""How a parameter is declared: a number or a choice with its bounds, unit, label and help."""
+"""Declaration of a parameter: a number or a choice with its bounds, unit, label and help."""
 
 from __future__ import annotations
 
+import ast
+import inspect
+import sys
+from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
 ParameterValue = float | int | bool | str
 
-# Of ego_motion.model, which chooses the method.
+# Values of ego_motion.model, which chooses the method.
 MODELS = ("rigid", "homography", "affine", "monocular")
-# Those that track points by KLT over time, and those that use both images.
+# Methods that track points by KLT over time, and methods that use both images.
 KLT: tuple[str, ...] = ("rigid", "monocular")
 STEREO: tuple[str, ...] = ("rigid", "homography", "affine")
 RIGID: tuple[str, ...] = ("rigid",)
 PLANAR: tuple[str, ...] = ("homography", "affine")
 
-# bool is no number here, and neither are NaN and the infinities.
+# Bool does not count as a number here, nor do NaN and the infinities.
 Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Whole = Annotated[int, Field(strict=True)]
 Flag = Annotated[bool, Field(strict=True)]
 
 
 class Stage(BaseModel):
-    """The parameters of one stage, frozen."""
+    """The parameters of one stage, frozen; the docstring under each is the help people read."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    # With which ego_motion.model the group acts on what is observed, and whether it acts with
+    # Values of ego_motion.model with which the group acts on observations, and whether it acts with
     # every model on the dense cloud and the disparity that are shown.
     models: ClassVar[tuple[str, ...]] = MODELS
     cloud: ClassVar[bool] = False
@@ -38,29 +44,40 @@ def number(
     *,
     ge: float,
     le: float,
-    unit: str,
     title: str,
-    help: str,
     step: float,
+    unit: str = "",
     models: tuple[str, ...] | None = None,
 ) -> Any:
-    """A number; ``models`` where it acts with fewer models than its group."""
+    """Declare a number; ``models`` where it acts with fewer models than its group."""
     extra: dict[str, Any] = {"unit": unit, "step": step}
     if models is not None:
         extra["models"] = list(models)
-    return Field(
-        default=default,
-        ge=ge,
-        le=le,
-        title=title,
-        description=help,
-        json_schema_extra=extra,
-    )
+    return Field(default=default, ge=ge, le=le, title=title, json_schema_extra=extra)
 
 
-def choice(default: Any, *, title: str, help: str, models: tuple[str, ...] | None = None) -> Any:
-    """One of several values, or a switch; ``models`` as of ``number``."""
-    extra: dict[str, Any] = {"unit": ""}
-    if models is not None:
-        extra["models"] = list(models)
-    return Field(default=default, title=title, description=help, json_schema_extra=extra)
+def choice(default: Any, *, title: str) -> Any:
+    """Declare one of several values, or a switch."""
+    return Field(default=default, title=title, json_schema_extra={"unit": ""})
+
+
+@cache
+def helps(module: str) -> dict[tuple[str, str], str]:
+    """Return the docstrings under the fields of a module's stages, by class and field.
+
+    Read from the source when first asked for: pydantic's ``use_attribute_docstrings`` would slow
+    every import.
+    """
+    return {
+        (stage.name, name): " ".join(text.split())
+        for stage in ast.parse(inspect.getsource(sys.modules[module])).body
+        if isinstance(stage, ast.ClassDef)
+        for pair in pairwise(stage.body)
+        for name, text in _documented(*pair)
+    }
+
+
+def _documented(field: ast.stmt, below: ast.stmt) -> Iterator[tuple[str, str]]:
+    match field, below:
+        case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(text))):
+            yield name, text

@@ -16,11 +16,7 @@ from observer.parameters.planar import (
     MotionParameters,
     TrackingParameters,
 )
-from observer.parameters.rigid import (
-    EvidenceParameters,
-    KltTrackingParameters,
-    ObstacleParameters,
-)
+from observer.parameters.rigid import EvidenceParameters, KltTrackingParameters, ObstacleParameters
 from observer.parameters.surf_extra import surf_missing
 
 
@@ -43,5 +39,5 @@ class Parameters(ParameterSet):
 
     @classmethod
     def _missing(cls, values: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-        missing = surf_missing() if values["features"]["detector"] == "surf" else None
-        return {"features.detector": missing} if missing else {}
+        wanted = values["features"]["detector"] == "surf"
+        return {"features.detector": missing} if wanted and (missing := surf_missing()) else {}

@@ -1,4 +1,4 @@
-"""Parameters of the method that uses one camera."""
+"""Parameters of the monocular method."""
 
 from __future__ import annotations
 
@@ -10,103 +10,35 @@ class MonocularParameters(Stage):
 
     models = ("monocular",)
 
-    height_m: Real = number(
-        0.0,
-        ge=0.0,
-        le=100.0,
-        unit="m",
-        step=0.01,
-        title="Camera height",
-        help="Height of the camera above the ground; 0 takes height and tilt from the rig of the "
-        "source.",
-    )
-    tilt_deg: Real = number(
-        0.0,
-        ge=-60.0,
-        le=60.0,
-        unit="deg",
-        step=0.5,
-        title="Camera tilt",
-        help="Downward tilt of the camera; used if monocular.height_m is set.",
-    )
-    height_sigma: Real = number(
-        0.02,
-        ge=0.0,
-        le=0.5,
-        unit="",
-        step=0.005,
-        title="Height uncertainty",
-        help="Standard deviation of the camera height, relative to it.",
-    )
+    height_m: Real = number(0.0, unit="m", ge=0.0, le=100.0, step=0.01, title="Camera height")
+    """Height of the camera above the ground; 0 takes height and tilt from the rig of the source."""
+    tilt_deg: Real = number(0.0, unit="deg", ge=-60.0, le=60.0, step=0.5, title="Camera tilt")
+    """Downward tilt of the camera; used if monocular.height_m is set."""
+    height_sigma: Real = number(0.02, ge=0.0, le=0.5, step=0.005, title="Height uncertainty")
+    """Standard deviation of the camera height, relative to it."""
     tilt_sigma_deg: Real = number(
-        0.2,
-        ge=0.0,
-        le=10.0,
-        unit="deg",
-        step=0.05,
-        title="Tilt uncertainty",
-        help="Standard deviation of the camera tilt.",
+        0.2, unit="deg", ge=0.0, le=10.0, step=0.05, title="Tilt uncertainty"
     )
-    odometry_sigma: Real = number(
-        0.02,
-        ge=0.001,
-        le=0.5,
-        unit="",
-        step=0.005,
-        title="Odometry uncertainty",
-        help="Standard deviation of the distance travelled, relative to it.",
-    )
+    """Standard deviation of the camera tilt."""
+    odometry_sigma: Real = number(0.02, ge=0.001, le=0.5, step=0.005, title="Odometry uncertainty")
+    """Standard deviation of the distance travelled, relative to it."""
     parallax_deg: Real = number(
-        0.6,
-        ge=0.1,
-        le=10.0,
-        unit="deg",
-        step=0.1,
-        title="Initial parallax",
-        help="Without odometry, depth is initialized once the median parallax exceeds this.",
+        0.6, unit="deg", ge=0.1, le=10.0, step=0.1, title="Initial parallax"
     )
-    memory_s: Real = number(
-        1.0,
-        ge=0.2,
-        le=10.0,
-        unit="s",
-        step=0.1,
-        title="Memory",
-        help="Time over which a point must agree with a static one.",
-    )
-    farthest_m: Real = number(
-        6.0,
-        ge=0.5,
-        le=100.0,
-        unit="m",
-        step=0.5,
-        title="Max. range",
-        help="Obstacles that touch the ground farther away are ignored.",
-    )
+    """Without odometry, depth is initialized once the median parallax exceeds this."""
+    memory_s: Real = number(1.0, unit="s", ge=0.2, le=10.0, step=0.1, title="Memory")
+    """Time over which a point must agree with a static one."""
+    farthest_m: Real = number(6.0, unit="m", ge=0.5, le=100.0, step=0.5, title="Max. range")
+    """Obstacles that touch the ground farther away are ignored."""
     foot_sigma_px: Real = number(
-        2.0,
-        ge=0.2,
-        le=20.0,
-        unit="px",
-        step=0.1,
-        title="Ground contact noise",
-        help="Standard deviation of the image row in which an obstacle touches the ground.",
+        2.0, unit="px", ge=0.2, le=20.0, step=0.1, title="Ground contact noise"
     )
+    """Standard deviation of the image row in which an obstacle touches the ground."""
     acceleration: Real = number(
-        0.4,
-        ge=0.01,
-        le=20.0,
-        unit="m/s^2",
-        step=0.05,
-        title="Acceleration",
-        help="Standard deviation of an obstacle's acceleration.",
+        0.4, unit="m/s^2", ge=0.01, le=20.0, step=0.05, title="Acceleration"
     )
+    """Standard deviation of an obstacle's acceleration."""
     confirm_sigmas: Real = number(
-        4.0,
-        ge=0.5,
-        le=50.0,
-        unit="standard deviations",
-        step=0.5,
-        title="Confirmation threshold",
-        help="Min. significance of an obstacle's velocity over the ground.",
+        4.0, unit="standard deviations", ge=0.5, le=50.0, step=0.5, title="Confirmation threshold"
     )
+    """Min. significance of an obstacle's velocity over the ground."""

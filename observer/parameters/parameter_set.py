@@ -11,7 +11,7 @@ from typing import Any, Self
 from pydantic import ValidationError
 
 from observer.errors import InputError, ParameterError
-from observer.parameters.fields import ParameterValue, Stage
+from observer.parameters.fields import ParameterValue, Stage, helps
 from observer.parameters.renamed import new_name, new_value
 
 
@@ -58,7 +58,7 @@ class ParameterSet(Stage):
 
     @classmethod
     def _missing(cls, values: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:
-        """Values that need what is not installed: dotted name -> sentence."""
+        """Return the values that need an extra that is not installed: dotted name -> sentence."""
         del values
         return {}
 
@@ -113,7 +113,7 @@ def _declared(parameters: type[ParameterSet]) -> list[dict[str, Any]]:
                 "group": group,
                 "group_help": " ".join((stage.__doc__ or "").split()),
                 "title": schema["title"],
-                "help": schema["description"],
+                "help": helps(stage.__module__)[stage.__name__, name],
                 "unit": schema["unit"],
                 "default": schema["default"],
                 "models": schema.get("models", list(stage.models)),

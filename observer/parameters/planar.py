@@ -12,16 +12,9 @@ class FramesParameters(Stage):
 
     models = PLANAR
 
-    interval: Whole = number(
-        2,
-        ge=1,
-        le=10,
-        unit="frames",
-        step=1,
-        title="Frame interval",
-        help="Frames between t and t+dt. A longer interval reveals slower obstacles and increases "
-        "parallax.",
-    )
+    interval: Whole = number(2, unit="frames", ge=1, le=10, step=1, title="Frame interval")
+    """Frames between t and t+dt. A longer interval reveals slower obstacles and increases
+    parallax."""
 
 
 class MatchingParameters(Stage):
@@ -29,35 +22,17 @@ class MatchingParameters(Stage):
 
     models = PLANAR
 
-    method: Literal["descriptor", "klt"] = choice(
-        "klt",
-        title="Matching",
-        help="descriptor compares feature descriptors (ORB, or the detector's own); klt tracks "
-        "each feature by Lucas-Kanade.",
-    )
-    ratio: Real = number(
-        0.85,
-        ge=0.3,
-        le=1.0,
-        unit="",
-        step=0.01,
-        title="Ratio test",
-        help="Max. distance of the best descriptor match, relative to the second best.",
-    )
-    cross_check: Flag = choice(
-        True,
-        title="Cross check",
-        help="Keep only mutual best matches; with klt, track back.",
-    )
+    method: Literal["descriptor", "klt"] = choice("klt", title="Matching")
+    """descriptor compares feature descriptors (ORB, or the detector's own); klt tracks each feature
+    by Lucas-Kanade."""
+    ratio: Real = number(0.85, ge=0.3, le=1.0, step=0.01, title="Ratio test")
+    """Max. distance of the best descriptor match, relative to the second best."""
+    cross_check: Flag = choice(True, title="Cross check")
+    """Keep only mutual best matches; with klt, track back."""
     max_shift: Real = number(
-        0.25,
-        ge=0.01,
-        le=1.0,
-        unit="image widths",
-        step=0.01,
-        title="Max. shift",
-        help="Matches that move farther between the two images are rejected.",
+        0.25, unit="image widths", ge=0.01, le=1.0, step=0.01, title="Max. shift"
     )
+    """Matches that move farther between the two images are rejected."""
 
 
 class FlowParameters(Stage):
@@ -65,67 +40,30 @@ class FlowParameters(Stage):
 
     models = PLANAR
 
-    window_px: Whole = number(
-        15,
-        ge=5,
-        le=51,
-        unit="px",
-        step=2,
-        title="Window size",
-        help="Side of the Lucas-Kanade window.",
-    )
-    pyramid_levels: Whole = number(
-        3,
-        ge=0,
-        le=6,
-        unit="levels",
-        step=1,
-        title="Pyramid levels",
-        help="Each level doubles the motion that can be tracked.",
-    )
+    window_px: Whole = number(15, unit="px", ge=5, le=51, step=2, title="Window size")
+    """Side of the Lucas-Kanade window."""
+    pyramid_levels: Whole = number(3, unit="levels", ge=0, le=6, step=1, title="Pyramid levels")
+    """Each level doubles the motion that can be tracked."""
     residual_threshold_px: Real = number(
-        2.0,
-        ge=0.1,
-        le=30.0,
-        unit="px",
-        step=0.1,
-        title="Flow threshold",
-        help="Features with a larger residual flow count as dynamic.",
+        2.0, unit="px", ge=0.1, le=30.0, step=0.1, title="Flow threshold"
     )
+    """Features with a larger residual flow count as dynamic."""
     min_texture: Real = number(
-        1.6,
-        ge=0.0,
-        le=20.0,
-        unit="grey levels/px",
-        step=0.1,
-        title="Min. texture",
-        help="Features whose neighbourhood varies less in any one direction are ignored: along a "
-        "straight edge the flow slides.",
+        1.6, unit="grey levels/px", ge=0.0, le=20.0, step=0.1, title="Min. texture"
     )
+    """Features whose neighbourhood varies less in any one direction are ignored: along a straight
+    edge the flow slides."""
     max_error: Real = number(
-        20.0,
-        ge=1.0,
-        le=100.0,
-        unit="grey levels",
-        step=1.0,
-        title="Max. match error",
-        help="Matches whose neighbourhoods differ more on average are rejected.",
+        20.0, unit="grey levels", ge=1.0, le=100.0, step=1.0, title="Max. match error"
     )
-    match_brightness: Flag = choice(
-        True,
-        title="Match brightness",
-        help="Scale the second image to the brightness of the first, against flickering light and "
-        "automatic exposure.",
-    )
+    """Matches whose neighbourhoods differ more on average are rejected."""
+    match_brightness: Flag = choice(True, title="Match brightness")
+    """Scale the second image to the brightness of the first, against flickering light and automatic
+    exposure."""
     back_check_px: Real = number(
-        0.7,
-        ge=0.05,
-        le=10.0,
-        unit="px",
-        step=0.05,
-        title="Forward-backward error",
-        help="Max. distance from its start at which a feature tracked forward and back may end.",
+        0.7, unit="px", ge=0.05, le=10.0, step=0.05, title="Forward-backward error"
     )
+    """Max. distance from its start at which a feature tracked forward and back may end."""
 
 
 class MotionParameters(Stage):
@@ -133,63 +71,27 @@ class MotionParameters(Stage):
 
     models = PLANAR
 
-    max_speed_mps: Real = number(
-        40.0,
-        ge=0.1,
-        le=100.0,
-        unit="m/s",
-        step=0.1,
-        title="Max. speed",
-        help="Faster displacements are rejected as stereo errors.",
-    )
+    max_speed_mps: Real = number(40.0, unit="m/s", ge=0.1, le=100.0, step=0.1, title="Max. speed")
+    """Faster displacements are rejected as stereo errors."""
     disparity_sigma_px: Real = number(
-        0.2,
-        ge=0.05,
-        le=3.0,
-        unit="px",
-        step=0.05,
-        title="Disparity noise",
-        help="Standard deviation of a measured disparity.",
+        0.2, unit="px", ge=0.05, le=3.0, step=0.05, title="Disparity noise"
     )
-    pixel_sigma_px: Real = number(
-        0.3,
-        ge=0.05,
-        le=3.0,
-        unit="px",
-        step=0.05,
-        title="Flow noise",
-        help="Standard deviation of a tracked position.",
-    )
-    noise_correlation: Real = number(
-        0.15,
-        ge=0.0,
-        le=1.0,
-        unit="",
-        step=0.05,
-        title="Noise correlation",
-        help="Share of the measurement noise that neighbouring points have in common, so that "
-        "averaging does not reduce it.",
-    )
+    """Standard deviation of a measured disparity."""
+    pixel_sigma_px: Real = number(0.3, unit="px", ge=0.05, le=3.0, step=0.05, title="Flow noise")
+    """Standard deviation of a tracked position."""
+    noise_correlation: Real = number(0.15, ge=0.0, le=1.0, step=0.05, title="Noise correlation")
+    """Share of the measurement noise that neighbouring points have in common, so that averaging
+    does not reduce it."""
     turn_sigma_radps: Real = number(
-        0.4,
-        ge=0.0,
-        le=5.0,
-        unit="rad/s",
-        step=0.1,
-        title="Yaw rate noise",
-        help="Standard deviation of an obstacle's yaw rate, by which its visible side moves "
-        "differently from its centre.",
+        0.4, unit="rad/s", ge=0.0, le=5.0, step=0.1, title="Yaw rate noise"
     )
+    """Standard deviation of an obstacle's yaw rate, by which its visible side moves differently
+    from its centre."""
     min_significance: Real = number(
-        3.0,
-        ge=0.0,
-        le=20.0,
-        unit="standard deviations",
-        step=0.5,
-        title="Min. significance",
-        help="Obstacles whose velocity is less significant against all known errors, including "
-        "parallax, are ignored; 0 keeps all, as in the paper.",
+        3.0, unit="standard deviations", ge=0.0, le=20.0, step=0.5, title="Min. significance"
     )
+    """Obstacles whose velocity is less significant against all known errors, including parallax,
+    are ignored; 0 keeps all, as in the paper."""
 
 
 class ClusteringParameters(Stage):
@@ -197,24 +99,10 @@ class ClusteringParameters(Stage):
 
     models = PLANAR
 
-    radius_m: Real = number(
-        0.3,
-        ge=0.02,
-        le=5.0,
-        unit="m",
-        step=0.01,
-        title="Neighbour radius",
-        help="Dynamic points within this distance, plus depth noise, form one obstacle.",
-    )
-    min_points: Whole = number(
-        4,
-        ge=1,
-        le=100,
-        unit="points",
-        step=1,
-        title="Min. points",
-        help="Smaller clusters are ignored.",
-    )
+    radius_m: Real = number(0.3, unit="m", ge=0.02, le=5.0, step=0.01, title="Neighbour radius")
+    """Dynamic points within this distance, plus depth noise, form one obstacle."""
+    min_points: Whole = number(4, unit="points", ge=1, le=100, step=1, title="Min. points")
+    """Smaller clusters are ignored."""
 
 
 class TrackingParameters(Stage):
@@ -222,30 +110,9 @@ class TrackingParameters(Stage):
 
     models = PLANAR
 
-    gate: Real = number(
-        0.6,
-        ge=0.05,
-        le=10.0,
-        unit="m",
-        step=0.05,
-        title="Gate",
-        help="A cluster farther from every predicted track starts a new track.",
-    )
-    confirm_hits: Whole = number(
-        3,
-        ge=1,
-        le=30,
-        unit="frames",
-        step=1,
-        title="Confirmation frames",
-        help="Number of sightings after which a track is reported.",
-    )
-    coast_frames: Whole = number(
-        5,
-        ge=0,
-        le=60,
-        unit="frames",
-        step=1,
-        title="Coasting time",
-        help="Frames after which a track that is no longer seen is dropped.",
-    )
+    gate: Real = number(0.6, unit="m", ge=0.05, le=10.0, step=0.05, title="Gate")
+    """A cluster farther from every predicted track starts a new track."""
+    confirm_hits: Whole = number(3, unit="frames", ge=1, le=30, step=1, title="Confirmation frames")
+    """Number of sightings after which a track is reported."""
+    coast_frames: Whole = number(5, unit="frames", ge=0, le=60, step=1, title="Coasting time")
+    """Frames after which a track that is no longer seen is dropped."""

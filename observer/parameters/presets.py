@@ -6,7 +6,7 @@ from observer.errors import InputError
 from observer.parameters.fields import ParameterValue
 from observer.parameters.groups import Parameters
 
-# What is declared is the best we have; the method exactly as published differs from it here.
+# The declared defaults are the best we have; the published method differs in these.
 _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "paper": {
         "ego_motion.model": "affine",
@@ -30,7 +30,7 @@ PRESET_HELP: dict[str, str] = {
 
 
 def preset(name: str) -> Parameters:
-    """The parameters of a named preset.
+    """Return the parameters of a named preset.
 
     Raises:
         InputError: there is no such preset; the sentence lists those there are.
@@ -41,5 +41,5 @@ def preset(name: str) -> Parameters:
 
 
 def preset_names() -> tuple[str, ...]:
-    """The presets' names, ``default`` last."""
+    """Return the names of the presets, ``default`` last."""
     return tuple(_PRESETS)

@@ -1,4 +1,4 @@
-"""The detector SURF, which needs a package of its own."""
+"""Check for the package that the SURF detector needs."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import importlib.util
 
 
 def surf_missing() -> str | None:
-    """Return one sentence on how to get SURF where it is not installed, otherwise None."""
+    """Return one sentence on how to install SURF; None where it is installed."""
     if importlib.util.find_spec("mahotas") is not None:
         return None
     return (

@@ -21,7 +21,7 @@ _POSITIVE, _NEGATIVE, _TEXT = 0x3B, 0x1B, 0x2B
 
 
 class Command(IntEnum):
-    """What a robot is told. RESET and MAINTENANCE are left out: they are never sent."""
+    """Commands to a robot. RESET and MAINTENANCE are left out: they are never sent."""
 
     PULSE = 0
     OPEN = 1
@@ -51,13 +51,10 @@ class Command(IntEnum):
 
 
 def checksum(data: bytes) -> int:
-    """Of a packet's data, 0 to 0xFFFF; see the module."""
+    """Return the checksum of a packet's data, 0 to 0xFFFF; see the module."""
     even = len(data) & ~1
-    words: tuple[int, ...] = struct.unpack(f">{even // 2}H", data[:even])
-    total = sum(words) & 0xFFFF
-    if len(data) > even:
-        total ^= data[-1]
-    return total
+    total: int = sum(struct.unpack(f">{even // 2}H", data[:even])) & 0xFFFF
+    return total ^ data[-1] if len(data) > even else total
 
 
 def packet(data: bytes) -> bytes:
@@ -72,7 +69,7 @@ def packet(data: bytes) -> bytes:
 
 
 def command(number: int, argument: int | bytes | None = None) -> bytes:
-    """One command as a packet.
+    """Encode one command as a packet.
 
     Args:
         number: of ``Command``, 0 to 255. argument: None, a number of 16 bits with sign (up to
@@ -108,7 +105,7 @@ class Decoded:
 
 
 def decode_command(payload: bytes) -> Decoded:
-    """The command of a payload.
+    """Decode the command in a payload.
 
     Raises:
         ValueError: it is empty, or its argument is cut off or of an unknown type.
@@ -145,23 +142,23 @@ class PacketParser:
 
     @property
     def pending(self) -> bool:
-        """Whether a packet has begun that has not ended."""
+        """Return whether a packet has begun that has not ended."""
         return bool(self._rest)
 
     def feed(self, data: bytes) -> list[bytes]:
-        """The payloads that end in these bytes, in order."""
+        """Return the payloads that are complete with these bytes, in order."""
         self._rest += data
         return self._scan()
 
     def abandon(self) -> list[bytes]:
-        """Give up the packet that has begun, and tell what is whole behind its header.
+        """Give up the packet that has begun; return the whole ones behind its header.
 
         A count that was damaged may announce more than ever comes; who waits and sees that
         nothing follows calls this.
         """
         found: list[bytes] = []
         while self._rest:
-            # A header that is cut off itself is no packet's loss.
+            # A header that is itself cut off counts as no bad packet.
             if len(self._rest) > 2:
                 self.bad_packets += 1
             self._skip(1)
@@ -181,14 +178,10 @@ class PacketParser:
             if len(rest) < 3:
                 return found
             count = rest[2]
-            if count < _SHORTEST_COUNT:
-                self.bad_packets += 1
-                self._skip(1)
-                continue
-            if len(rest) < 3 + count:
+            if len(rest) < 3 + count and count >= _SHORTEST_COUNT:
                 return found
-            data = bytes(rest[3 : 1 + count])
-            if checksum(data) != int.from_bytes(rest[1 + count : 3 + count], "big"):
+            data, check = bytes(rest[3 : 1 + count]), rest[1 + count : 3 + count]
+            if count < _SHORTEST_COUNT or checksum(data) != int.from_bytes(check, "big"):
                 self.bad_packets += 1
                 self._skip(1)
                 continue
@@ -198,11 +191,8 @@ class PacketParser:
 
     def _skip_to_header(self) -> None:
         at = self._rest.find(HEADER)
-        if at < 0:
-            # The last byte may be a header's first.
-            at = len(self._rest) - self._rest.endswith(HEADER[:1])
-        if at:
-            self._skip(at)
+        # The last byte may be a header's first.
+        self._skip(at if at >= 0 else len(self._rest) - self._rest.endswith(HEADER[:1]))
 
     def _skip(self, count: int) -> None:
         self.skipped_bytes += count

@@ -1,9 +1,10 @@
-"""What a robot says of its settings: the reply to CONFIG. Pure."""
+"""Reader of a robot's settings: the reply to CONFIG. Pure."""
 
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 CONFIG_REPLY = 0x20
 
@@ -14,7 +15,7 @@ _FIELDS: tuple[tuple[str, str], ...] = (
     ("acceleration_top", "H"), ("pwm_max", "H"), ("name", "s"),
     ("sip_cycle", "B"), ("host_baud", "B"), ("aux1_baud", "B"),
     ("gripper", "H"), ("front_sonar", "H"), ("rear_sonar", "B"),
-    ("low_battery", "H"), ("rev_count", "H"), ("watchdog", "H"), ("p2mpacs", "B"),
+    ("low_battery", "H"), ("rev_count", "H"), ("watchdog_ms", "H"), ("p2mpacs", "B"),
     ("stall_value", "H"), ("stall_count", "H"), ("joy_speed", "H"), ("joy_turn_rate", "H"),
     ("turn_rate_max", "H"), ("speed_max", "H"), ("turn_acceleration", "H"),
     ("turn_deceleration", "H"), ("turn_kp", "H"), ("turn_kv", "H"), ("turn_ki", "H"),
@@ -26,7 +27,7 @@ _FIELDS: tuple[tuple[str, str], ...] = (
 
 @dataclass(frozen=True)
 class ConfigReply:
-    """As far as it was told; None for what was cut off.
+    """Settings of a robot; None for what its reply leaves out.
 
     Attributes:
         type, subtype, name: its texts.
@@ -51,45 +52,31 @@ class ConfigReply:
 
 
 def decode_config(payload: bytes) -> ConfigReply:
-    """The reply's payload, its type byte first; what is missing at its end is None.
+    """Decode the reply's payload, type byte first; what is missing at its end is None.
 
     Raises:
         ValueError: it is no such reply.
     """
     if not payload or payload[0] != CONFIG_REPLY:
         raise ValueError(f"a reply to CONFIG begins with 20, not {payload[:1].hex() or 'nothing'}")
-    texts: dict[str, str] = {}
-    numbers: dict[str, int] = {}
+    found: dict[str, Any] = {}
     at = 1
     for name, kind in _FIELDS:
         if kind == "s":
             end = payload.find(b"\0", at)
             if end < 0:
                 break
-            texts[name] = as_text(payload[at:end])
+            found[name] = as_text(payload[at:end])
             at = end + 1
         else:
             size = struct.calcsize(kind)
             if at + size > len(payload):
                 break
-            (numbers[name],) = struct.unpack_from("<" + kind, payload, at)
+            (found[name],) = struct.unpack_from("<" + kind, payload, at)
             at += size
-    return ConfigReply(
-        type=texts.get("type"),
-        subtype=texts.get("subtype"),
-        name=texts.get("name"),
-        turn_rate_top=numbers.get("turn_rate_top"),
-        turn_rate_max=numbers.get("turn_rate_max"),
-        speed_top=numbers.get("speed_top"),
-        speed_max=numbers.get("speed_max"),
-        acceleration_top=numbers.get("acceleration_top"),
-        turn_acceleration_top=numbers.get("turn_acceleration_top"),
-        watchdog_ms=numbers.get("watchdog"),
-        front_bumpers=numbers.get("front_bumpers"),
-        rear_bumpers=numbers.get("rear_bumpers"),
-    )
+    return ConfigReply(**{each.name: found.get(each.name) for each in fields(ConfigReply)})
 
 
 def as_text(data: bytes) -> str:
-    """Printable ASCII of what a robot calls itself; anything else becomes ``?``."""
+    """Return what a robot calls itself as printable ASCII; anything else becomes ``?``."""
     return "".join(chr(each) if 32 <= each < 127 else "?" for each in data).strip()

@@ -1,4 +1,4 @@
-"""What a robot is to whoever drives it: a thing that takes velocities and tells how it is.
+"""Contract of a robot with the drive loop: it takes velocities and reports its state.
 
 A robot owns its port and the threads that wait for it. Every method here returns at once,
 whatever the port does, and is called from one thread (the drive loop), ``report`` from any.
@@ -14,19 +14,19 @@ from typing import Literal, Protocol, runtime_checkable
 from observer.rig.rig import Role
 from observer.types import Odometry
 
-# A velocity that is not repeated for so long is replaced by zero by the port's own thread, so
+# A velocity not repeated within this time is replaced by zero by the port's own thread, so
 # that a drive loop that hangs moves nothing.
 SETPOINT_FRESH_S = 0.15
 
 
 class RobotPhase(StrEnum):
-    """Where the connection stands."""
+    """State of the connection."""
 
     CONNECTING = "connecting"
     CONNECTED = "connected"
-    # It was or could not be connected, and is tried again by itself.
+    # The connection was lost or never made; it is retried automatically.
     WAITING = "waiting"
-    # It is not tried again: what is wrong does not mend itself (an unknown robot, say).
+    # Not retried: the cause does not go away by itself (an unknown robot, say).
     REFUSED = "refused"
     CLOSED = "closed"
 
@@ -76,7 +76,7 @@ class SonarReading:
 
 @dataclass(frozen=True)
 class RobotReport:
-    """How a robot is at this moment. What it does not tell is None.
+    """Present state of a robot. What it does not tell is None.
 
     Attributes:
         phase: of the connection. trouble: one sentence of what is wrong with it, None while
@@ -134,18 +134,18 @@ class RobotReport:
 
 
 class Robot(Protocol):
-    """See the module. A robot connects by itself from its construction on, with motors off."""
+    """A robot; see the module. It connects by itself once constructed, with motors off."""
 
     def report(self) -> RobotReport:
-        """How it is; from any thread."""
+        """Return the robot's present state; callable from any thread."""
         ...
 
     def enable(self) -> None:
-        """Motors on, at zero velocity. Nothing else ever switches them on."""
+        """Switch the motors on, at zero velocity. Nothing else ever switches them on."""
         ...
 
     def disable(self) -> None:
-        """Zero velocity, motors off."""
+        """Command zero velocity and switch the motors off."""
         ...
 
     def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
@@ -181,7 +181,7 @@ class Explained(Protocol):
     """A robot that also takes in why it may not drive as asked."""
 
     def explain(self, reason: str | None) -> None:
-        """One sentence that holds until the next; None: nothing keeps it back."""
+        """Take one sentence that holds until the next; None if nothing holds it back."""
         ...
 
 
@@ -205,7 +205,7 @@ class RobotWorld(Protocol):
 
     @property
     def world(self) -> str:
-        """Its name, unlike that of any other world, as in ``observer.guard.sight.Sight.world``."""
+        """Name of the world, unique, as in ``observer.guard.sight.Sight.world``."""
         ...
 
     def serve(self) -> tuple[RobotPort, ...]:
@@ -213,5 +213,5 @@ class RobotWorld(Protocol):
         ...
 
     def close(self) -> None:
-        """The robots are gone; safe to call twice."""
+        """Remove the robots; safe to call twice."""
         ...

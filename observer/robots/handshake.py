@@ -1,4 +1,4 @@
-"""Coming into a session with an ARCOS robot, whatever state the last client left it in."""
+"""Session set-up with an ARCOS robot, whatever state the last client left it in."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from observer.robots.packet_line import PacketLine
 from observer.robots.serial_port import FIRST_BAUD
 from observer.robots.sip import is_status
 
-# In this order: a robot that its watchdog stopped takes up its last velocity at any command but
+# In this order: a robot stopped by its watchdog resumes its last velocity at any command but
 # these.
 STANDSTILL = (command(Command.STOP), command(Command.VEL, 0), command(Command.RVEL, 0))
 MOTORS_OFF = command(Command.ENABLE, 0)
 _CLOSE = command(Command.CLOSE)
 
 _SYNC_S = 1.0
-# In an open session SYNC 0 would be PULSE, and the robot would go on where it was stopped; but
+# In an open session SYNC 0 would be PULSE, and a stopped robot would resume driving; but
 # then a status packet comes every 100 ms.
 _LISTEN_S = 0.25
 _TRIES, _TRIES_IN_SILENCE = 10, 5
@@ -32,12 +32,12 @@ _BAUD_S = 0.5
 
 
 class NoSession(Exception):
-    """The robot does not come to a session. The text is a sentence."""
+    """No session with the robot can be opened. The text is a sentence."""
 
 
 @dataclass(frozen=True)
 class Identity:
-    """What a robot calls itself.
+    """Identity that a robot states.
 
     Attributes:
         name: its own. kind: its class, ``Pioneer``. subtype: its model, in small letters.
@@ -49,7 +49,7 @@ class Identity:
 
 
 def shake_hands(line: PacketLine) -> Identity:
-    """SYNC 0, 1 and 2.
+    """Exchange SYNC 0, 1 and 2, and return who answered.
 
     Raises:
         NoSession: it answers nothing, or nothing that makes sense.
@@ -57,10 +57,10 @@ def shake_hands(line: PacketLine) -> Identity:
     """
     answered = line.wait_for(is_status, _LISTEN_S) is not None
     if answered or line.parser.skipped_bytes:
-        # Damaged packets, or those of another rate, are a session's as well.
+        # Damaged packets, or those of another rate, also show an open session.
         _end_session(line)
     step, silent = 0, 0
-    # A try is a SYNC that was not echoed; those that were come at most twice between two tries.
+    # A failure is a SYNC that was not echoed; at most two echoed ones lie between two failures.
     failed = 0
     while failed < (_TRIES if answered else _TRIES_IN_SILENCE):
         line.send(command(step))
@@ -93,7 +93,7 @@ def shake_hands(line: PacketLine) -> Identity:
 
 
 def open_session(line: PacketLine) -> None:
-    """OPEN, at a standstill with motors off; returns when it tells its status.
+    """Send OPEN, at a standstill with motors off, and wait for the first status packet.
 
     Raises:
         NoSession: no status packet comes.
@@ -107,7 +107,7 @@ def open_session(line: PacketLine) -> None:
 
 
 def ask_config(line: PacketLine) -> ConfigReply:
-    """What it says of its settings; all unknown where it says nothing.
+    """Ask the robot for its settings; all None where it does not answer.
 
     Raises:
         PortLost, Closing: as ``PacketLine.receive``.
@@ -121,7 +121,7 @@ def ask_config(line: PacketLine) -> ConfigReply:
 
 
 def speed_up(line: PacketLine, baud: int) -> bool:
-    """Ask for a higher rate, and fall back where it stays silent then; whether it is in force.
+    """Ask for a higher baud rate; return whether it is in force. A silent robot gets the old one.
 
     Raises:
         NoSession: it is silent at the old rate as well.
@@ -134,7 +134,7 @@ def speed_up(line: PacketLine, baud: int) -> bool:
     line.change_baud(baud)
     if _tells_status(line):
         return True
-    # It may have changed though nothing of it arrives.
+    # It may have changed its rate though nothing arrives.
     line.send(command(Command.HOSTBAUD, _HOSTBAUD[before]))
     line.change_baud(before)
     if _tells_status(line):
@@ -143,13 +143,13 @@ def speed_up(line: PacketLine, baud: int) -> bool:
 
 
 def _tells_status(line: PacketLine) -> bool:
-    """Whether status packets come, twice: one may have been under way for long."""
+    """Return whether two status packets come: a single one may be an old one."""
     return all(line.wait_for(is_status, _BAUD_S) is not None for _ in range(2))
 
 
 def _counts(payload: bytes, *, step: int) -> bool:
-    """Whether a payload means something while SYNC ``step`` is out."""
-    # A late echo of the step before is none of this one.
+    """Return whether a payload can be the answer to SYNC ``step``."""
+    # A late echo of the previous step does not count.
     return (
         is_status(payload)
         or payload[0] == _NOT_UNDERSTOOD
@@ -158,7 +158,7 @@ def _counts(payload: bytes, *, step: int) -> bool:
 
 
 def _end_session(line: PacketLine) -> None:
-    """Of a client that died without CLOSE, with whatever velocity it had asked for."""
+    """End the session of a client that died without CLOSE, whatever velocity it had commanded."""
     line.send(*STANDSTILL, MOTORS_OFF, _CLOSE)
     line.drain(0.15, 1.0)
 

@@ -1,4 +1,4 @@
-"""What is known of each robot model: conversion factors, limits, outline and sonar.
+"""Constants of each robot model: conversion factors, limits, outline and sonar.
 
 Factors as MobileRobots' parameter files give them; where sources disagree the choice stands in
 the comment beside it.
@@ -17,7 +17,7 @@ from observer.rig.rig import RobotModel
 
 @dataclass(frozen=True)
 class SonarPose:
-    """Where one sonar sits: metres and radians in the robot's base frame, z left out."""
+    """Pose of one sonar: metres and radians in the robot's base frame, z left out."""
 
     x: float
     y: float
@@ -62,7 +62,7 @@ class RobotSpec:
 
 
 def robot_spec(model: str) -> RobotSpec:
-    """The constants of a model.
+    """Return the constants of a model.
 
     Raises:
         InputError: it is not known; the sentence lists those that are.
@@ -75,7 +75,7 @@ def robot_spec(model: str) -> RobotSpec:
 
 
 def _ring(*poses: tuple[float, float, float]) -> tuple[SonarPose, ...]:
-    """Of x and y in millimetres and the heading in degrees."""
+    """Sonar poses from x and y in millimetres and the heading in degrees."""
     return tuple(SonarPose(x / 1000, y / 1000, math.radians(deg)) for x, y, deg in poses)
 
 

@@ -1,4 +1,4 @@
-"""A robot's place by its own wheels, summed up on the host. Pure."""
+"""Wheel odometry of a robot, accumulated on the host. Pure."""
 
 from __future__ import annotations
 
@@ -7,16 +7,16 @@ import math
 from observer.robots.models import RobotSpec
 from observer.types import Odometry
 
-# X and Y have 15 bits. What seems to jump farther than this between two packets went around.
+# X and Y have 15 bits. An apparent jump beyond this between two packets is a wrap-around.
 _WRAP = 0x8000
 _WRAPPED_BEYOND = 0x1000
-# Packets wait in buffers: two that arrive together may be a period and more apart.
+# Packets wait in buffers: two that arrive together may be more than a period apart.
 _LATE_S = 0.3
 _SLACK_M = 0.05
 
 
 class WheelOdometry:
-    """Sums up what the robot tells in numbers that go around.
+    """Accumulates the robot's own odometry, whose numbers wrap around.
 
     Attributes:
         place: as the robot stood when the first packet came, forward and left.
@@ -29,18 +29,18 @@ class WheelOdometry:
         self.place = Odometry(0.0, 0.0, 0.0)
         self.jumps = 0
         self.spec = spec
-        # One turn has a whole number of units; the factor is rounded in the robot's papers.
+        # One turn is a whole number of units; the robot's manual gives the factor rounded.
         self._units_per_turn = round(math.tau / spec.angle_rad)
         self._last: tuple[int, int, int, float] | None = None
-        # Turns the robot's own axes into ours.
+        # Rotation from the robot's own axes to ours, radians.
         self._axes = 0.0
 
     def rebaseline(self) -> None:
-        """The next packet's numbers are where the robot stands now."""
+        """Take the next packet's numbers as where the robot stands now."""
         self._last = None
 
     def add(self, x: int, y: int, heading: int, time: float) -> Odometry:
-        """One packet's numbers.
+        """Take one packet's numbers and return the accumulated odometry.
 
         Args:
             x, y: 0 to 0x7FFF. heading: units of angle, in any turn. time: of its reception,

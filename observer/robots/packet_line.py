@@ -1,4 +1,4 @@
-"""Packets in and out of a port, one at a time, by one thread."""
+"""Packets received from and sent to a port, by one thread."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ from collections.abc import Callable
 from observer.robots.arcos import PacketParser
 from observer.robots.serial_port import Port
 
-# Between two commands the firmware wants 3 to 5 ms.
+# The firmware needs 3 to 5 ms between two commands.
 COMMAND_GAP_S = 0.004
-# A packet is sent in one go: where nothing follows for so long, the rest was lost.
+# A packet is sent in one go: if nothing follows within this time, the rest was lost.
 _QUIET_S = 0.05
 _BUFFERED_READS = 16
 
 
 class Closing(Exception):
-    """Whoever owns the robot wants to let it go."""
+    """The owner of the robot is closing it."""
 
 
 class PacketLine:
-    """A port's packets.
+    """Packets of a port.
 
     Args:
         closing: asked again and again while something is waited for.
@@ -35,7 +35,7 @@ class PacketLine:
         self._closing = closing
 
     def receive(self) -> list[bytes]:
-        """The payloads that came, waited for 50 ms at most.
+        """Return the payloads that came; wait 50 ms at most.
 
         Raises:
             PortLost: the port is gone. Closing: see there.
@@ -48,7 +48,7 @@ class PacketLine:
         return self.parser.abandon() if self.parser.pending else []
 
     def wait_for(self, wanted: Callable[[bytes], bool], timeout_s: float) -> bytes | None:
-        """The first payload that is wanted, others thrown away; None where none came in time.
+        """Return the first wanted payload and drop the others; None if none comes in time.
 
         Raises:
             PortLost, Closing: as ``receive``.
@@ -82,15 +82,15 @@ class PacketLine:
             time.sleep(COMMAND_GAP_S)
 
     def change_baud(self, baud: int) -> None:
-        """Once all that was sent is out.
+        """Change the baud rate once all that was sent is out.
 
         Raises:
             PortLost: as ``Port.change_baud``.
         """
-        # Nothing tells for certain when a USB adapter has sent; a few commands take 40 ms.
+        # There is no sure sign that a USB adapter has sent; a few commands take 40 ms.
         time.sleep(0.05)
         self.port.change_baud(baud)
-        # What still waits was received at the old rate, and proves nothing of the new one.
+        # What is still buffered came at the old rate and says nothing about the new one.
         for _ in range(_BUFFERED_READS):
             if not self.port.read(0.0):
                 break

@@ -32,19 +32,25 @@ from observer.robots.robot_limits import limit_commands, limits_in_force, setpoi
 from observer.robots.robot_watch import RobotWatch
 from observer.robots.serial_port import Port, PortLost, open_port
 from observer.robots.setpoint_writer import SetpointWriter
-from observer.robots.sip import RobotStatus, decode_status, is_status
+from observer.robots.sip import decode_status, is_status
 
-# Between two tries to connect: a port that went away may be back at once, for one that is not
-# there nobody waits.
+# Pauses between attempts to connect: a lost port may be back at once, a missing one is
+# not urgent.
 _FIRST_PAUSE_S, _PAUSE_S = 0.3, 1.0
-# A robot that tells nothing for so long has been switched off, or its cable is out.
+# A robot silent for this long has been switched off, or its cable is out.
 _SILENCE_LOST_S = 3.0
 _FAREWELL_S = 0.1
-# CLOSE may be lost on its way: it is said again while status, every 100 ms, still comes.
+# CLOSE may be lost: it is repeated while status packets, every 100 ms, still come.
 _GOODBYES, _SILENT_S = 3, 0.15
 _CLOSE_S = 1.9
 _COUNTERS = ("packets", "bad_packets", "unknown_packets", "reconnects")
 _STOP = (command(Command.E_STOP), *STANDSTILL[1:], MOTORS_OFF)
+# Fields of a report that are those of the model, and of the newest status packet.
+_OF_SPEC = ("model", "radius_m", "width_m", "length_m")
+_OF_STATUS = (
+    *("speed_mps", "turn_rate_radps", "motors_enabled", "stalled", "front_bumpers"),
+    *("rear_bumpers", "stop_pressed", "charging", "temperature_c"),
+)
 
 
 class UnknownRobot(Exception):
@@ -52,7 +58,7 @@ class UnknownRobot(Exception):
 
 
 class Pioneer:
-    """See ``observer.robots.contract.Robot``; connects by itself from its construction on.
+    """Implements ``observer.robots.contract.Robot``; connects by itself from its construction on.
 
     Args:
         port: ``/dev/...`` or ``socket://HOST:PORT``.
@@ -79,7 +85,7 @@ class Pioneer:
         self._clock = clock
         self._wanted = limits
         self._open_port = open_port
-        # Guards all below; held for moments only.
+        # Guards everything below; held briefly.
         self._lock = threading.Lock()
         self._phase = RobotPhase.CONNECTING
         self._trouble: str | None = None
@@ -95,9 +101,8 @@ class Pioneer:
         self._counters: Counter[str] = Counter()
         self._line: PacketLine | None = None
         self._last_sent: Sent | None = None
-        # A rate that was agreed on and brought no status is not tried again.
-        self._may_speed_up = True
-        self._sped_up = False
+        # An agreed rate that brought no status is not tried again.
+        self._may_speed_up, self._sped_up = True, False
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="robot reader", daemon=True)
         self._thread.start()
@@ -105,22 +110,22 @@ class Pioneer:
     # ------------------------------------------------------------------ as Robot
 
     def report(self) -> RobotReport:
-        """How it is; from any thread."""
+        """Return the robot's present state; callable from any thread."""
         with self._lock:
             return self._report(self._clock())
 
     def enable(self) -> None:
-        """Motors on, at zero velocity; nothing while it has a fault or is not connected."""
+        """Switch the motors on, at zero velocity, unless there is a fault or no connection."""
         with self._lock:
             if self._writer is not None and self._watch.switch_on(self._clock()):
                 self._writer.halt(*STANDSTILL, command(Command.ENABLE, 1))
 
     def disable(self) -> None:
-        """Zero velocity, motors off."""
+        """Command zero velocity and switch the motors off."""
         self._halt(*STANDSTILL[1:], MOTORS_OFF)
 
     def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
-        """See ``Robot.drive``."""
+        """Take a velocity, as ``Robot.drive`` says."""
         with self._lock:
             setpoint = (0, 0)
             if self._watch.may_move and self._limits is not None:
@@ -130,7 +135,7 @@ class Pioneer:
             return Sent(setpoint[0] / 1000, math.radians(setpoint[1]), self._clock())
 
     def stop(self) -> None:
-        """E_STOP, zero velocity, motors off, at once."""
+        """Send E_STOP, zero velocity and motors off, at once."""
         self._halt(*_STOP)
 
     def clear(self) -> None:
@@ -141,7 +146,7 @@ class Pioneer:
                 self._writer.halt(*STANDSTILL[1:], MOTORS_OFF)
 
     def close(self) -> None:
-        """See ``Robot.close``.
+        """Close as ``Robot.close`` says.
 
         A host that answers nothing at all may hold the reading thread, which does nothing but
         wait for it, some seconds longer.
@@ -165,7 +170,7 @@ class Pioneer:
         finally:
             with self._lock:
                 if self._phase in (RobotPhase.CONNECTED, RobotPhase.CONNECTING):
-                    # Something that nobody expected: it must not pass for connected.
+                    # After an unexpected error it must not pass for connected.
                     self._phase, self._trouble = RobotPhase.REFUSED, "its driver failed"
                     self._watch.lost(self._trouble, self._clock())
 
@@ -203,7 +208,7 @@ class Pioneer:
         except (PortLost, NoSession, UnknownRobot):
             raise
         except BaseException:
-            # It shall go, or something happened that nobody expected: it must not drive on.
+            # On closing or after an unexpected error the robot must not drive on.
             self._say_goodbye(line, writer)
             discard = False
             raise
@@ -239,7 +244,7 @@ class Pioneer:
             self._sped_up = speed_up(line, spec.high_speed_serial)
 
     def _arrived(self, writer: SetpointWriter) -> None:
-        """In a session, at a standstill, motors off."""
+        """Begin a session: at a standstill, motors off."""
         spec = self._spec
         assert spec is not None
         with self._lock:
@@ -324,15 +329,15 @@ class Pioneer:
                 line.send(*farewell)
             for _ in range(_GOODBYES):
                 line.send(command(Command.CLOSE))
-                # What comes first may have been under way.
+                # The first bytes may have been sent before.
                 if not line.port.read(_SILENT_S) or not line.port.read(_SILENT_S):
                     return
         except PortLost:
-            # Nobody is there to say it to.
+            # The robot is gone already.
             return
 
     def _gone(self, phase: RobotPhase, sentence: str) -> bool:
-        """The connection is over; whether there was one."""
+        """Record the loss of the connection; return whether there was one."""
         with self._lock:
             had = self._phase is RobotPhase.CONNECTED
             self._phase, self._trouble = phase, sentence
@@ -355,19 +360,16 @@ class Pioneer:
 
     def _report(self, now: float) -> RobotReport:
         watch, spec, identity = self._watch, self._spec, self._identity
-        status = watch.status
         warnings = list(watch.warnings(now))
         if spec is not None and identity is not None and identity.subtype != spec.model:
             warnings.append(f"it calls itself {identity.subtype!r} and is driven as {spec.model}")
-        counters = dict.fromkeys(_COUNTERS, 0)
-        counters.update(self._counters)
+        counters = dict.fromkeys(_COUNTERS, 0) | self._counters
         if (line := self._line) is not None:
             counters["packets"] += line.parser.packets
             counters["bad_packets"] += line.parser.bad_packets
         if self._odometry is not None:
             counters["odometry_jumps"] = self._odometry.jumps
         sent = self._writer.sent if self._writer is not None else None
-        told = status or _NOTHING
         return RobotReport(
             phase=self._phase,
             trouble=self._trouble,
@@ -375,32 +377,15 @@ class Pioneer:
             warnings=tuple(warnings),
             received=watch.received,
             name=identity.name or None if identity else None,
-            model=spec.model if spec else None,
             subtype=identity.subtype or None if identity else None,
             odometry=self._odometry.place if self._odometry and self._moved else None,
-            speed_mps=status.speed_mps if status else None,
-            turn_rate_radps=status.turn_rate_radps if status else None,
-            motors_enabled=status.motors_enabled if status else None,
-            stalled=status.stalled if status else None,
-            front_bumpers=told.front_bumpers,
-            rear_bumpers=told.rear_bumpers,
-            stop_pressed=told.stop_pressed,
             battery_v=watch.battery_v,
             battery=watch.battery,
-            charging=told.charging,
-            temperature_c=told.temperature_c,
             sonars=tuple(self._sonars[each] for each in sorted(self._sonars)),
             watchdog_s=self._watchdog_s,
             limits=self._limits,
             sent=sent or self._last_sent,
-            radius_m=spec.radius_m if spec else None,
-            width_m=spec.width_m if spec else None,
-            length_m=spec.length_m if spec else None,
             counters=counters,
+            **{name: getattr(spec, name) for name in _OF_SPEC if spec},
+            **{name: getattr(watch.status, name) for name in _OF_STATUS if watch.status},
         )
-
-
-# Stands for a packet where none is: tells only what is None or empty.
-_NOTHING = RobotStatus(
-    0, 0, 0, False, 0.0, 0.0, None, (False, False), (), (), False, None, None, None
-)

@@ -1,4 +1,4 @@
-"""The limits a robot is driven within. Pure."""
+"""Limits within which a robot is driven. Pure."""
 
 from __future__ import annotations
 
@@ -13,47 +13,28 @@ from observer.robots.models import RobotSpec
 def limits_in_force(
     spec: RobotSpec, config: ConfigReply, wanted: RobotLimits | None = None
 ) -> RobotLimits:
-    """The least of the model's own, what the robot says and what is asked for.
+    """Return the least of the model's limits, the robot's own and those asked for.
 
     A zero in the robot's reply says nothing. Its accelerations as set are no limits: they are
     what ``limit_commands`` changes.
     """
 
-    def least(own: float, *others: float | None) -> float:
-        return min([own, *(each for each in others if each)])
-
-    def told(value: int | None, factor: float) -> float | None:
-        return None if value is None else value * factor
+    def least(name: str, most: float, unit: float, *told: int | None) -> float:
+        asked = getattr(wanted, name, None)
+        return min(most, asked or most, *(each * unit for each in told if each))
 
     degree = math.pi / 180
+    turn_rate, turn_acceleration = spec.turn_rate_max_radps, spec.turn_acceleration_max_radps2
     return RobotLimits(
-        speed_mps=least(
-            spec.speed_max_mps,
-            told(config.speed_top, 1e-3),
-            told(config.speed_max, 1e-3),
-            wanted.speed_mps if wanted else None,
-        ),
-        turn_rate_radps=least(
-            spec.turn_rate_max_radps,
-            told(config.turn_rate_top, degree),
-            told(config.turn_rate_max, degree),
-            wanted.turn_rate_radps if wanted else None,
-        ),
-        acceleration_mps2=least(
-            spec.acceleration_max_mps2,
-            told(config.acceleration_top, 1e-3),
-            wanted.acceleration_mps2 if wanted else None,
-        ),
-        turn_acceleration_radps2=least(
-            spec.turn_acceleration_max_radps2,
-            told(config.turn_acceleration_top, degree),
-            wanted.turn_acceleration_radps2 if wanted else None,
-        ),
+        least("speed_mps", spec.speed_max_mps, 1e-3, config.speed_top, config.speed_max),
+        least("turn_rate_radps", turn_rate, degree, config.turn_rate_top, config.turn_rate_max),
+        least("acceleration_mps2", spec.acceleration_max_mps2, 1e-3, config.acceleration_top),
+        least("turn_acceleration_radps2", turn_acceleration, degree, config.turn_acceleration_top),
     )
 
 
 def limit_commands(limits: RobotLimits) -> tuple[bytes, ...]:
-    """What tells the robot: SETV, SETRV, SETA and SETRA, the latter two for braking as well."""
+    """Return the commands that set the limits; SETA and SETRA also for braking."""
     speed, acceleration = _whole(limits.speed_mps * 1000), _whole(limits.acceleration_mps2 * 1000)
     turn_rate = _whole(math.degrees(limits.turn_rate_radps))
     turn_acceleration = _whole(math.degrees(limits.turn_acceleration_radps2))
@@ -70,7 +51,7 @@ def limit_commands(limits: RobotLimits) -> tuple[bytes, ...]:
 def setpoint_within(
     limits: RobotLimits, speed_mps: float, turn_rate_radps: float
 ) -> tuple[int, int]:
-    """A velocity as it is sent, whole mm/s and deg/s; zero where either is not finite."""
+    """Return a velocity as it is sent, in whole mm/s and deg/s; zero where either is not finite."""
     if not (math.isfinite(speed_mps) and math.isfinite(turn_rate_radps)):
         return 0, 0
     return (
@@ -85,5 +66,5 @@ def _bounded(value: float, limit: float) -> int:
 
 
 def _whole(value: float) -> int:
-    """At least one: zero would mean no limit, or none at all."""
+    """Round down, to 1 at least: zero would mean no limit, or no motion at all."""
     return max(1, min(32767, int(value + 1e-6)))

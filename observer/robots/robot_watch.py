@@ -1,4 +1,4 @@
-"""What a robot's status packets, or their absence, mean for driving it. Pure: time is told."""
+"""Consequences of a robot's status packets, or of their absence. Pure: time is an argument."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ SILENCE_WARNED_S = 0.3
 SILENCE_FAULT_S = 1.0
 BATTERY_LOW_V = 11.75
 BATTERY_CRITICAL_V = 11.0
-# A status packet tells of up to 0.1 s ago, and ENABLE takes a little.
+# A status packet is up to 0.1 s old, and ENABLE takes a moment.
 _SWITCHING_S = 0.3
-# ENABLE is not acknowledged and may be lost: within so long after it was asked for it is told
-# again, until the motors were seen to be on. Never after they were.
+# ENABLE is not acknowledged and may be lost: at these times after the request it is sent
+# again, until the motors were seen on; never after that.
 _ENABLE_AGAIN_S = (0.3, 0.6)
 _ENABLE_IN_VAIN_S = 1.5
 _DISABLE_AGAIN_S = 0.5
-# Its watchdog counts from what it heard, we count from what we heard.
+# The robot's watchdog counts from what it received, we count from what we received.
 _WATCHDOG_PART = 0.5
 _AVERAGED = 30
 
@@ -51,18 +51,18 @@ class RobotWatch:
 
     @property
     def switched_on(self) -> bool:
-        """Whether its motors were asked to be on, and nothing took that back."""
+        """Return whether its motors were switched on and not off again."""
         return self._on_since is not None
 
     @property
     def may_move(self) -> bool:
-        """Whether anything but zero is of use to it."""
+        """Return whether a velocity other than zero may be sent."""
         on = self.status is not None and self.status.motors_enabled
         return self._connected and self.fault is None and self.switched_on and on
 
     @property
     def battery_v(self) -> float | None:
-        """Mean over the last packets."""
+        """Mean battery voltage over the last packets."""
         return sum(self._battery) / len(self._battery) if self._battery else None
 
     @property
@@ -70,79 +70,79 @@ class RobotWatch:
         volts = self.battery_v
         if volts is None:
             return None
-        # As it is told: a tenth of a volt summed up is not exact.
+        # Rounded as it is shown: sums of tenths of a volt are not exact.
         volts = round(volts, 3)
         if volts < BATTERY_CRITICAL_V:
             return "critical"
         return "low" if volts < BATTERY_LOW_V else "good"
 
     def connected(self, now: float) -> None:
-        """A session is open, motors off."""
+        """Begin a session, motors off."""
         self._connected = True
         self._heard = now
         self._battery.clear()
         self.switch_off(now)
 
     def lost(self, sentence: str, now: float) -> None:
-        """The session is gone; a fault if there was one."""
+        """Take the loss of the session; a fault if there was one."""
         if self._connected:
-            self._blame(sentence)
+            self.blame(sentence)
         self._connected = False
         self.status = None
         self._battery.clear()
         self.switch_off(now)
 
     def closed(self) -> None:
-        """The session was ended on purpose."""
+        """Take the end of the session on purpose."""
         self._connected = False
         self.status = None
         self._on_since = None
 
     def switch_on(self, now: float) -> bool:
-        """ENABLE 1 is sent; False where a fault or a missing connection forbids that."""
+        """Note that ENABLE 1 is sent; return False if a fault or no connection forbids it."""
         if self.fault is not None or not self._connected:
             return False
         self._on_since, self._seen_on, self._enables = now, False, 0
         return True
 
     def switch_off(self, now: float) -> None:
-        """ENABLE 0 is sent."""
+        """Note that ENABLE 0 is sent."""
         self._on_since = None
         self._off_since = now
 
     def saw(self, status: RobotStatus, now: float) -> bool:
-        """Take a status packet; whether it brought a fault."""
+        """Take a status packet; return whether it brought a fault."""
         before = self.fault
         self.status, self.received, self._heard = status, now, now
         if status.battery_v is not None:
             self._battery.append(status.battery_v)
-        self._blame(_cause(status))
+        self.blame(_cause(status))
         if self._on_since is not None:
             if status.motors_enabled:
                 self._seen_on = True
             elif self._seen_on and now - self._on_since > _SWITCHING_S:
-                self._blame("its motors went off by themselves; look at the robot, then arm it")
+                self.blame("its motors went off by themselves; look at the robot, then arm it")
         return self.fault is not before
 
     def tick(self, now: float) -> bool:
-        """Look at the clock, every 0.1 s or more often; whether that brought a fault."""
+        """Check the time limits, every 0.1 s or more often; return whether that brought a fault."""
         before = self.fault
         if self._connected and now - self._heard >= SILENCE_FAULT_S:
-            self._blame(f"it told no status for {SILENCE_FAULT_S:g} s")
+            self.blame(f"it told no status for {SILENCE_FAULT_S:g} s")
         if (
             self._on_since is not None
             and not self._seen_on
             and now - self._on_since > _ENABLE_IN_VAIN_S
         ):
-            self._blame("its motors did not go on; look at the robot's own switches")
+            self.blame("its motors did not go on; look at the robot's own switches")
         return self.fault is not before
 
     def silent(self, now: float) -> bool:
-        """Whether its status is missing."""
+        """Return whether its status is missing."""
         return self._connected and now - self._heard > SILENCE_WARNED_S
 
     def in_outage(self, now: float, watchdog_s: float | None) -> bool:
-        """Whether its firmware may have stopped it, as it may have heard nothing either.
+        """Return whether its firmware may have stopped it, as it may have heard nothing either.
 
         ``watchdog_s``: after how long it does; None where that is unknown.
         """
@@ -152,11 +152,11 @@ class RobotWatch:
         return self._connected and now - self._heard >= bound
 
     def silence_s(self, now: float) -> float:
-        """For how long it has told nothing."""
+        """Seconds since its last status."""
         return now - self._heard
 
     def due_command(self, now: float) -> bytes | None:
-        """ENABLE once more, where it seems to have been lost on its way."""
+        """Return ENABLE once more, where it seems to have been lost on its way."""
         if self._on_since is not None:
             late = (
                 not self._seen_on
@@ -178,12 +178,12 @@ class RobotWatch:
             return
         self.fault = None
         if now - self._heard >= SILENCE_FAULT_S:
-            self._blame(f"it told no status for {now - self._heard:.1f} s")
+            self.blame(f"it told no status for {now - self._heard:.1f} s")
         if self.status is not None:
-            self._blame(_cause(self.status))
+            self.blame(_cause(self.status))
 
     def warnings(self, now: float) -> tuple[str, ...]:
-        """What is worth knowing and forbids nothing."""
+        """Return sentences on what is worth knowing and forbids nothing."""
         found = []
         if self.silent(now):
             found.append(f"its last status is {(now - self._heard) * 1000:.0f} ms old")
@@ -203,21 +203,16 @@ class RobotWatch:
                 found.append("its sonar readings cannot be read")
         return tuple(found)
 
-    def _blame(self, sentence: str | None) -> None:
-        """Latch a fault; the first one stays."""
-        if self.fault is None and sentence is not None:
-            self.fault = sentence
+    def blame(self, sentence: str | None) -> None:
+        """Latch a fault; the first one stays, and None is none."""
         if sentence is not None:
+            self.fault = self.fault or sentence
             self._on_since = None
             self._off_since = max(self._off_since, self._heard)
 
-    def blame(self, sentence: str) -> None:
-        """Latch a fault that was found elsewhere."""
-        self._blame(sentence)
-
 
 def _cause(status: RobotStatus) -> str | None:
-    """What in a packet forbids to move."""
+    """Return what in a packet forbids motion; None if nothing does."""
     left, right = status.stalled
     if left or right:
         which = "both wheels" if left and right else f"its {'left' if left else 'right'} wheel"

@@ -14,18 +14,18 @@ import termios
 from typing import Any, Protocol
 
 FIRST_BAUD = 9600
-# A port that takes nothing for so long is stuck.
+# A port that accepts nothing for this long is stuck.
 WRITE_TIMEOUT_S = 0.2
 _LONGEST_READ = 4096
-# How long the other side may take to read the last words before its connection is closed.
+# Time for the other side to read the last commands before the connection is closed.
 _LAST_WORDS_S = 0.1
-# pyserial raises its own kind of OSError, lets some of termios pass, and falls over files that
+# pyserial raises its own OSError, lets termios errors through, and fails on files that
 # another thread has closed.
 _FAILURES = (OSError, ValueError, TypeError, termios.error)
 
 
 class PortLost(Exception):
-    """The port cannot be opened, is gone, or takes nothing. The text is a sentence."""
+    """The port cannot be opened, is gone, or accepts no data. The text is a sentence."""
 
 
 class Port(Protocol):
@@ -33,21 +33,21 @@ class Port(Protocol):
 
     @property
     def name(self) -> str:
-        """As people name it."""
+        """Name of the port, for people."""
         ...
 
     @property
     def serial_line(self) -> bool:
-        """Whether it has a baud rate."""
+        """Return whether it has a baud rate."""
         ...
 
     @property
     def baud(self) -> int | None:
-        """Its rate, None where it has none."""
+        """Baud rate; None without one."""
         ...
 
     def read(self, timeout_s: float) -> bytes:
-        """What has come, waited for so long at most; empty where nothing did.
+        """Return what has come; wait so long at most; empty if nothing came.
 
         Raises:
             PortLost: it is gone.
@@ -63,7 +63,7 @@ class Port(Protocol):
         ...
 
     def change_baud(self, baud: int) -> None:
-        """Do nothing where there is no rate.
+        """Change the baud rate; do nothing where there is none.
 
         Raises:
             PortLost: it is gone or knows no such rate.
@@ -83,7 +83,7 @@ def open_port(text: str) -> Port:
     Raises:
         PortLost: it cannot be opened; the sentence says why.
     """
-    # Only who drives such a robot needs it.
+    # Imported here: only drivers of such robots need it.
     import serial  # type: ignore[import-untyped]
 
     tcp = text.lower().startswith("socket://")
@@ -101,7 +101,7 @@ class _PySerialPort:
     def __init__(self, name: str, device: Any, tcp: bool) -> None:
         self.name = name
         self._device = device
-        # pyserial does not offer it, and nothing else reaches its options.
+        # pyserial does not expose the socket, and its options cannot be set otherwise.
         self._socket: socket.socket | None = getattr(device, "_socket", None) if tcp else None
         self._closed = False
         if self._socket is not None:
@@ -165,11 +165,11 @@ class _PySerialPort:
 def _close_socket(connection: socket.socket, discard: bool) -> None:
     try:
         if discard:
-            # Without lingering: velocities that wait must not arrive some time later.
+            # Without lingering: waiting velocities must not arrive later.
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
         else:
-            # Closing with something unread would reset the connection, and what was said last
-            # might be lost with it.
+            # Closing with unread data would reset the connection, and the last commands
+            # might be lost.
             connection.shutdown(socket.SHUT_WR)
             connection.settimeout(_LAST_WORDS_S)
             for _ in range(_LONGEST_READ):
@@ -183,7 +183,7 @@ def _close_socket(connection: socket.socket, discard: bool) -> None:
 
 
 def _reason(error: BaseException) -> str:
-    """The system's own words, which pyserial wraps once or twice."""
+    """Return the system's own words, which pyserial wraps once or twice."""
     cause: BaseException | None = error
     while cause is not None:
         told = cause.args

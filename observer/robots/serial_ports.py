@@ -32,12 +32,12 @@ class SerialPort:
 
     @property
     def usable(self) -> bool:
-        """Whether this user may read and write it."""
+        """Return whether this user may read and write it."""
         return self.trouble is None
 
 
 def find_serial_ports(machine: Machine) -> tuple[SerialPort, ...]:
-    """The ports on USB, by name. None is opened: that resets some boards."""
+    """Return the ports on USB, by name. None is opened: that resets some boards."""
     described = {path: None if says == "n/a" else says for path, says in machine.ports().items()}
     if sys.platform != "linux":
         # Where ports are no device files with groups, such as COM3, pyserial alone knows them.
@@ -55,7 +55,7 @@ def find_serial_ports(machine: Machine) -> tuple[SerialPort, ...]:
 
 
 def port_trouble(file: Path, shown: str, machine: Machine) -> str | None:
-    """Why a port's file may not be read and written, and what to do; None: it may be.
+    """Return why a port's file may not be read and written, and what to do; None if it may.
 
     Args:
         shown: the port as people know it.

@@ -1,4 +1,4 @@
-"""The one thread that writes to a robot in a session: what is urgent, then velocities."""
+"""The only thread that writes to a robot in a session: urgent commands, then velocities."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from observer.robots.handshake import STANDSTILL
 from observer.robots.packet_line import COMMAND_GAP_S
 from observer.robots.serial_port import Port, PortLost
 
-# So often a velocity is told anew: its firmware stops where it hears nothing for long, and what
-# noise made of a velocity does not last longer.
+# Period of repeating a velocity: the firmware stops after silence, and a velocity that noise
+# has altered lasts no longer than this.
 RESEND_S = 0.1
-# A rising velocity waits for so long behind the last one on a slow line, lest the line is always
-# full and a zero has to wait: two commands take 19 ms at 9600 baud.
+# On a slow line a rising velocity waits this long after the last one, so that the line is not
+# full when a zero is due: two commands take 19 ms at 9600 baud.
 _SLOW_BAUD = 19200
 _RISING_S = 0.04
-# Whoever has not written for so long was stopped himself, and the robot's watchdog has run out
+# A process that has not written for this long was suspended; the robot's watchdog has expired
 # or is about to.
 _FROZEN_S = 1.0
 
@@ -53,9 +53,9 @@ class SetpointWriter:
         self._rising_s = _RISING_S if (port.baud or math.inf) <= _SLOW_BAUD else 0.0
         self._changed = threading.Condition()
         self._commands: deque[bytes] = deque()
-        # The rest of the pair of commands that tells a velocity.
+        # Rest of the pair of commands for a velocity.
         self._pair: deque[bytes] = deque()
-        # Whether that is a standstill, to be told to its end.
+        # Whether that is a standstill, which must be sent completely.
         self._whole = False
         self._asked, self._asked_at = _ZERO, -math.inf
         self._told, self._told_at = _ZERO, -math.inf
@@ -65,7 +65,7 @@ class SetpointWriter:
         self._thread.start()
 
     def drive(self, setpoint: Setpoint) -> None:
-        """This velocity from now on, for ``SETPOINT_FRESH_S``."""
+        """Send this velocity from now on, for ``SETPOINT_FRESH_S``."""
         with self._changed:
             self._asked_at = self._clock()
             if setpoint != self._asked:
@@ -73,7 +73,7 @@ class SetpointWriter:
                 self._changed.notify()
 
     def in_outage(self, outage: bool) -> None:
-        """Whether the robot may hear nothing: as long, only standstills with STOP in front go
+        """Note whether the robot may hear nothing: as long, only standstills with STOP in front go
         out, and one more goes in front of the first velocity behind it."""
         with self._changed:
             if outage != self._outage:
@@ -82,13 +82,13 @@ class SetpointWriter:
                 self._changed.notify()
 
     def send(self, *commands: bytes) -> None:
-        """These as well, behind what waits."""
+        """Send these commands, after those that wait."""
         with self._changed:
             self._commands += commands
             self._changed.notify()
 
     def halt(self, *commands: bytes) -> None:
-        """These before anything else, and zero velocity; what waited is dropped but E_STOP."""
+        """Send these before anything else, and zero velocity; drop what waited, except E_STOP."""
         with self._changed:
             hard = _E_STOP in self._commands and _E_STOP not in commands
             self._commands = deque((_E_STOP, *commands) if hard else commands)
@@ -99,7 +99,7 @@ class SetpointWriter:
             self._changed.notify()
 
     def finish(self, timeout_s: float) -> bool:
-        """Write what waits and end; whether it has ended by then."""
+        """Write what waits and end; return whether it has ended within the time."""
         with self._changed:
             self._finishing = True
             self._changed.notify()
@@ -120,7 +120,7 @@ class SetpointWriter:
             self.broken = failed
 
     def _next(self) -> bytes | None:
-        """The next command, waited for; None at the end."""
+        """Wait for the next command and return it; None at the end."""
         with self._changed:
             while True:
                 if self._commands:
@@ -138,9 +138,9 @@ class SetpointWriter:
                 self._changed.wait(wait)
 
     def _plan(self, now: float) -> float:
-        """Have the velocity told where it is due; else how long nothing is."""
+        """Queue the velocity where it is due; return for how long nothing is."""
         if self._pair and self._whole:
-            # A robot that has heard only half of a standstill may go on with the other half.
+            # A robot that has received half of a standstill may continue the other motion.
             return 0.0
         if now - self._wrote_at > _FROZEN_S:
             self.frozen = True
@@ -156,11 +156,11 @@ class SetpointWriter:
         else:
             due = resend
         if due <= now:
-            # What is left of the pair before is out of date, or the same.
+            # The rest of the previous pair is outdated, or the same.
             self._tell(target, now, with_stop=self._outage)
             return 0.0
         stale = self._asked_at + SETPOINT_FRESH_S if target != _ZERO else math.inf
-        # A little later, so that it is over then.
+        # A little later, so that the time has passed then.
         return max(0.0, min(due, stale) - now) + 1e-4
 
     def _tell(self, setpoint: Setpoint, now: float, *, with_stop: bool) -> None:
@@ -170,5 +170,5 @@ class SetpointWriter:
             self._pair = deque(STANDSTILL)
             return
         speed, turn = command(Command.VEL, setpoint[0]), command(Command.RVEL, setpoint[1])
-        # What slows down goes first; it turns as it shall before it is faster.
+        # Slowing down goes first; the new turn rate is set before the speed rises.
         self._pair = deque((turn, speed) if faster else (speed, turn))

@@ -6,15 +6,16 @@ import math
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 
 from observer.robots.models import RobotSpec
 
 STOPPED, MOVING = 0x32, 0x33
 _FIXED = struct.Struct("<xHHhhhBHhHBB")
-# The word's bits are an odd few of a stall and seven segments, one half for each end.
+# Each byte of the word holds a stall bit and seven segments: one byte for each end.
 BUMPERS = 7
-# Farther, nothing echoes; the firmware tells this where nothing did.
+# Maximum range; the firmware reports it where there was no echo.
 SONAR_REACH_MM = 5000
 _CHARGING: Mapping[int, str] = MappingProxyType(
     {0: "not charging", 1: "bulk", 2: "overcharge", 3: "float", 4: "balance"}
@@ -24,7 +25,7 @@ _NO_TEMPERATURE = -127
 
 @dataclass(frozen=True)
 class RobotStatus:
-    """One status packet. What it does not tell is None.
+    """One status packet; None for what it does not tell.
 
     Attributes:
         raw_x, raw_y: 0 to 0x7FFF in units of the model, and raw_heading, 16 bits with sign: as
@@ -64,14 +65,14 @@ class RobotStatus:
 
 
 def is_status(payload: bytes) -> bool:
-    """Whether a payload is a status packet, by its type."""
+    """Return whether a payload is a status packet, by its type."""
     return bool(payload) and payload[0] in (STOPPED, MOVING)
 
 
 def decode_status(
     payload: bytes, spec: RobotSpec, front_bumpers: int = 0, rear_bumpers: int = 0
 ) -> RobotStatus:
-    """A status packet's payload, its type byte first.
+    """Decode the payload of a status packet, type byte first.
 
     Args:
         front_bumpers, rear_bumpers: how many segments are fitted; the bits of others say nothing.
@@ -89,10 +90,11 @@ def decode_status(
     )
     end = _FIXED.size + 3 * count
     overrun = end > len(payload)
-    # Behind a false count nothing can be told apart: a range that is none would pass for free.
-    tail = _Tail(b"" if overrun else payload[end:])
-    battery = tail.unsigned(5, 2) or decivolts
-    turn_rate = tail.signed(8, 2)
+    # After a wrong count nothing can be decoded: a false range could pass for free space.
+    tail = partial(_number, b"" if overrun else payload[end:])
+    battery = tail(5, 2) or decivolts
+    turn_rate = tail(8, 2, signed=True)
+    charging, temperature = tail(7, 1), tail(14, 1, signed=True)
     return RobotStatus(
         raw_x=x & 0x7FFF,
         raw_y=y & 0x7FFF,
@@ -112,29 +114,18 @@ def decode_status(
         joystick=_flag(flags, 9, spec),
         ranges_m={} if overrun else _ranges(payload[_FIXED.size : end], len(spec.sonars)),
         sonar_overrun=overrun,
-        charging=_charging(tail.unsigned(7, 1)),
-        fault_flags=tail.unsigned(10, 2),
-        temperature_c=_temperature(tail.signed(14, 1)),
-        state_of_charge=tail.unsigned(15, 1),
+        charging=None if charging is None else _CHARGING.get(charging),
+        fault_flags=tail(10, 2),
+        temperature_c=None if temperature in (None, _NO_TEMPERATURE) else float(temperature),
+        state_of_charge=tail(15, 1),
     )
 
 
-class _Tail:
-    """What follows the sonar readings; older firmware leaves off any part of its end."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data = data
-
-    def unsigned(self, at: int, size: int) -> int | None:
-        return self._number(at, size, signed=False)
-
-    def signed(self, at: int, size: int) -> int | None:
-        return self._number(at, size, signed=True)
-
-    def _number(self, at: int, size: int, *, signed: bool) -> int | None:
-        if len(self._data) < at + size:
-            return None
-        return int.from_bytes(self._data[at : at + size], "little", signed=signed)
+def _number(tail: bytes, at: int, size: int, *, signed: bool = False) -> int | None:
+    """Read a number behind the sonar readings; older firmware leaves off any part of the end."""
+    if len(tail) < at + size:
+        return None
+    return int.from_bytes(tail[at : at + size], "little", signed=signed)
 
 
 def _segments(bits: int, fitted: int) -> tuple[bool, ...]:
@@ -152,11 +143,3 @@ def _ranges(data: bytes, sonars: int) -> dict[int, float | None]:
         if index < sonars:
             ranges[index] = millimetres / 1000 if millimetres < SONAR_REACH_MM else None
     return ranges
-
-
-def _charging(told: int | None) -> str | None:
-    return None if told is None else _CHARGING.get(told)
-
-
-def _temperature(told: int | None) -> float | None:
-    return None if told is None or told == _NO_TEMPERATURE else float(told)

@@ -1,1 +1,1 @@
-"""Where stereo frames come from."""
+"""Sources of stereo frames."""

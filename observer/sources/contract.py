@@ -1,4 +1,4 @@
-"""What a source of stereo frames is."""
+"""Contract of a source of stereo frames."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from observer.camera import StereoCalibration
 from observer.mount import CameraMount
 from observer.types import StereoFrame
 
-# The engine's loop asks the source between its heartbeats, so no answer may take longer.
+# The engine's loop reads the source between its heartbeats, so no read may take longer.
 LIVE_PATIENCE_S = 0.03
 
 
 @dataclass(frozen=True)
 class SourceInfo:
-    """What a source says of itself.
+    """Facts that a source states of itself.
 
     Attributes:
         spec: the text it was opened by, as in ``simulated:lab``.
@@ -27,7 +27,7 @@ class SourceInfo:
         frame_rate: nominal, 1/s.
         frame_count: total number of frames, or None where it never ends, live or not.
         live: True where frames come at their own pace and cannot be paused.
-        mount_height_m: height of the left camera above the floor, None where unknown.
+        mount_height_m: height of the left camera above the ground, None where unknown.
         mount_tilt_rad: angle by which the camera looks down from the horizontal, None where
             unknown.
         mount_forward_m, mount_left_m: of the left camera from the middle of the axle about which
@@ -51,7 +51,7 @@ class SourceInfo:
 
     @property
     def mount(self) -> CameraMount | None:
-        """How the left camera is mounted, where height and tilt are known."""
+        """Mount of the left camera; None where height or tilt is unknown."""
         if self.mount_height_m is None or self.mount_tilt_rad is None:
             return None
         return CameraMount(
@@ -74,7 +74,7 @@ class SkippedFrame:
 
 @dataclass(frozen=True)
 class NoFrame:
-    """A live source has no frame at this moment; ask again. Only live sources answer with it.
+    """Answer of a live source that has no frame at this moment; ask again.
 
     Attributes:
         trouble: one sentence that names the camera and what is wrong with it; None while nothing
@@ -86,7 +86,7 @@ class NoFrame:
 
 @dataclass(frozen=True)
 class CameraReport:
-    """How one camera of a live source is.
+    """State of one camera of a live source.
 
     Attributes:
         side: ``left``, ``right``, or ``both`` for one that shows both images.
@@ -108,7 +108,7 @@ class CameraReport:
 
 @dataclass(frozen=True)
 class LiveReport:
-    """How a live source is.
+    """State of a live source.
 
     Attributes:
         cameras: one or two.
@@ -130,7 +130,7 @@ class LiveReport:
 
 @runtime_checkable
 class LiveSource(Protocol):
-    """What a live source can do beside delivering frames."""
+    """Abilities of a live source beside delivering frames."""
 
     def tend(self) -> None:
         """Have the next pair decoded ahead; never waits.
@@ -141,17 +141,17 @@ class LiveSource(Protocol):
         ...
 
     def report(self) -> LiveReport:
-        """How it is at this moment; returns at once, from any thread."""
+        """Return its present state, at once; callable from any thread."""
         ...
 
 
 @runtime_checkable
 class SeekableSource(Protocol):
-    """What a source can do beside playing from the first frame to the last: a recording."""
+    """Abilities of a source that does not only play from first to last frame: a recording."""
 
     @property
     def position(self) -> int:
-        """Of the frame that ``read`` gives next, from 0 to ``SourceInfo.frame_count``.
+        """Position of the frame that ``read`` gives next, from 0 to ``SourceInfo.frame_count``.
 
         Frames that the run dropped are not counted, so it is not the frame's index.
         """
@@ -159,7 +159,7 @@ class SeekableSource(Protocol):
 
     @property
     def begins(self) -> Literal["observer", "segment"] | None:
-        """What was begun anew, when it was recorded, with the frame that was read last.
+        """Object that was begun anew, at recording, with the frame read last; None if none was.
 
         ``segment`` stands for ``Observer.begin_segment``.
         """
@@ -189,7 +189,7 @@ class Source(Protocol):
         ...
 
     def read(self) -> StereoFrame | SkippedFrame | NoFrame | None:
-        """The next frame, a frame that was skipped and why, or None after the last one.
+        """Return the next frame, a skipped frame with the reason, or None after the last one.
 
         A live source never waits longer than ``LIVE_PATIENCE_S`` and answers ``NoFrame`` when
         nothing came; it never ends by itself.

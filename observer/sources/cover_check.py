@@ -1,4 +1,4 @@
-"""Which camera is the left one: a person covers its lens, and the image that goes dark tells."""
+"""Test which camera is the left one: a person covers its lens, and one image goes dark."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ Covered = Literal["left", "right", "both"]
 # through the fingers; the other camera keeps more than that of both.
 _DARK = 0.45
 _KEPT = 0.7
-# Looks in a row that must agree: a hand that passes is no answer.
+# Consecutive looks that must agree: a passing hand is no answer.
 _LOOKS = 4
 _REMEMBERED = 8
-# The image is judged on about so many samples.
+# Approximate number of samples on which an image is judged.
 _SAMPLES = 4096
 
 
 class CoverCheck:
-    """Compares each image with what it was when the question was asked."""
+    """Comparison of each image with what it was when the question was asked."""
 
     def __init__(self) -> None:
         self._before: deque[Float64Array] = deque(maxlen=_REMEMBERED)
@@ -35,18 +35,18 @@ class CoverCheck:
 
     @property
     def asked(self) -> bool:
-        """Whether somebody waits for the answer."""
+        """True while somebody waits for the answer."""
         return self._reference is not None
 
     def ask(self) -> None:
-        """From now on a lens that is covered is the answer; an earlier answer is forgotten."""
+        """Take a lens that is covered from now on as the answer; forget an earlier answer."""
         self.answer = None
         self._latest.clear()
         before = list(self._before)
         self._reference = np.median(before, axis=0) if before else np.full((2, 2), math.nan)
 
     def end(self) -> None:
-        """Nobody waits any more."""
+        """End the question."""
         self._reference = None
         self.answer = None
 

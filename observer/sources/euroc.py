@@ -39,7 +39,7 @@ def open_euroc(folder: Path) -> FilePairSource:
 
 
 def read_image_list(path: Path) -> dict[int, str]:
-    """File names by stamp, nanoseconds, from a ``data.csv``.
+    """Return file names by stamp, nanoseconds, from a ``data.csv``.
 
     Raises:
         SourceError: the file is missing, a line is malformed or a stamp appears twice.

@@ -1,4 +1,4 @@
-"""A sequence of stereo pairs kept as image files: what all dataset layouts have in common."""
+"""Sequence of stereo pairs kept as image files, the base of all dataset layouts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from observer.image_files.reading import read_image
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import Image, StereoFrame
 
-# Gives the calibration that fits images of this width and height, None where there is none.
+# Returns the calibration for images of this width and height, None without one.
 Calibrate = Callable[[int, int], StereoCalibration | None]
 
 
@@ -77,7 +77,7 @@ class FilePairSource:
         return self._calibration
 
     def read(self) -> StereoFrame | SkippedFrame | None:
-        """The next frame, a frame that was skipped and why, or None after the last one."""
+        """Return the next frame, a skipped frame with the reason, or None after the last one."""
         if self._next >= len(self._entries):
             return None
         index = self._next
@@ -103,7 +103,7 @@ class FilePairSource:
         self._next = 0
 
     def close(self) -> None:
-        """Nothing is kept open between reads."""
+        """Do nothing: no file is kept open between reads."""
 
     def _image(self, path: Path) -> Image:
         image = read_image(path)
@@ -144,7 +144,7 @@ def _check_size(calibration: StereoCalibration | None, width: int, height: int, 
 def _without_time_jumps(
     entries: Sequence[FilePair | MissingPair], spec: str
 ) -> list[FilePair | MissingPair]:
-    """Entries with every pair that breaks the rise of time turned into a missing one."""
+    """Return the entries with every pair that breaks the rise of time made a missing one."""
     result = list(entries)
     pairs = [(k, e) for k, e in enumerate(entries) if isinstance(e, FilePair)]
     kept = _longest_rise([pair.time for _, pair in pairs])
@@ -163,7 +163,7 @@ def _without_time_jumps(
 
 
 def _longest_rise(values: Sequence[float]) -> set[int]:
-    """Positions of a longest strictly rising subsequence (patience sorting, O(n log n)).
+    """Return the positions of a longest strictly rising subsequence (patience sorting, O(n log n)).
 
     Dropping what breaks the rise, and not all that follows it, loses one frame to one wrong
     time, however wrong it is.

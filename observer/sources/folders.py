@@ -1,4 +1,4 @@
-"""Which layout a folder of stereo images has; the layouts themselves stand in a file each."""
+"""Recognition of the layout of a folder of stereo images; each layout has a file of its own."""
 
 from __future__ import annotations
 
@@ -7,8 +7,7 @@ from pathlib import Path
 from observer.errors import SourceError
 from observer.sources.contract import Source
 from observer.sources.euroc import open_euroc
-from observer.sources.kitti_odometry import open_kitti_odometry
-from observer.sources.kitti_raw import open_kitti_raw
+from observer.sources.kitti import open_kitti_odometry, open_kitti_raw
 from observer.sources.stereo_folder import open_stereo_folder
 
 # One of a layout's folders is enough to recognise it: what else is missing, its reader says.

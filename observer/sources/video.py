@@ -18,7 +18,7 @@ from observer.types import Image, StereoFrame
 
 # Frames read at opening to see whether the container's time stamps can be used.
 _PROBED_FRAMES = 5
-# The container's frame count is an estimate; one frame more or less is no damage.
+# The container's frame count is an estimate; one frame more or less is normal.
 _COUNT_TOLERANCE = 1
 
 
@@ -91,11 +91,11 @@ class VideoSource:
 
     @property
     def calibration(self) -> StereoCalibration | None:
-        """That of a ``calibration.yaml`` beside the file; None where there is none."""
+        """Calibration in a ``calibration.yaml`` beside the file; None without one."""
         return self._calibration
 
     def read(self) -> StereoFrame | SkippedFrame | None:
-        """The next frame, a frame that was skipped and why, or None after the last one."""
+        """Return the next frame, a skipped frame with the reason, or None after the last one."""
         if self._ended:
             return None
         images = [_next_image(capture) for capture in self._captures]
@@ -160,7 +160,7 @@ class VideoSource:
 
 @dataclass(frozen=True)
 class _Probe:
-    """What a video file says of itself. ``count`` is 0 where it does not say."""
+    """Facts that a video file states; ``count`` is 0 where it states none."""
 
     width: int
     height: int
@@ -223,7 +223,7 @@ def _check_belongs(left_path: Path, left: _Probe, right_path: Path, right: _Prob
 def _open(path: Path) -> cv2.VideoCapture:
     if not path.is_file():
         raise SourceError(f"there is no video file {path}")
-    # Named, because the others take a file's name for a pattern of images or a device.
+    # FFmpeg by name: other backends take a file's name for an image pattern or a device.
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         capture.release()

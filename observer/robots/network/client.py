@@ -40,19 +40,19 @@ LIMITS = {
 }
 OUTLINE = {"radius_m": 0.3, "width_m": 0.4, "length_m": 0.5}
 _ANSWER_WITHIN_S = 3.0
-# Before the first welcome says otherwise.
+# Until the first permit says otherwise.
 _EXPIRES_S = 0.25
-# The quickest permit is looked for within the last one or two of these.
+# Window for the quickest permit: the last one or two of these.
 _BUCKET_S = 10.0
 
 
 class ExternalClientError(Exception):
-    """The other side does not answer or refuses; one sentence."""
+    """The server does not answer or refuses; the text is a sentence."""
 
 
 @dataclass(frozen=True)
 class Permitted:
-    """What the robot may do at this moment.
+    """Velocity that the robot may drive at this moment.
 
     Attributes:
         stop: stop as hard as it can, motors off. reason: in words, mostly None.
@@ -105,7 +105,7 @@ class ExternalClient:
         self._socket: socket.socket | None = None
         self._thread: threading.Thread | None = None
         self._sequence = 0
-        # Why nothing more comes; None while the connection stands.
+        # Reason why the connection is over; None while it stands.
         self._over: str | None = None
         # Smallest (arrival - time of saying): in this bucket, and in the one before.
         self._least = self._least_before = math.inf
@@ -136,7 +136,7 @@ class ExternalClient:
             connection.close()
             sentence = (answer or {}).get("sentence", "the connection was ended")
             raise ExternalClientError(f"the robot was refused: {sentence}")
-        # Sending waits for so long at most: a robot must not stand in it with old permits.
+        # Limit on sending: a robot must not wait in it with old permits.
         connection.settimeout(_EXPIRES_S)
         self._socket = connection
         self._sequence = 0
@@ -148,11 +148,11 @@ class ExternalClient:
 
     @property
     def connected(self) -> bool:
-        """Whether the connection stands, as far as is known."""
+        """Return whether the connection stands, as far as is known."""
         return self._socket is not None and self._over is None
 
     def permitted(self) -> Permitted:
-        """What the robot may do now; never waits, never raises."""
+        """Return what the robot may do now; never waits, never raises."""
         with self._lock:
             if self._over is not None:
                 return Permitted(0.0, 0.0, True, self._over, self._newest.sequence)
@@ -207,7 +207,7 @@ class ExternalClient:
             try:
                 connection.sendall(_line(message))
             except OSError as error:
-                # Part of a line may be out: nothing that follows could be read.
+                # Part of a line may be sent: nothing after it could be read.
                 self._end(f"the connection was lost ({error})")
                 raise ExternalClientError(f"the connection was lost ({error})") from None
 
@@ -292,21 +292,21 @@ class ExternalClient:
 
 
 class _Lines:
-    """Reads JSON objects, one a line."""
+    """Reader of JSON objects, one a line."""
 
     def __init__(self, connection: socket.socket) -> None:
         self._connection = connection
         self._rest = b""
 
     def next(self, *, patient: bool) -> dict[str, Any] | None:
-        """The next one, however long it takes if ``patient``; None at the connection's end."""
+        """Return the next one; wait without limit if ``patient``. None at the connection's end."""
         while b"\n" not in self._rest:
             if len(self._rest) > LONGEST_LINE:
                 raise ValueError("a line is longer than any message")
             try:
                 data = self._connection.recv(LONGEST_LINE)
             except TimeoutError:
-                # What silence means is judged by what is permitted, not here.
+                # Silence is judged by ``permitted``, not here.
                 if patient:
                     continue
                 raise
@@ -347,7 +347,7 @@ class DemoRobot:
 
 
 def demo(client: ExternalClient, seconds: float = math.inf, period_s: float = 0.05) -> None:
-    """Be a simulated robot, and connect again whenever the connection is lost."""
+    """Act as a simulated robot, and connect again whenever the connection is lost."""
     robot = DemoRobot()
     told: str | None = None
     end = time.monotonic() + seconds
@@ -378,7 +378,7 @@ def demo(client: ExternalClient, seconds: float = math.inf, period_s: float = 0.
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """``--demo HOST PORT [--key KEY] [--seconds S]``."""
+    """Run ``--demo HOST PORT [--key KEY] [--seconds S]``."""
     parser = argparse.ArgumentParser(description="A simulated robot that connects by itself.")
     parser.add_argument("--demo", nargs=2, metavar=("HOST", "PORT"), required=True)
     parser.add_argument("--key", help="what the other side asks for")

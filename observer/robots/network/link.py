@@ -1,4 +1,4 @@
-"""The listening side of a robot of one's own: one thread, any number of callers, one robot."""
+"""Listening side of a network robot: one thread, any number of callers, one robot."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ PERMIT_INTERVAL_S = 0.05
 EXPIRES_S = 0.25
 _HELLO_WITHIN_S = 2.0
 _RETRY_S = 1.0
-# Connections that have not said who they are; more wait in the system's own queue.
+# Connections without a hello yet; more wait in the system's own queue.
 _MOST_STRANGERS = 4
-# Far beyond any robot's rate; what floods us would keep us from permitting in time.
+# Far beyond any robot's rate; a flood would delay the permits.
 _MOST_LINES_PER_S = 1000
 _CHUNK = 16 * 1024
 # A permit that the robot does not read is of no use to it later.
@@ -38,7 +38,7 @@ _SEND_BUFFER = 4096
 
 @dataclass(eq=False)
 class _Connection:
-    """Somebody who connected."""
+    """One accepted connection."""
 
     socket: socket.socket
     since: float
@@ -49,7 +49,7 @@ class _Connection:
 
 
 class ExternalLink:
-    """Listens, says what is permitted every 50 ms and at once when it changed.
+    """Listens, and sends permits every 50 ms and at once on a change.
 
     Args:
         host, port: where to listen. key: the robot must give it; None: none is needed.
@@ -83,7 +83,7 @@ class ExternalLink:
         self._thread.start()
 
     def wake(self) -> None:
-        """What is permitted changed: say so at once. Never waits."""
+        """Have a changed permit sent at once. Never waits."""
         # A full pipe wakes just as well; a closed one has nobody to wake.
         with contextlib.suppress(OSError):
             self._waker.send(b"!")
@@ -107,7 +107,7 @@ class ExternalLink:
                     self._serve(listener)
         finally:
             if not self._closing.is_set():
-                # Something that nobody expected: it must not pass for being waited for.
+                # After an unexpected error it must not pass for waiting.
                 with self._lock:
                     self._watch.failed()
             self._selector.close()
@@ -162,7 +162,7 @@ class ExternalLink:
         try:
             accepted, _ = listener.accept()
         except OSError:
-            # It left again, or there are too many files open: nobody to talk to.
+            # The peer left again, or too many files are open.
             return
         accepted.setblocking(False)
         accepted.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -250,7 +250,7 @@ class ExternalLink:
                 return
             self._sequence += 1
             sequence = self._sequence
-        # What could not be sent before is replaced, but for a line that was begun.
+        # An unsent permit is replaced, except for a line already begun.
         if not self._send(robot, permit_line(permit, sequence, now, EXPIRES_S)):
             self._permit_due = now + PERMIT_INTERVAL_S
             return
@@ -260,7 +260,7 @@ class ExternalLink:
                 self._watch.told(permit, sequence, now)
 
     def _send(self, connection: _Connection, line: bytes) -> bool:
-        """Whether it went out, at least its beginning. Never waits."""
+        """Send a line; return whether it went out, at least its beginning. Never waits."""
         try:
             if connection.unsent:
                 sent = connection.socket.send(connection.unsent)

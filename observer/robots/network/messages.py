@@ -1,4 +1,4 @@
-"""What a robot of one's own and we say to each other, as lines of text; pure.
+"""Messages between a network robot and the server, as lines of text; pure.
 
 Every message is one JSON object on one line of UTF-8 that ends in a newline, at most
 ``LONGEST_LINE`` bytes. What each holds stands in ``EXTERNAL.md``.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, Literal, cast
 
 from observer.errors import DynamicObserverError
@@ -18,18 +18,18 @@ from observer.robots.contract import RobotLimits
 PROTOCOL = 1
 LONGEST_LINE = 4096
 Mode = Literal["driven", "guarded"]
-# Beyond, a number is in other units or damaged.
+# Beyond these a number is in other units or damaged.
 _FAR_M, _FAST_MPS, _FAST_RADPS, _LARGE_M = 1e6, 100.0, 1000.0, 100.0
 _LONGEST_TEXT = 200
 
 
 class BadMessage(DynamicObserverError):
-    """A line is none of the protocol's; one sentence of what it should be."""
+    """A line does not follow the protocol; the text says what it should be."""
 
 
 @dataclass(frozen=True)
 class Hello:
-    """What the robot says first.
+    """First message of a robot.
 
     Attributes:
         key: None where it gives none. radius_m: within which it turns.
@@ -46,7 +46,7 @@ class Hello:
 
 @dataclass(frozen=True)
 class OdometryMessage:
-    """How the robot is.
+    """State of the robot.
 
     Attributes:
         sequence: rises with each. time: seconds on the robot's own clock, which never goes back.
@@ -73,7 +73,7 @@ class OdometryMessage:
 
 @dataclass(frozen=True)
 class Permit:
-    """What the robot may do from now on.
+    """Velocity that the robot may drive from now on.
 
     Attributes:
         stop: stop as hard as it can, motors off. reason: why it is not what was asked for.
@@ -86,13 +86,13 @@ class Permit:
 
 
 class Lines:
-    """Cuts what arrives into lines, and never keeps more than one of them."""
+    """Splitter of received bytes into lines; never keeps more than one of them."""
 
     def __init__(self) -> None:
         self._rest = b""
 
     def feed(self, data: bytes) -> Iterator[bytes]:
-        """The lines that are complete now, without their ends.
+        """Yield the lines that are complete now, without their ends.
 
         Raises:
             BadMessage: a line is longer than any message.
@@ -105,7 +105,7 @@ class Lines:
 
 
 def permit_line(permit: Permit, sequence: int, now: float, expires_s: float) -> bytes:
-    """As it is sent; ``now`` is our monotonic clock."""
+    """Encode a permit; ``now`` is our monotonic clock."""
     return _line(
         {
             "type": "permit",
@@ -121,7 +121,7 @@ def permit_line(permit: Permit, sequence: int, now: float, expires_s: float) -> 
 
 
 def welcome_line(interval_s: float, expires_s: float) -> bytes:
-    """The answer to a hello that is taken."""
+    """Encode the answer to an accepted hello."""
     return _line(
         {
             "type": "welcome",
@@ -133,12 +133,12 @@ def welcome_line(interval_s: float, expires_s: float) -> bytes:
 
 
 def refusal_line(sentence: str) -> bytes:
-    """Before the connection is closed."""
+    """Encode a refusal, sent before the connection is closed."""
     return _line({"type": "refused", "sentence": sentence})
 
 
 def parse_hello(line: bytes) -> Hello:
-    """The first line of a robot.
+    """Parse the first line of a robot.
 
     Raises:
         BadMessage: it is no hello of this protocol.
@@ -159,23 +159,19 @@ def parse_hello(line: bytes) -> Hello:
         key=key,
         limits=RobotLimits(
             *(
-                _positive(limits, part, _FAST_RADPS, "hello: limits")
-                for part in (
-                    "speed_mps",
-                    "turn_rate_radps",
-                    "acceleration_mps2",
-                    "turn_acceleration_radps2",
-                )
+                _positive(limits, part.name, _FAST_RADPS, "hello: limits")
+                for part in fields(RobotLimits)
             )
         ),
-        radius_m=_positive(outline, "radius_m", _LARGE_M, "hello: outline"),
-        width_m=_positive(outline, "width_m", _LARGE_M, "hello: outline"),
-        length_m=_positive(outline, "length_m", _LARGE_M, "hello: outline"),
+        **{
+            part: _positive(outline, part, _LARGE_M, "hello: outline")
+            for part in ("radius_m", "width_m", "length_m")
+        },
     )
 
 
 def parse_odometry(line: bytes) -> OdometryMessage:
-    """Any later line of a robot.
+    """Parse any later line of a robot.
 
     Raises:
         BadMessage: it is no odometry of this protocol.
@@ -235,7 +231,7 @@ def _part(data: dict[str, Any], key: str) -> dict[str, Any]:
 def _number(data: dict[str, Any], key: str, most: float, what: str) -> float:
     value = data.get(key)
     try:
-        # Whole numbers may have any number of digits.
+        # JSON integers may have any number of digits.
         number = math.nan if isinstance(value, bool | str | None) else float(value)
     except (TypeError, OverflowError):
         number = math.nan

@@ -1,4 +1,4 @@
-"""A robot of one's own: odometry in; permitted speed, stop and reason out, over TCP.
+"""Network robot: odometry in; permitted speed, stop and reason out, over TCP.
 
 We listen at ``external:HOST:PORT``, one robot connects. What both sides say, and what silence
 means to each, stands in ``EXTERNAL.md`` beside this file; ``observer.robots.network.client`` is
@@ -19,9 +19,8 @@ from observer.robots.contract import RobotReport, Sent
 from observer.robots.models import robot_spec
 from observer.robots.network.link import EXPIRES_S, ExternalLink
 from observer.robots.network.watch import ExternalWatch
-from observer.robots.ports import shown_port
+from observer.robots.ports import EXTERNAL, shown_port
 
-PREFIX = "external:"
 _ADDRESS = re.compile(r"(\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_.-]+)):(?P<port>\d{1,5})")
 _KEY = re.compile(r"[A-Za-z0-9_-]{16,128}")
 _CLOSE_WITHIN_S = 2.0
@@ -29,7 +28,7 @@ _CLOSE_WITHIN_S = 2.0
 
 @dataclass(frozen=True)
 class ExternalPort:
-    """Where to listen, and the key that a robot must give; None: none."""
+    """Address to listen at, and the key that a robot must give; None if it needs none."""
 
     host: str
     port: int
@@ -37,24 +36,23 @@ class ExternalPort:
 
 
 def parse_external(text: str) -> ExternalPort:
-    """Of ``external:HOST:PORT`` or ``external:HOST:PORT?key=KEY``.
+    """Parse ``external:HOST:PORT`` or ``external:HOST:PORT?key=KEY``.
 
     Raises:
         InputError: it is not of this form, or a key is missing where others could connect.
     """
-    where, _, query = text.removeprefix(PREFIX).partition("?")
+    shown = shown_port(text)[:80]
+    where, _, query = text.removeprefix(EXTERNAL).partition("?")
     found = _ADDRESS.fullmatch(where)
-    if not text.startswith(PREFIX) or found is None or not 1 <= int(found["port"]) <= 65535:
+    if not text.startswith(EXTERNAL) or found is None or not 1 <= int(found["port"]) <= 65535:
         raise InputError(
-            f"{_without_key(text)!r} names no place for a robot to connect to; write it as "
+            f"{shown!r} names no place for a robot to connect to; write it as "
             f"external:127.0.0.1:7700"
         )
     host, port = found["six"] or found["name"], int(found["port"])
     key = query.removeprefix("key=") if query else None
     if key is not None and (not query.startswith("key=") or _KEY.fullmatch(key) is None):
-        raise InputError(
-            f"{_without_key(text)!r}: behind ? stands key= and 16 to 128 letters, digits, - or _"
-        )
+        raise InputError(f"{shown!r}: behind ? stands key= and 16 to 128 letters, digits, - or _")
     if key is None and not _is_loopback(host):
         raise InputError(
             f"{where!r} can be reached by others; add a key that the robot gives, as in "
@@ -78,7 +76,7 @@ def open_external(
 
 
 class ExternalRobot:
-    """Fulfils ``observer.robots.contract.Robot``; see the module."""
+    """Implements ``observer.robots.contract.Robot``; see the module."""
 
     def __init__(
         self,
@@ -92,18 +90,18 @@ class ExternalRobot:
         self._link = ExternalLink(port.host, port.port, port.key, self._watch, self._lock, clock)
 
     def report(self) -> RobotReport:
-        """How it is; from any thread."""
+        """Return the robot's present state; callable from any thread."""
         with self._lock:
             return self._watch.report(self._clock(), EXPIRES_S)
 
     def enable(self) -> None:
-        """Motors on, at zero velocity; not while it is not connected or has a fault."""
+        """Switch the motors on, at zero velocity, unless there is a fault or no connection."""
         with self._lock:
             self._watch.enable(self._clock())
         self._link.wake()
 
     def disable(self) -> None:
-        """Zero velocity, motors off."""
+        """Command zero velocity and switch the motors off."""
         with self._lock:
             self._watch.disable()
         self._link.wake()
@@ -156,7 +154,3 @@ def _is_loopback(host: str) -> bool:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
-
-
-def _without_key(text: str) -> str:
-    return shown_port(text)[:80]

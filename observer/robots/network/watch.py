@@ -1,28 +1,23 @@
-"""What a robot of one's own says, or does not say, means for driving it. Pure: time is told."""
+"""Consequences of a network robot's messages, or of their absence. Pure: time is an argument."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
-from observer.robots.contract import (
-    SETPOINT_FRESH_S,
-    RobotLimits,
-    RobotPhase,
-    RobotReport,
-    Sent,
-)
+from observer.robots.contract import SETPOINT_FRESH_S, RobotLimits, RobotPhase, RobotReport, Sent
 from observer.robots.models import RobotSpec
 from observer.robots.network.messages import Hello, OdometryMessage, Permit
 from observer.types import Odometry
 
-# Without odometry for so long it has a fault.
+# Time without odometry that is a fault.
 SILENCE_S = 0.5
-# Or if the newest permit that it confirms is older: it does not hear us. By as much longer as
-# a permit and the odometry that confirms it are on their way when all is well.
+# Maximum age of the newest confirmed permit: beyond, the robot does not hear us. Longer by
+# the time that a permit and its confirmation normally take.
 UNHEARD_S = 0.7
-# A robot needs a moment to switch its motors on; until then it does not contradict.
+# Time for a robot to switch its motors on, without a fault.
 _ENABLE_WITHIN_S = 1.0
-# More than go out until they count as not confirmed.
+# More permits than are sent until they count as not confirmed.
 _MOST_UNCONFIRMED = 100
 _ZERO = (0.0, 0.0)
 
@@ -63,7 +58,7 @@ class ExternalWatch:
     # --- what the connection tells -----------------------------------------------------------
 
     def connected(self, hello: Hello, now: float) -> None:
-        """It introduced itself; motors off, at zero."""
+        """Take the robot's hello; motors off, at zero velocity."""
         if self._hello is not None:
             self._counters["reconnects"] += 1
         self.phase, self.trouble = RobotPhase.CONNECTED, None
@@ -75,7 +70,7 @@ class ExternalWatch:
         self._switch_off()
 
     def said(self, message: OdometryMessage, now: float) -> None:
-        """Odometry came; old or repeated ones count as bad and change nothing."""
+        """Take odometry; old or repeated messages count as bad and change nothing."""
         if self._said is not None and (
             message.sequence <= self._said.sequence or message.time < self._said.time
         ):
@@ -84,7 +79,7 @@ class ExternalWatch:
         self._counters["packets"] += 1
         self._said = message
         self._place.move(message)
-        # What waited on its way is heard now, but tells of then.
+        # A delayed message is received now, but describes an earlier moment.
         self._heard = max(self._heard, now - self._delay.of(message.time, now))
         told = self._permit_times.get(message.permit)
         if told is not None:
@@ -93,44 +88,44 @@ class ExternalWatch:
                 del self._permit_times[old]
         if message.fault is not None:
             self._fail(message.fault)
-        # Not by what it said before it knew that it may.
+        # Only by messages sent after it knew that it may.
         if self._enabled_by is not None and message.permit >= self._enabled_by:
             self._seen_enabled = self._seen_enabled or message.enabled
 
     def bad(self) -> None:
-        """Something came that is no message."""
+        """Count something that is no message."""
         self._counters["bad_packets"] += 1
 
     def lost(self, sentence: str) -> None:
-        """The connection ended; it is waited for again."""
+        """Take the end of the connection; another one is waited for."""
         if self.phase is RobotPhase.CONNECTED:
             self._fail(sentence)
         self.phase, self.trouble = RobotPhase.WAITING, sentence
         self._said = self.sent = None
 
     def failed(self) -> None:
-        """Nobody listens any more, though somebody should."""
+        """Take the failure of the listening thread."""
         self.lost("its driver failed")
         self.phase = RobotPhase.REFUSED
 
     def refused(self, sentence: str) -> None:
-        """Somebody connected who was not taken for the robot."""
+        """Take the refusal of a connection."""
         if self.phase is not RobotPhase.CONNECTED:
             self.trouble = f"a robot was refused: {sentence}"
 
     def closed(self) -> None:
-        """Nobody listens any more."""
+        """Take the end of listening."""
         self._switch_off()
         self.phase, self.trouble = RobotPhase.CLOSED, None
 
     def silent(self, now: float) -> bool:
-        """Whether its odometry is overdue, so that another connection may take its place."""
+        """Return whether its odometry is overdue, so that another connection may take its place."""
         return now - self._heard > SILENCE_S
 
     # --- what the drive loop asks for --------------------------------------------------------
 
     def enable(self, now: float) -> None:
-        """Motors on, unless it is not connected or has a fault."""
+        """Switch the motors on, unless it is not connected or has a fault."""
         if self.phase is RobotPhase.CONNECTED and self._fault is None:
             self._halted = False
             self._enabled_at, self._enabled_by = now, None
@@ -138,16 +133,16 @@ class ExternalWatch:
             self._setpoint, self._reason, self._setpoint_at = _ZERO, None, now
 
     def disable(self) -> None:
-        """Zero, motors off."""
+        """Command zero velocity and motors off."""
         self._switch_off()
 
     def stop(self) -> None:
-        """As ``disable``; told apart by its reason."""
+        """Do as ``disable``; the reason differs."""
         self._switch_off()
         self._halted = True
 
     def drive(self, speed_mps: float, turn_rate_radps: float, now: float) -> tuple[float, float]:
-        """Take a velocity; what of it is permitted."""
+        """Take a velocity; return what of it is permitted."""
         limits = self.limits
         if not (math.isfinite(speed_mps) and math.isfinite(turn_rate_radps)) or limits is None:
             self._setpoint = _ZERO
@@ -161,7 +156,7 @@ class ExternalWatch:
         return permit.speed_mps, permit.turn_rate_radps
 
     def explain(self, reason: str | None) -> bool:
-        """Have this said with what is permitted; whether it is another reason than before."""
+        """Send this reason with each permit; return whether it differs from the one before."""
         changed = reason != self._reason
         self._reason = reason
         return changed
@@ -174,7 +169,7 @@ class ExternalWatch:
     # --- what follows -------------------------------------------------------------------------
 
     def permit(self, now: float) -> Permit:
-        """What the robot may do at this instant."""
+        """Return what the robot may do at this instant."""
         if self.phase is RobotPhase.CONNECTED:
             self._look(now)
         if self._fault is not None:
@@ -188,7 +183,7 @@ class ExternalWatch:
         return Permit(*self._setpoint, False, self._reason)
 
     def told(self, permit: Permit, sequence: int, now: float) -> None:
-        """A permit went out."""
+        """Note that a permit went out."""
         if self._enabled_at is not None and self._enabled_by is None and not permit.stop:
             self._enabled_by = sequence
         self._permit_times[sequence] = now
@@ -198,21 +193,20 @@ class ExternalWatch:
 
     @property
     def limits(self) -> RobotLimits | None:
-        """Its own, within those of the model it is driven as."""
+        """Limits of the robot, within those of the model it is driven as."""
         if self._hello is None:
             return None
         own, spec = self._hello.limits, self._spec
         if spec is None:
             return own
-        return RobotLimits(
-            min(own.speed_mps, spec.speed_max_mps),
-            min(own.turn_rate_radps, spec.turn_rate_max_radps),
-            own.acceleration_mps2,
-            own.turn_acceleration_radps2,
+        return replace(
+            own,
+            speed_mps=min(own.speed_mps, spec.speed_max_mps),
+            turn_rate_radps=min(own.turn_rate_radps, spec.turn_rate_max_radps),
         )
 
     def report(self, now: float, watchdog_s: float) -> RobotReport:
-        """How it is."""
+        """Return the robot's present state."""
         if self.phase is RobotPhase.CONNECTED:
             self._look(now)
         hello, said = self._hello, self._said
@@ -269,7 +263,7 @@ class ExternalWatch:
 
 
 class _Place:
-    """The robot's odometry, summed up over its connections from wherever each begins."""
+    """The robot's odometry, accumulated over its connections from wherever each begins."""
 
     def __init__(self) -> None:
         self.odometry: Odometry | None = None
@@ -284,7 +278,7 @@ class _Place:
         if last is None:
             self.odometry = here
             return
-        # From the robot's frame of counting into ours.
+        # From the robot's odometry frame to ours.
         turn = here.yaw - last.yaw
         c, s = math.cos(turn), math.sin(turn)
         dx, dy = message.x - last.x, message.y - last.y
@@ -296,9 +290,9 @@ class _Place:
 
 
 class _Delay:
-    """How long a message waited on its way, beyond the quickest one of late."""
+    """Delay of a message on its way, beyond that of the quickest recent one."""
 
-    # Long enough to hold a quick one, short enough for two clocks not to drift apart.
+    # Long enough to hold a quick message, short enough that clock drift does not matter.
     _BUCKET_S = 10.0
 
     def __init__(self) -> None:
@@ -306,7 +300,7 @@ class _Delay:
         self._bucket = -math.inf
 
     def of(self, time: float, now: float) -> float:
-        """Seconds, from the sender's clock and ours."""
+        """Return the delay in seconds, from the sender's clock and ours."""
         if now - self._bucket > self._BUCKET_S:
             self._least_before, self._least = self._least, math.inf
             self._bucket = now

@@ -1,4 +1,4 @@
-"""The camera itself, as its own process sees it: V4L2 devices and network streams by OpenCV."""
+"""Captures of one camera in its own process: V4L2 devices and network streams by OpenCV."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from observer.types import Image
 
 OPENER = "observer.sources.cameras.capture:open_capture"
 
-# FFmpeg's own patience; the source's is shorter and ends the process.
+# FFmpeg's own timeout; the source's is shorter and ends the process.
 _TIMEOUT_MS = 5000
 _PROBE_S = 2.0
-# Packets are handed on as they come, none reordered or held back; RTSP over TCP, because a lost
+# Packets are passed on as they come, none reordered or held back; RTSP over TCP, because a lost
 # packet of UDP is a torn image that nothing marks as such.
 _LOW_LATENCY = (
     "rtsp_transport;tcp|fflags;nobuffer|flags;low_delay|max_delay;0|analyzeduration;2000000"
@@ -32,12 +32,12 @@ _LOW_LATENCY = (
 _DEFAULT_PORTS = {"http": 80, "https": 443, "rtsp": 554, "rtsps": 322}
 # Where the container carries MPEG-TS's stream type instead of a name.
 _STREAM_TYPES = {0x1B: "H264", 0x24: "HEVC", 0x02: "MPEG2", 0x10: "MPEG4"}
-# A stamp further from now is on another clock than the host's monotonic one.
+# A stamp outside this age is not on the host's monotonic clock.
 _PLAUSIBLE_AGE_S = (-0.005, 2.0)
 
 
 class Capture(Protocol):
-    """What delivers the images of one camera. Every call may hang; nothing else may."""
+    """Source of one camera's images. Every call may hang; nothing else may."""
 
     @property
     def rate(self) -> float | None:
@@ -73,7 +73,34 @@ def open_capture(address: str, settings: CameraSettings) -> Capture:
     return NetworkCapture(address) if "://" in address else DeviceCapture(address, settings)
 
 
-class DeviceCapture:
+class _OpenCvCapture:
+    """Base of captures by OpenCV, of devices and of streams."""
+
+    _capture: cv2.VideoCapture
+
+    @property
+    def rate(self) -> float | None:
+        # FFmpeg answers with its time base, as in 90000, where a stream does not say.
+        rate = self._capture.get(cv2.CAP_PROP_FPS)
+        return rate if 0.5 <= rate <= 240.0 else None
+
+    def grab(self) -> bool:
+        return self._capture.grab()
+
+    def retrieve(self) -> Image | None:
+        try:
+            good, image = self._capture.retrieve()
+        except cv2.error:
+            return None
+        if not good or image is None or image.dtype.name != "uint8" or image.ndim not in (2, 3):
+            return None
+        pixels = np.asarray(image, np.uint8)
+        if pixels.ndim == 3 and pixels.shape[2] == 1:
+            pixels = pixels[:, :, 0]
+        return pixels if pixels.size else None
+
+
+class DeviceCapture(_OpenCvCapture):
     """A V4L2 device; implements ``Capture``.
 
     Its stamp is that of the kernel's buffer: OpenCV's V4L2 backend answers CAP_PROP_POS_MSEC with
@@ -103,16 +130,9 @@ class DeviceCapture:
             self._capture.set(cv2.CAP_PROP_FPS, settings.rate)
         self._stamped = True
 
-    @property
-    def rate(self) -> float | None:
-        return _plausible_rate(self._capture.get(cv2.CAP_PROP_FPS))
-
-    def grab(self) -> bool:
-        return self._capture.grab()
-
     def stamp(self) -> float | None:
         stamp = self._capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3
-        # Once on another clock, always: a stamp that changes its meaning would be worse.
+        # Once on another clock, always: stamps must not change their meaning.
         self._stamped = self._stamped and is_monotonic_stamp(stamp, time.monotonic())
         return stamp if self._stamped else None
 
@@ -122,11 +142,8 @@ class DeviceCapture:
 
         return apply_settings(os.path.realpath(self._path), self._wanted)
 
-    def retrieve(self) -> Image | None:
-        return _retrieve(self._capture)
 
-
-class NetworkCapture:
+class NetworkCapture(_OpenCvCapture):
     """A stream over RTSP or HTTP; implements ``Capture``. Its frames are stamped at arrival.
 
     Raises:
@@ -148,13 +165,6 @@ class NetworkCapture:
         if not self._capture.isOpened():
             raise SourceError(_why_not(url))
 
-    @property
-    def rate(self) -> float | None:
-        return _plausible_rate(self._capture.get(cv2.CAP_PROP_FPS))
-
-    def grab(self) -> bool:
-        return self._capture.grab()
-
     def stamp(self) -> float | None:
         return None
 
@@ -167,13 +177,10 @@ class NetworkCapture:
             accepted["codec"] = codec
         return AppliedSettings(accepted)
 
-    def retrieve(self) -> Image | None:
-        return _retrieve(self._capture)
-
 
 @contextlib.contextmanager
 def _ffmpeg_options(options: str) -> Iterator[None]:
-    """As long as something is opened: the same options would take a video file's first frames."""
+    """Set FFmpeg's options while a stream is opened: with them a video file loses frames."""
     name = "OPENCV_FFMPEG_CAPTURE_OPTIONS"
     before = os.environ.get(name)
     os.environ[name] = options
@@ -187,7 +194,7 @@ def _ffmpeg_options(options: str) -> Iterator[None]:
 
 
 def is_monotonic_stamp(stamp: float, now: float) -> bool:
-    """Whether a frame that was grabbed just now may have this stamp on the same clock, seconds.
+    """Return whether a frame that was grabbed now may have this stamp on the same clock, seconds.
 
     Some drivers stamp with the wall clock or with a counter of their own.
     """
@@ -196,7 +203,7 @@ def is_monotonic_stamp(stamp: float, now: float) -> bool:
 
 
 def check_device(path: str) -> None:
-    """See that a device is there and may be opened.
+    """Check that a device is there and may be opened.
 
     Raises:
         SourceError: what follows the camera's name in a sentence.
@@ -213,35 +220,14 @@ def check_device(path: str) -> None:
 
 
 def _in_use_or_no_camera(path: str) -> str:
-    from observer.sources.cameras.device_files import holders
+    from observer.sources.cameras.device_files import holders, in_words
 
-    who = ", ".join(
-        f"{each.name} (process {each.process})" for each in holders(Path(path).resolve())
-    )
-    if who:
+    if who := in_words(holders(Path(path).resolve())):
         return f"is in use by {who}; close it"
     return (
         "cannot be used: another program has it open or it is no camera; close the other program "
         "or name another device"
     )
-
-
-def _retrieve(capture: cv2.VideoCapture) -> Image | None:
-    try:
-        good, image = capture.retrieve()
-    except cv2.error:
-        return None
-    if not good or image is None or image.dtype.name != "uint8" or image.ndim not in (2, 3):
-        return None
-    pixels = np.asarray(image, np.uint8)
-    if pixels.ndim == 3 and pixels.shape[2] == 1:
-        pixels = pixels[:, :, 0]
-    return pixels if pixels.size else None
-
-
-def _plausible_rate(rate: float) -> float | None:
-    # FFmpeg answers with its time base, as in 90000, where a stream does not say.
-    return rate if 0.5 <= rate <= 240.0 else None
 
 
 def _codec(capture: cv2.VideoCapture) -> str | None:
@@ -253,7 +239,7 @@ def _codec(capture: cv2.VideoCapture) -> str | None:
 
 
 def _why_not(url: str) -> str:
-    """Why a stream could not be opened, which FFmpeg does not tell: by a connection of our own."""
+    """Find out by a connection why a stream could not be opened: FFmpeg does not tell."""
     parts = urlsplit(url)
     port = parts.port or _DEFAULT_PORTS.get(parts.scheme.lower(), 80)
     try:

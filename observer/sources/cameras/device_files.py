@@ -1,9 +1,9 @@
-"""Who may open a device file, who has it open, and what to do about either."""
+"""Permissions of device files and the processes that have them open, with advice on both."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -35,7 +35,7 @@ class Holder:
 
 
 def current_user() -> User:
-    """The user of this process."""
+    """Return the user of this process."""
     import pwd  # not on every system that can read recordings
 
     try:
@@ -46,7 +46,7 @@ def current_user() -> User:
 
 
 def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = None) -> str:
-    """One sentence: why the device file may not be used, and what makes it usable.
+    """Return one sentence: why the device file may not be used, and what makes it usable.
 
     Args:
         path: the file as it is reached, below ``root``.
@@ -84,7 +84,7 @@ def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = Non
 
 
 def holders(path: Path, root: Path = _MACHINE) -> tuple[Holder, ...]:
-    """Other processes that have the file open, as far as this user may see them.
+    """Return the other processes that have the file open, as far as this user may see them.
 
     Those that this process started do not count: what they hold is ours.
     """
@@ -96,13 +96,18 @@ def holders(path: Path, root: Path = _MACHINE) -> tuple[Holder, ...]:
     return tuple(found)
 
 
+def in_words(holders: Iterable[Holder]) -> str:
+    """Return names and numbers of processes for a sentence; empty without any."""
+    return ", ".join(f"{each.name} (process {each.process})" for each in holders)
+
+
 def shown_path(path: Path, root: Path = _MACHINE) -> str:
-    """The path as it is called on the machine whose file system is at ``root``."""
+    """Return the path's name on the machine whose file system is at ``root``."""
     return f"/{path.relative_to(root)}"
 
 
 def text_in(file: Path) -> str | None:
-    """What stands in a small file of the kernel's; None where it cannot be read."""
+    """Return the text of a small file of the kernel's; None where it cannot be read."""
     try:
         return file.read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
@@ -110,7 +115,7 @@ def text_in(file: Path) -> str | None:
 
 
 def _open_files(folder: Path) -> Iterator[str]:
-    # Processes end while they are looked at, and most of other users may not be looked at.
+    # Processes end meanwhile, and most of other users' may not be read.
     try:
         links = list((folder / "fd").iterdir())
     except OSError:
@@ -123,7 +128,7 @@ def _open_files(folder: Path) -> Iterator[str]:
 
 
 def _is_ours(process: int, root: Path) -> bool:
-    """Whether it is this process, or was started by it or by one that it started."""
+    """Return whether it is this process, or was started by it or by one that it started."""
     for _ in range(_MOST_GENERATIONS):
         if process == os.getpid():
             return True
@@ -140,7 +145,7 @@ def _process_name(folder: Path) -> str:
 
 
 def _groups(root: Path) -> dict[int, tuple[str, tuple[str, ...]]]:
-    """Number -> name and members."""
+    """Return the groups: number -> name and members."""
     found: dict[int, tuple[str, tuple[str, ...]]] = {}
     for line in (text_in(root / "etc" / "group") or "").splitlines():
         parts = line.split(":")

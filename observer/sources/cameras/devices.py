@@ -1,22 +1,33 @@
-"""The video devices of this machine: what they can do, and what stands in their way."""
+"""Video devices of this machine: their abilities and what keeps them from being used."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from observer.sources.cameras.device_files import Holder, User, holders, shown_path, text_in
-from observer.sources.cameras.usb import UsbPlace, shared_bus_hints, usb_place
+from observer.sources.cameras.device_files import (
+    Holder,
+    User,
+    holders,
+    in_words,
+    shown_path,
+    text_in,
+)
+from observer.sources.cameras.usb import USB_2_MBIT, UsbPlace, usb_place
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import Control, DeviceAccess, LinuxAccess, V4l2Device
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
 from observer.sources.cameras.v4l2.opening import why_not
 
-__all__ = ["CameraDevice", "Use", "list_devices", "shared_bus_hints"]
-
 _MACHINE = Path("/")
+# What USB 2.0 (480 Mbit/s) carries of images, after protocol and reserved time: known from use.
+_USB_2_USABLE_MB = (35, 40)
+# YUYV: 4 bytes for 2 pixels.
+_YUYV_BYTES_PER_PIXEL = 2
+_EXAMPLE = (640, 480, 30)
 
 # ``images``: a camera; ``metadata``: the second node that most cameras have; ``codec``,
 # ``output``, ``other``: no cameras; ``unknown``: it could not be asked.
@@ -55,19 +66,19 @@ class CameraDevice:
 
     @property
     def can_capture(self) -> bool:
-        """Whether it delivers images."""
+        """Return whether it delivers images."""
         return self.use == "images"
 
     @property
     def stable_path(self) -> str:
-        """The name by which it is best opened: that of its port, where it has one."""
+        """Best name to open it by: that of its port, where it has one."""
         return self.by_path or self.path
 
 
 def list_devices(
     root: Path = _MACHINE, access: DeviceAccess | None = None, user: User | None = None
 ) -> tuple[CameraDevice, ...]:
-    """All video nodes in the order of their numbers. A bad one tells its trouble, none raises.
+    """Return all video nodes in numerical order. A bad one has its trouble noted, none raises.
 
     Args:
         root: the machine's file system. access: its kernel; None for this one.
@@ -105,7 +116,7 @@ def _device(
 
 
 def _asked(known: CameraDevice, device: V4l2Device, file: Path, root: Path) -> CameraDevice:
-    """What is known, with what the opened device tells; a device that breaks off keeps the rest.
+    """Return what is known with what the opened device tells, as far as it answers.
 
     Raises:
         OSError: it does not even tell who it is.
@@ -125,11 +136,10 @@ def _asked(known: CameraDevice, device: V4l2Device, file: Path, root: Path) -> C
     except OSError as error:
         return replace(known, trouble=why_not(file, error, root))
     if known.used_by:
-        who = ", ".join(f"{each.name} (process {each.process})" for each in known.used_by)
         return replace(
             known,
-            trouble=f"{known.path} is open in {who}, and delivers images to one program at a "
-            f"time; close it there",
+            trouble=f"{known.path} is open in {in_words(known.used_by)}, and delivers images to "
+            f"one program at a time; close it there",
         )
     if not known.modes:
         return replace(
@@ -146,7 +156,7 @@ def _use(capabilities: int) -> Use:
     images = capabilities & (layout.CAN_CAPTURE | layout.CAN_CAPTURE_MULTIPLANAR)
     output = capabilities & (layout.CAN_OUTPUT | layout.CAN_OUTPUT_MULTIPLANAR)
     if images:
-        # A loopback says output as well.
+        # A loopback device also reports output.
         return "images"
     if capabilities & layout.CAN_CAPTURE_METADATA:
         return "metadata"
@@ -154,7 +164,7 @@ def _use(capabilities: int) -> Use:
 
 
 def _links(root: Path, kind: str) -> dict[str, str]:
-    """Device -> the name that udev gave it, the plainest where there are several."""
+    """Return device -> the name that udev gave it, the shortest of several."""
     found: dict[str, str] = {}
     try:
         links = sorted((root / "dev" / "v4l" / kind).iterdir(), key=lambda each: len(each.name))
@@ -170,5 +180,47 @@ def _links(root: Path, kind: str) -> dict[str, str]:
 
 
 def _card_in_sysfs(node: str, root: Path) -> str | None:
-    """The card's name as told without opening it."""
+    """Return the card's name, found without opening the device."""
     return text_in(root / "sys/class/video4linux" / node / "name") or None
+
+
+def shared_bus_hints(cameras: Iterable[CameraDevice]) -> tuple[str, ...]:
+    """Return one sentence for each USB 2 bus that several cameras share.
+
+    The nodes of one camera count once: who has two views in one device has one that fits them.
+    """
+    buses: dict[tuple[str, int], dict[str, CameraDevice]] = {}
+    for camera in cameras:
+        place = camera.usb
+        if camera.can_capture and place and (place.speed_mbit or USB_2_MBIT) <= USB_2_MBIT:
+            buses.setdefault((place.controller, place.bus), {}).setdefault(place.device, camera)
+    return tuple(
+        _hint(bus, controller, list(sharing.values()))
+        for (controller, bus), sharing in sorted(buses.items())
+        if len(sharing) > 1
+    )
+
+
+def _hint(bus: int, controller: str, cameras: Sequence[CameraDevice]) -> str:
+    width, height, rate = _EXAMPLE
+    each = width * height * _YUYV_BYTES_PER_PIXEL * rate / 1e6
+    names = ", ".join(camera.path for camera in cameras[:-1]) + f" and {cameras[-1].path}"
+    low, high = _USB_2_USABLE_MB
+    together = each * len(cameras)
+    lacking = [
+        camera.path
+        for camera in cameras
+        if camera.modes and not any(mode.pixel_format == "MJPG" for mode in camera.modes)
+    ]
+    what = (
+        f"choose a smaller size or rate ({', '.join(lacking)}: no MJPG)"
+        if lacking
+        else "take compressed images with format=MJPG"
+    )
+    return (
+        f"{names} share one USB 2 bus (bus {bus} of the controller {controller}), which carries "
+        f"about {low} to {high} MB/s: uncompressed (YUYV) {width}x{height} at {rate}/s takes "
+        f"{each:.1f} MB/s each, {together:.1f} MB/s together, which "
+        f"{'fits barely, if at all' if together <= high else 'does not fit'}; {what}, "
+        f"or plug one camera into a port of another controller"
+    )

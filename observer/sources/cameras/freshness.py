@@ -1,4 +1,4 @@
-"""Which frames of one camera are fresh: no old ones out of a queue, no repeated ones."""
+"""Tests whether a camera's frames are fresh: neither queued up nor repeated."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from observer.types import Image
 _INTERVALS = 30
 _SHORTEST_PERIOD_S = 1 / 240
 _LONGEST_PERIOD_S = 1.0
-# Until intervals were measured and where the camera names no rate.
+# Until intervals are measured, where the camera names no rate.
 _USUAL_PERIOD_S = 1 / 30
 
 
 class Period:
-    """The time from frame to frame: the median of the last ones.
+    """Time from frame to frame: the median of the last intervals.
 
     Args:
         rate: frames per second as the camera says, which holds until it was measured.
@@ -37,22 +37,22 @@ class Period:
         self._last = stamp
 
     def interrupt(self) -> None:
-        """Frames are missing between the last one and the next."""
+        """Note that frames are missing between the last one and the next."""
         self._last = None
 
     @property
     def measured(self) -> bool:
-        """Whether enough intervals were seen."""
+        """Return whether enough intervals were seen."""
         return len(self._intervals) >= 8
 
     @property
     def settled(self) -> bool:
-        """Whether frames were seen for so long that a stream's beginning matters no more."""
+        """Return whether frames were seen for so long that a stream's beginning matters no more."""
         return len(self._intervals) == _INTERVALS or (self.measured and sum(self._intervals) >= 1.0)
 
     @property
     def seconds(self) -> float:
-        """From frame to frame."""
+        """Seconds from frame to frame."""
         if not self.measured:
             return self._nominal
         if self._median is None:
@@ -61,7 +61,7 @@ class Period:
 
 
 class Backlog:
-    """Tells frames that waited in a queue from those that came just now.
+    """Separates frames that waited in a queue from those that came just now.
 
     After a stall, and at the start, a network delivers at once what was held up: such frames come
     faster than a camera makes them. Nothing else than their pace tells, so that the first frame
@@ -75,7 +75,7 @@ class Backlog:
         self._draining_since: float | None = None
 
     def holds(self, arrival: float, period: float) -> bool:
-        """Whether the frame that arrived at this moment is an old one.
+        """Return whether the frame that arrived at this moment is an old one.
 
         Args:
             arrival: host's monotonic clock, seconds.
@@ -88,7 +88,7 @@ class Backlog:
             return True
         if self._draining_since is None:
             return False
-        # A camera whose frames come in bursts would never be believed; it is after a while.
+        # A camera whose frames come in bursts is accepted after a while.
         if interval >= 0.5 * period or arrival - self._draining_since > self._LONGEST_S:
             self._draining_since = None
             return False
@@ -96,7 +96,7 @@ class Backlog:
 
 
 class Repeats:
-    """Counts how often an image came again, to the last bit.
+    """Counts how often an image came again, bit by bit.
 
     A sensor's noise makes every image another one. Looks at each fourth row. An image without
     contrast (covered lens, glaring light) may well repeat, and is not counted: that is told by
@@ -111,7 +111,7 @@ class Repeats:
         self._count = 0
 
     def add(self, image: Image) -> int:
-        """How many images before this one were the same."""
+        """Return how many images before this one were the same."""
         rows = image[:: self._ROWS].copy()
         if (
             self._last is not None

@@ -1,4 +1,4 @@
-"""The process of one camera: ``python -m observer.sources.cameras.grabber``.
+"""Process of one camera: ``python -m observer.sources.cameras.grabber``.
 
 A native read that never returns can only be ended with its process, and decoding here leaves the
 observer's interpreter alone. It grabs each frame and tells when; the source decides whether it is
@@ -45,11 +45,11 @@ from observer.sources.cameras.settings import AppliedSettings
 from observer.types import Image
 
 _FIRST_IMAGE_S = 10.0
-# Longer than the source bears anything.
+# Longer than any timeout of the source.
 _LONGEST_CALL_S = 15.0
-# A frame waits this part of a period for its decision, so that waiting never becomes a queue.
+# Part of a period that a frame waits for its decision, so that no queue builds up.
 _WAITING = 0.9
-# A camera that is gone answers at once, again and again; one that waited in vain takes its time.
+# A camera that is gone fails at once, again and again; a timeout takes longer.
 _AT_ONCE_S = 0.005
 _ENDED_AFTER = 5
 _BETWEEN_TRIES_S = 0.004
@@ -76,11 +76,11 @@ class Commands:
                 with self._arrived:
                     self._latest = decode_command(line)
                     self._arrived.notify()
-        # The kernel releases the device, whatever hangs in it.
+        # The kernel then releases the device, even if a call hangs in it.
         os._exit(0)
 
     def wait(self, timeout: float | None) -> Command | None:
-        """The newest command, waited for so many seconds; None where none came."""
+        """Return the newest command; wait so many seconds, then return None."""
         with self._arrived:
             self._arrived.wait_for(lambda: self._latest is not None, timeout)
             command, self._latest = self._latest, None
@@ -88,21 +88,21 @@ class Commands:
 
 
 class Notices:
-    """The pipe to the source."""
+    """Pipe to the source."""
 
     def __init__(self, fd: int) -> None:
         self._fd = fd
         os.set_blocking(fd, False)
 
     def offer(self, notice: Notice) -> None:
-        """Tell it, or leave it where nobody reads: it would be out of date when somebody does."""
+        """Send the notice; drop it where nobody reads: it would be out of date later."""
         try:
             os.write(self._fd, encode(notice))
         except BlockingIOError:
             return
 
     def tell(self, notice: Notice) -> None:
-        """Tell it for certain; waits where the pipe is full."""
+        """Send the notice for certain; wait where the pipe is full."""
         data = encode(notice)
         while data:
             try:
@@ -129,7 +129,7 @@ class Grabber:
         self._in_vain = 0
 
     def run(self) -> None:
-        """Deliver until the camera fails, which is told."""
+        """Deliver until the camera fails, which is reported."""
         first = self._first_image()
         if first is None:
             return
@@ -149,7 +149,7 @@ class Grabber:
             arrival = time.monotonic()
             stamp = self._capture.stamp()
             period.add(arrival)
-            # A stamp tells how old a frame is; where there is none, its pace has to.
+            # A stamp gives a frame's age; without stamps only the pace does.
             if stamp is None and backlog.holds(arrival, period.seconds):
                 continue
             seq += 1
@@ -159,13 +159,13 @@ class Grabber:
                 return
 
     def _first_image(self) -> tuple[Image, AppliedSettings] | None:
-        """The first image and what was made of the settings; None where none comes."""
+        """Return the first image and the applied settings; None where no image comes."""
         applied = None
         deadline = time.monotonic() + _FIRST_IMAGE_S
         while time.monotonic() < deadline:
             if not self._next(None):
                 return None
-            # While it delivers: many cameras forget what they were told before.
+            # While it streams: many cameras forget earlier settings.
             if applied is None:
                 applied = self._settle()
             image = self._capture.retrieve()
@@ -182,7 +182,7 @@ class Grabber:
             return AppliedSettings({}, (f"nothing could be set: {error}",))
 
     def _next(self, period: Period | None) -> bool:
-        """Wait for the next frame; False when the camera is done for, which was told."""
+        """Wait for the next frame; False when the camera has failed, which was reported."""
         while True:
             began = time.monotonic()
             _be_ended_after(_LONGEST_CALL_S)
@@ -231,7 +231,7 @@ class Grabber:
 
 
 def _be_ended_after(seconds: float) -> None:
-    """Have the kernel end this process then; 0 for never.
+    """Have the kernel end this process after so long; 0 for never.
 
     The last resort for a native call that hangs and keeps the interpreter, so that the end of
     the source cannot be noticed.
@@ -241,7 +241,7 @@ def _be_ended_after(seconds: float) -> None:
 
 
 def load_opener(name: str) -> Opener:
-    """The function that opens a camera, by ``module:function`` or ``file.py:function``."""
+    """Return the function that opens a camera, by ``module:function`` or ``file.py:function``."""
     place, _, function = name.rpartition(":")
     if place.endswith(".py"):
         spec = importlib.util.spec_from_file_location(Path(place).stem, place)
@@ -274,7 +274,7 @@ def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
 
 
 def main() -> None:
-    """Arguments: descriptors of commands, notices and memory, and the parent to die with or 0."""
+    """Run with descriptors of commands, notices and memory, and the parent to die with or 0."""
     commands_fd, notices_fd, memory_fd, parent_pid = map(int, sys.argv[1:5])
     # Ctrl-C in a terminal reaches every process of it; the source decides when this one ends.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -287,7 +287,7 @@ def main() -> None:
     except Exception as error:  # noqa: BLE001 - whatever a driver raises is told by the source
         reason = f"failed inside its driver ({type(error).__name__}); it is opened again"
         notices.tell(Failed(reason, alive=False))
-    # Without the drivers' own clean-up, which may hang; the kernel releases all there is.
+    # Without the drivers' own clean-up, which may hang; the kernel releases everything.
     os._exit(1)
 
 

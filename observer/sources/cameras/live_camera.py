@@ -1,4 +1,4 @@
-"""One camera that is kept alive: its process, its faults, and its being opened again."""
+"""One camera kept alive: its process, its faults and its reopening."""
 
 from __future__ import annotations
 
@@ -29,22 +29,22 @@ from observer.sources.cameras.spec import CameraTarget
 from observer.sources.contract import CameraReport
 from observer.types import Image
 
-# A fault is told within 200 ms of the last frame; the rest is for a source that is asked late.
+# A fault is reported within 200 ms of the last frame; the rest allows for a late read.
 _SILENCE_S = 0.16
 _SILENT_PERIODS = 2.5
-# A network's hiccup passes by itself sooner than a stream is opened anew.
+# A short network outage passes sooner than a stream can be reopened.
 _REOPEN_AFTER_S = 1.0
 _REOPEN_AFTER_PERIODS = 5.0
-# Longer than a driver's and FFmpeg's own patience at opening, which tell a reason.
+# Longer than the timeouts of drivers and FFmpeg at opening, which give a reason.
 _OPENING_S = 12.0
-# Afterwards it is known how long it takes: a stream that comes torn may never yield an image.
+# Later the time it takes is known: a damaged stream may never yield an image.
 _REOPENING_S = 3.0
 _REOPENING_TIMES = 3.0
 _SHORTEST_PAUSE_S = 0.25
 _LONGEST_PAUSE_S = 2.0
-# Starting a process takes its time; the fault is told before.
+# Starting a process takes time; the fault is reported before.
 _TOLD_S = 0.05
-# Who delivered so long is not failing at once, again and again.
+# A camera that delivered for this long is not failing immediately each time.
 _LASTED_S = 1.0
 # Two equal images before this one: a noise-free picture that repeats once is no fault.
 _FROZEN_REPEATS = 2
@@ -108,34 +108,34 @@ class LiveCamera:
 
     @property
     def wakes(self) -> int | None:
-        """A descriptor that becomes readable when it has something to tell."""
+        """Descriptor that becomes readable when the camera has something to report."""
         process = self._process
         return None if process is None or process.ended else process.notices
 
     @property
     def image(self) -> Image:
-        """The image decoded last: a view that changes with the next ``decode``."""
+        """Image decoded last: a view that changes with the next ``decode``."""
         if self._process is None:
             raise RuntimeError("a camera that is not open has no image")
         return self._process.image
 
     @property
     def is_frozen(self) -> bool:
-        """Whether what it sends is no news."""
+        """Return whether what it sends is no news."""
         return self._frozen_since is not None
 
     def attend(self, now: float) -> None:
-        """Nobody asked for long: what was missed meanwhile says nothing against the camera."""
+        """Restart the time limits after a time without ``poll``: no fault of the camera."""
         self._attended_since = now
 
     def poll(self, now: float) -> None:
-        """Take in what its process told, and end, wait or start where that is due."""
+        """Take the notices of its process, and end, wait or start where that is due."""
         self._dying = [child for child in self._dying if child.poll() is None]
         if self._state == "pausing":
             if now >= self._since + self._pause:
                 self._start(now)
             elif self._process is None and now >= self._since + _TOLD_S:
-                # What it loads takes as long as the pause; it opens nothing before it is told to.
+                # Its imports take as long as the pause; it opens nothing before the command.
                 with contextlib.suppress(OSError):
                     self._process = GrabberProcess()
         process = self._process
@@ -161,41 +161,38 @@ class LiveCamera:
             self.pending = None
 
     def release(self) -> None:
-        """The decoded image was used, or is not wanted any more."""
+        """Release the decoded image, used or unwanted."""
         self.decoding, self.is_decoded = None, False
 
     def recovered(self) -> None:
-        """It delivered; its last fault is over."""
+        """Forget the last fault: the camera delivered."""
         self._fault = self._told = None
         self._insists = False
 
     def trouble(self, now: float) -> str | None:
-        """What is wrong with it in one sentence; None where nothing is."""
+        """Return one sentence on what is wrong with it; None where nothing is."""
         fault = self._present_fault(now)
         self._told = None if fault is None else f"{self} {fault}"
         return self._told
 
     def report(self) -> CameraReport:
-        """How it was when it was asked last; from any thread."""
+        """Return its state when it was polled last; callable from any thread."""
         opened = self.opened
         settings = {} if opened is None else dict(opened.settings)
         if self.target.network and opened is not None and self.period.measured:
             settings["rate"] = f"{1 / self.period.seconds:.1f} per s, measured"
+        stopped: Literal["failed", "waiting"] = "failed" if self._insists else "waiting"
         return CameraReport(
             side=self.side,
             device=self.target.name,
-            state=(
-                "open"
-                if self._state == "delivering"
-                else "failed" if self._insists else "waiting"
-            ),
+            state="open" if self._state == "delivering" else stopped,
             trouble=self._told,
             settings=settings,
             refused=() if opened is None else opened.refused,
-        )  # fmt: skip
+        )
 
     def close(self) -> list[subprocess.Popen[bytes]]:
-        """End its process; the answer is what is to be waited for."""
+        """End its process; return the processes to wait for."""
         self._kill()
         self._state = "pausing"
         dying, self._dying = self._dying, []
@@ -213,7 +210,7 @@ class LiveCamera:
         if silence > max(_SILENCE_S, _SILENT_PERIODS * period):
             return _SILENT if self._undecodable_since is None else _UNDECODABLE
         if self.decoding is not None and not self.is_decoded:
-            # It came a period after the last one that was good.
+            # It came a period after the last good one.
             waiting = now - max(self.decoding.arrival, self._attended_since)
             if waiting > max(_SILENCE_S - period, (_SILENT_PERIODS - 1.0) * period):
                 return _SILENT
@@ -227,7 +224,7 @@ class LiveCamera:
 
     def _start(self, now: float) -> None:
         if not self.target.network and not Path(self.target.address).exists():
-            # A look at the name is cheap; a process is not.
+            # Checking the name is cheap; a process is not.
             self._fault = _UNPLUGGED
             self.is_missing = True
             self._since, self._pause = now, _SHORTEST_PAUSE_S
@@ -276,7 +273,7 @@ class LiveCamera:
                 self._fault = None
 
     def _patience_s(self) -> float:
-        """How long it may take to open."""
+        """Return how long it may take to open."""
         if not self.openings:
             return _OPENING_S
         return min(max(_REOPENING_S, _REOPENING_TIMES * self._opening_s), _OPENING_S)

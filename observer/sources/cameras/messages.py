@@ -1,4 +1,4 @@
-"""What a camera's process and the source tell each other: one line of JSON each.
+"""Messages between a camera's process and the source: one line of JSON each.
 
 Every notice fits into a pipe's atomic write (POSIX: at least 512 bytes), so that it is written as
 a whole or, where nobody reads, not at all.
@@ -16,7 +16,7 @@ from observer.sources.cameras.settings import CameraSettings
 
 @dataclass(frozen=True)
 class Open:
-    """To the process: open the camera.
+    """Command to open the camera.
 
     Attributes:
         address: path or URL, password included; it goes through the pipe because anybody on the
@@ -30,7 +30,7 @@ class Open:
     opener: str
 
     def camera_settings(self) -> CameraSettings:
-        """The settings, with JSON's list made the pair it was."""
+        """Return the settings, with JSON's list made the pair it was."""
         values = dict(self.settings)
         if values.get("size") is not None:
             width, height = values["size"]
@@ -40,21 +40,21 @@ class Open:
 
 @dataclass(frozen=True)
 class Decode:
-    """To the process: decode this frame into the shared memory."""
+    """Command to decode this frame into the shared memory."""
 
     seq: int
 
 
 @dataclass(frozen=True)
 class Drop:
-    """To the process: this frame is not wanted."""
+    """Command to drop this frame."""
 
     seq: int
 
 
 @dataclass(frozen=True)
 class Opened:
-    """From the process: the camera delivers; the shared memory has the size of its images.
+    """Notice: the camera delivers; the shared memory has the size of its images.
 
     Attributes:
         width, height: of the image as it came, pixels. channels: 1 or 3.
@@ -72,7 +72,7 @@ class Opened:
 
 @dataclass(frozen=True)
 class Grabbed:
-    """From the process: a frame is there, not yet decoded.
+    """Notice: a frame is there, not yet decoded.
 
     Attributes:
         seq: rises by one with each frame.
@@ -89,7 +89,7 @@ class Grabbed:
 
 @dataclass(frozen=True)
 class Ready:
-    """From the process: the frame lies decoded in the shared memory.
+    """Notice: the frame lies decoded in the shared memory.
 
     Attributes:
         repeats: how many images before it were the same to the last bit.
@@ -101,19 +101,19 @@ class Ready:
 
 @dataclass(frozen=True)
 class Missed:
-    """From the process: what was to be decoded had already given way to the next frame."""
+    """Notice: what was to be decoded had already given way to the next frame."""
 
     seq: int
 
 
 @dataclass(frozen=True)
 class Undecodable:
-    """From the process: what came is no image."""
+    """Notice: what came is no image."""
 
 
 @dataclass(frozen=True)
 class Resized:
-    """From the process: images have another size than at opening; it ends."""
+    """Notice: images have another size than at opening; it ends."""
 
     width: int
     height: int
@@ -121,7 +121,7 @@ class Resized:
 
 @dataclass(frozen=True)
 class Failed:
-    """From the process: the camera cannot be opened or delivers no more.
+    """Notice: the camera cannot be opened or delivers no more.
 
     Attributes:
         reason: what follows the camera's name in a sentence.
@@ -141,18 +141,18 @@ _NOTICES: Mapping[str, type[Notice]] = {
 
 
 def encode(message: Command | Notice) -> bytes:
-    """The message as a line."""
+    """Encode a message as a line."""
     return json.dumps([type(message).__name__, vars(message)]).encode() + b"\n"
 
 
 def decode_command(line: bytes) -> Command:
-    """The command of a line without its end; both sides are of one version."""
+    """Decode the command in a line without its end; both sides are of one version."""
     kind, values = json.loads(line)
     return _COMMANDS[kind](**values)
 
 
 def decode_notice(line: bytes) -> Notice:
-    """The notice of a line without its end; both sides are of one version."""
+    """Decode the notice in a line without its end; both sides are of one version."""
     kind, values = json.loads(line)
     if kind == Opened.__name__:
         values["refused"] = tuple(values["refused"])

@@ -1,4 +1,4 @@
-"""Which image of the left camera belongs to which of the right."""
+"""Pairing of left and right images by their time stamps."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ENOUGH = 10
 
 
 def judge(left: float, right: float, period: float) -> Literal["pair", "drop left", "drop right"]:
-    """What becomes of two images.
+    """Decide what becomes of two images.
 
     Further apart than half a frame, the older one has a better partner that did not come, and the
     newer one may still get one.
@@ -26,21 +26,21 @@ def judge(left: float, right: float, period: float) -> Literal["pair", "drop lef
 
 
 class Skews:
-    """How far apart the images of a pair were over the last seconds; for any thread."""
+    """Time between the images of a pair over the last seconds; safe for any thread."""
 
     def __init__(self) -> None:
         self._skews: deque[tuple[float, float]] = deque()
         self._lock = threading.Lock()
 
     def add(self, time: float, skew: float) -> None:
-        """Take that of the pair at this time, seconds."""
+        """Take the skew of the pair at this time, seconds."""
         with self._lock:
             self._skews.append((time, abs(skew)))
             while self._skews[0][0] < time - _WINDOW_S:
                 self._skews.popleft()
 
     def median_and_p95(self) -> tuple[float | None, float | None]:
-        """Their size, seconds; None before enough pairs."""
+        """Return median and 95th percentile, seconds; None before enough pairs."""
         with self._lock:
             skews = [skew for _, skew in self._skews]
         if len(skews) < _ENOUGH:

@@ -11,13 +11,7 @@ import threading
 import numpy as np
 
 from observer.processes import anonymous_memory
-from observer.sources.cameras.messages import (
-    Command,
-    Notice,
-    Opened,
-    decode_notice,
-    encode,
-)
+from observer.sources.cameras.messages import Command, Notice, Opened, decode_notice, encode
 from observer.types import Image
 
 
@@ -62,14 +56,14 @@ class GrabberProcess:
         self.ended = False
 
     def send(self, command: Command) -> None:
-        """Tell it; a process that does not read any more is found by its silence."""
+        """Send a command; a process that does not read any more is found by its silence."""
         try:
             os.write(self._commands, encode(command))
         except (BlockingIOError, BrokenPipeError):
             return
 
     def receive(self) -> list[Notice]:
-        """All that it told since; sets ``ended`` where it can tell nothing more."""
+        """Return all notices since the last call; set ``ended`` where no more can come."""
         notices: list[Notice] = []
         while not self.ended:
             try:
@@ -84,22 +78,21 @@ class GrabberProcess:
         return notices
 
     def map(self, opened: Opened) -> None:
-        """Have the images it will decode at hand."""
-        shape: tuple[int, ...] = (opened.height, opened.width)
-        if opened.channels > 1:
-            shape = (*shape, opened.channels)
+        """Map the memory into which it will decode images."""
+        depth = (opened.channels,) if opened.channels > 1 else ()
+        shape = (opened.height, opened.width, *depth)
         memory = mmap.mmap(self._memory, int(np.prod(shape)), prot=mmap.PROT_READ)
         self._image = np.frombuffer(memory, np.uint8).reshape(shape)
 
     @property
     def image(self) -> Image:
-        """The image decoded last: a view that changes with the next ``Decode``."""
+        """Image decoded last: a view that changes with the next ``Decode``."""
         if self._image is None:
             raise RuntimeError("no image is there before the camera was opened")
         return self._image
 
     def kill(self) -> subprocess.Popen[bytes]:
-        """End it and release all it used; the answer is to be waited for."""
+        """End it and release all it used; return the process to wait for."""
         self.child.kill()
         self.ended = True
         for fd in (self._commands, self.notices, self._memory):

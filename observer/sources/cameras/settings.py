@@ -1,4 +1,4 @@
-"""What may be set on a camera, as written after the ``?`` of its spec."""
+"""Settings of a camera, as written after the ``?`` of its spec."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Auto: TypeAlias = Literal["auto"]
 
 @dataclass(frozen=True)
 class CameraSettings:
-    """What is asked of a camera; None leaves a value as the camera has it.
+    """Settings asked of a camera; None leaves a value as the camera has it.
 
     Attributes:
         size: width and height of the image the camera delivers, pixels; for a side-by-side
@@ -41,7 +41,7 @@ class CameraSettings:
 
 @dataclass(frozen=True)
 class AppliedSettings:
-    """What a camera made of its settings.
+    """Settings as a camera took them.
 
     Attributes:
         accepted: what it really has now, in words by name, as in ``{"exposure": "156 (locked)"}``.
@@ -119,8 +119,8 @@ def _number(low: int, high: int, example: int, unit: str) -> Callable[[str, str]
 
 def _read_power_line(key: str, text: str) -> Literal[0, 50, 60] | Auto:
     known: dict[str, Literal[0, 50, 60] | Auto] = {
-        "0": 0, "off": 0, "50": 50, "60": 60, "auto": "auto"
-    }  # fmt: skip
+        **{"0": 0, "off": 0, "50": 50, "60": 60, "auto": "auto"}
+    }
     if text not in known:
         raise _refusal(key, text, "50, 60, off or auto")
     return known[text]

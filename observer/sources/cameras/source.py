@@ -11,46 +11,28 @@ from typing import Literal
 
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
-from observer.sources.cameras.bandwidth import bandwidth_hints
 from observer.sources.cameras.capture import OPENER
 from observer.sources.cameras.live_camera import LiveCamera
 from observer.sources.cameras.messages import Grabbed
 from observer.sources.cameras.pairing import Skews, judge
-from observer.sources.cameras.spec import CamerasSpec, parse_devices, parse_urls
+from observer.sources.cameras.spec import CamerasSpec
+from observer.sources.cameras.usb import bandwidth_hints
 from observer.sources.contract import LIVE_PATIENCE_S, LiveReport, NoFrame, SourceInfo
 from observer.types import Image, StereoFrame
 
 _OPENING_S = 15.0
-# A device that was released a moment ago is busy still, and a stream may just be starting.
+# A device released a moment ago is still busy, and a stream may just be starting.
 _OPENING_FAILURES = 3
-# How long nothing is looked after while a read waits.
+# Longest time between two polls while a read waits.
 _GLANCE_S = 0.01
 _UNATTENDED_S = 1.0
 _PAIRLESS_S = 0.16
 _PAIRLESS_PERIODS = 2.5
-# A frame about to give way to the next one would be missed on the way to its process.
+# A frame about to be replaced would be gone before the command arrives.
 _HASTE_S = 0.002
 _REAPING_S = 1.0
-# A pair decoded ahead is followed by the next within a period and what decoding takes.
+# A pair decoded ahead is followed by the next within a period plus the decoding time.
 _OLD_PERIODS = 1.5
-
-
-def open_devices(rest: str) -> CameraSource:
-    """Open what follows ``camera:``: ``0,1``, two paths, or ``sbs:0``; settings after ``?``.
-
-    Raises:
-        SourceError: one sentence that names the camera and what is wrong.
-    """
-    return CameraSource(parse_devices(rest))
-
-
-def open_urls(text: str) -> CameraSource:
-    """Open two addresses of network cameras with a comma between them, or ``sbs:`` and one.
-
-    Raises:
-        SourceError: one sentence that names the camera and what is wrong.
-    """
-    return CameraSource(parse_urls(text))
 
 
 class CameraSource:
@@ -65,7 +47,8 @@ class CameraSource:
         opener: as in ``messages.Open``; another one than OpenCV's cameras for tests.
 
     Raises:
-        SourceError: a camera is missing, refuses or delivers no pair within 15 s.
+        SourceError: a camera is missing, refuses or delivers no pair within 15 s; one sentence
+            that names the camera.
     """
 
     def __init__(self, spec: CamerasSpec, *, opener: str = OPENER) -> None:
@@ -103,11 +86,11 @@ class CameraSource:
 
     @property
     def calibration(self) -> StereoCalibration | None:
-        """None: cameras do not know how they see."""
+        """Always None: cameras bring no calibration."""
         return None
 
     def read(self) -> StereoFrame | NoFrame:
-        """The next pair, or what keeps it from coming.
+        """Return the next pair, or what keeps it from coming.
 
         Raises:
             SourceError: it was closed.
@@ -157,11 +140,11 @@ class CameraSource:
         self._ask(now)
 
     def rewind(self) -> None:
-        """Raises SourceError: what was live is over."""
+        """Raise SourceError: live cameras cannot go back."""
         raise SourceError("live cameras cannot go back; record them to play them again")
 
     def report(self) -> LiveReport:
-        """How the cameras are at this moment; from any thread."""
+        """Return the cameras' present state; callable from any thread."""
         median, p95 = self._skews.median_and_p95()
         return LiveReport(
             cameras=tuple(camera.report() for camera in self._cameras),
@@ -179,7 +162,7 @@ class CameraSource:
         dying = [child for camera in self._cameras for child in camera.close()]
         deadline = time.monotonic() + _REAPING_S
         for child in dying:
-            # One that hangs inside the kernel ends when the kernel lets it go.
+            # A process that hangs in the kernel ends when the kernel releases it.
             with contextlib.suppress(subprocess.TimeoutExpired):
                 child.wait(max(0.0, deadline - time.monotonic()))
 
@@ -193,7 +176,7 @@ class CameraSource:
     def _ask(self, now: float) -> None:
         """Have what is pending decoded where it is a pair; one decoded before gives way to it."""
         if any(each.decoding is not None and not each.is_decoded for each in self._cameras):
-            # It lies in the same memory as the next.
+            # The next image goes to the same memory.
             return
         pending = [camera.pending for camera in self._cameras]
         left, right = pending[0], pending[-1]
@@ -213,7 +196,7 @@ class CameraSource:
                 self._drop(right, self._cameras[1], self._cameras[0], period)
 
     def _leave_old(self, now: float) -> None:
-        """Do without a pair decoded ahead if newer ones came meanwhile and were missed."""
+        """Drop a pair decoded ahead if newer ones came meanwhile and were missed."""
         period = min(camera.period.seconds for camera in self._cameras)
         for camera in self._cameras:
             if camera.decoding is None or not camera.is_decoded:
@@ -225,13 +208,13 @@ class CameraSource:
 
     def _drop(self, older: Grabbed, own: LiveCamera, other: LiveCamera, period: float) -> None:
         own.drop()
-        # One whose partner was there, but passed by while the observer was busy, is no fault.
+        # A frame whose partner came and went while the observer was busy is no fault.
         if not any(judge(older.stamp, stamp, period) == "pair" for stamp in other.recent):
             self._dropped += 1
             self._index += 1
 
     def _collect(self) -> StereoFrame | None:
-        """The pair, where both are decoded."""
+        """Return the pair, where both are decoded."""
         cameras = self._cameras
         if any(camera.decoding is None for camera in cameras):
             # One of them was lost on the way; the other one is of no use without it. What is
@@ -251,7 +234,7 @@ class CameraSource:
             both = len(cameras) == 1
             received = max(left.arrival, right.arrival)
             if not self._pairs:
-                # The first pair may come with the very news of what the cameras opened with.
+                # The first pair may come together with the sizes that the cameras opened with.
                 self._check_sizes()
             left_image, right_image = self._images()
             frame = StereoFrame(
@@ -275,7 +258,7 @@ class CameraSource:
         return frame
 
     def _repeats(self, cameras: Sequence[LiveCamera]) -> bool:
-        """Whether the pair shows what the one before showed: a robot must not drive by it.
+        """Return whether the pair repeats the one before: a robot must not drive by it.
 
         One repeated pair is left out, more of them are a fault. Behind one that was left out the
         next is news, so that two cameras that repeat in turn still deliver.
@@ -284,7 +267,7 @@ class CameraSource:
         return self._left_out or any(camera.is_frozen for camera in cameras)
 
     def _images(self) -> tuple[Image, Image]:
-        """Copies: the memory is written again with the next pair."""
+        """Return copies: the memory is written again with the next pair."""
         if len(self._cameras) == 2:
             return self._cameras[0].image.copy(), self._cameras[1].image.copy()
         both = self._cameras[0].image
@@ -302,7 +285,7 @@ class CameraSource:
         left, right = self._cameras[0], self._cameras[-1]
         if self._last_time is not None and left.recent and left.recent[-1] <= self._last_time:
             return f"{left} sends images whose time stamps go back"
-        # Where some belong together, only the observer came too late for them.
+        # If some belong together, the observer was just too late for them.
         if any(judge(a, b, period) == "pair" for a in left.recent for b in right.recent):
             return None
         return (
@@ -311,7 +294,7 @@ class CameraSource:
         )
 
     def _wait(self, seconds: float) -> None:
-        """Until a camera has something to tell, at most so long."""
+        """Wait until a camera has something to report, at most so long."""
         poll = select.poll()
         for camera in self._cameras:
             if camera.wakes is not None:
@@ -367,7 +350,7 @@ class CameraSource:
 
     @staticmethod
     def _rate(camera: LiveCamera) -> float | None:
-        """A device is believed; FFmpeg says 25 of each stream that does not tell."""
+        """Return a device's nominal rate, a stream's measured one: FFmpeg may invent 25/s."""
         said = None if camera.opened is None or camera.target.network else camera.opened.rate
         if said is not None:
             return said

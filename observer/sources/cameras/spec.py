@@ -1,4 +1,4 @@
-"""Which cameras a source's text names, without the passwords that may stand in it."""
+"""Cameras that a source's text names, without the passwords that may stand in it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ BY_PATH = Path("/dev/v4l/by-path")
 _NETWORK_SCHEMES = ("rtsp", "rtsps", "http", "https")
 # One camera that shows both images side by side: the left one in the left half, or in the right.
 _SIDE_BY_SIDE, _SWAPPED = "sbs:", "sbs_swapped:"
-# A comma may be part of an address; one that parts two of them stands before a scheme.
+# A comma may be part of an address; one between two addresses stands before a scheme.
 _BETWEEN_URLS = re.compile(r",\s*(?=(?:rtsps?|https?)://)", re.IGNORECASE)
 # Cheap network cameras take name and password among the parameters of their address.
 _SECRET_KEY = re.compile(r"user|usr|login|pass|pwd|pw$|token|secret|auth|key", re.IGNORECASE)
@@ -22,7 +22,7 @@ _SECRET_KEY = re.compile(r"user|usr|login|pass|pwd|pw$|token|secret|auth|key", r
 
 @dataclass(frozen=True)
 class CameraTarget:
-    """One camera that is to be opened.
+    """One camera to open.
 
     Attributes:
         address: path of the device or URL, password included; handed to the camera's own process
@@ -43,7 +43,7 @@ class CameraTarget:
 
 @dataclass(frozen=True)
 class CamerasSpec:
-    """What a source's text asks for.
+    """Cameras and settings that a source's text asks for.
 
     Attributes:
         text: the source's text with users and passwords left out.
@@ -116,7 +116,7 @@ def parse_urls(text: str) -> CamerasSpec:
 
 
 def swapped_spec(text: str) -> str:
-    """The source's text with left and right exchanged, passwords kept.
+    """Return the source's text with left and right exchanged, passwords kept.
 
     Args:
         text: as ``observer.opening.open_source`` takes it.
@@ -141,7 +141,7 @@ def _swapped_names(text: str, names: list[str]) -> str:
 
 
 def _side_by_side(text: str) -> tuple[str | None, bool]:
-    """The name of the one camera that shows both images, and whether they are exchanged."""
+    """Return the camera that shows both images, None without one, and whether they are swapped."""
     for prefix, swapped in ((_SIDE_BY_SIDE, False), (_SWAPPED, True)):
         if text.lower().startswith(prefix):
             return text[len(prefix) :], swapped
@@ -149,7 +149,7 @@ def _side_by_side(text: str) -> tuple[str | None, bool]:
 
 
 def without_password(url: str) -> str:
-    """The URL without user, password and what looks like one among its parameters."""
+    """Return the URL without user, password and what looks like one among its parameters."""
     parts = urlsplit(url)
     query = parts.query
     pairs = parse_qsl(query, keep_blank_values=True)
@@ -175,7 +175,7 @@ def _device(text: str, by_path: Path) -> CameraTarget:
 
 
 def _lasting_name(path: str, by_path: Path) -> str:
-    """The by-path name of the device, which stays the same at the same socket."""
+    """Return the by-path name of the device, which stays the same at the same socket."""
     if Path(path).parent == by_path:
         return path
     try:

@@ -1,26 +1,27 @@
-"""Where on USB a camera is, and whether what shares a bus fits on it."""
+"""Place of cameras on USB, and hints on buses that carry too much."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 from observer.sources.cameras.device_files import text_in
-from observer.sources.cameras.v4l2.modes import CameraMode
 
-# What USB 2.0 (480 Mbit/s) carries of images, after protocol and reserved time: known from use.
-_USB2_MBIT = 480.0
-_USB2_USABLE_MB = (35, 40)
-# YUYV: 4 bytes for 2 pixels.
-_YUYV_BYTES_PER_PIXEL = 2
-_EXAMPLE = (640, 480, 30)
+# Speed of USB 2.
+USB_2_MBIT = 480.0
+# A USB 2 bus carries 60 MB/s, of which 80 % may be reserved for cameras, and each reserves more
+# than it sends: the next larger step of those that it offers.
+_TOO_MUCH_BYTES_PER_S = 30e6
+_COMPRESSED = frozenset({"MJPG", "JPEG", "H264", "HEVC"})
+# Compression by MJPG of 2 bytes a pixel in textured images.
+_COMPRESSION = 6.0
 
 
 @dataclass(frozen=True)
 class UsbPlace:
-    """Where on USB a device is.
+    """Place of a device on USB.
 
     Attributes:
         bus: number of the bus. controller: the host controller's address, as in ``0000:00:14.0``.
@@ -36,21 +37,8 @@ class UsbPlace:
     device: str
 
 
-class OnUsb(Protocol):
-    """What is asked of a camera here."""
-
-    @property
-    def path(self) -> str: ...
-    @property
-    def can_capture(self) -> bool: ...
-    @property
-    def usb(self) -> UsbPlace | None: ...
-    @property
-    def modes(self) -> tuple[CameraMode, ...]: ...
-
-
 def usb_place(node: str, root: Path) -> UsbPlace | None:
-    """Where the video node (as in ``video0``) is on USB; None where it is not, or not told."""
+    """Return the place of a video node (as in ``video0``) on USB; None where it has none."""
     try:
         folder = (root / "sys/class/video4linux" / node / "device").resolve(strict=True)
     except OSError:
@@ -59,9 +47,10 @@ def usb_place(node: str, root: Path) -> UsbPlace | None:
         bus = text_in(device / "busnum")
         if bus is not None and bus.isdecimal():
             speed = text_in(device / "speed") or ""
+            hub = next((each for each in device.parents if each.name == f"usb{int(bus)}"), device)
             return UsbPlace(
                 bus=int(bus),
-                controller=_controller(device, int(bus)),
+                controller=hub.parent.name,
                 port=device.name,
                 speed_mbit=float(speed) if speed.replace(".", "", 1).isdecimal() else None,
                 device=str(device.relative_to(root.resolve())),
@@ -69,53 +58,40 @@ def usb_place(node: str, root: Path) -> UsbPlace | None:
     return None
 
 
-def _controller(device: Path, bus: int) -> str:
-    hub = next((each for each in device.parents if each.name == f"usb{bus}"), device)
-    return hub.parent.name
+def bandwidth_hints(
+    devices: Sequence[str],
+    *,
+    width: int,
+    height: int,
+    rate: float,
+    pixel_format: str | None,
+    root: Path = Path("/"),
+) -> tuple[str, ...]:
+    """Return sentences for the person who sets two open cameras up; none where all is well.
 
-
-def yuyv_rate_mb(width: int, height: int, rate: float) -> float:
-    """Megabytes per second of uncompressed YUYV images."""
-    return width * height * _YUYV_BYTES_PER_PIXEL * rate / 1e6
-
-
-def shared_bus_hints(cameras: Iterable[OnUsb]) -> tuple[str, ...]:
-    """One sentence for each USB 2 bus that several cameras share.
-
-    The nodes of one camera count once: who has two views in one device has one that fits them.
+    Args:
+        devices: paths of both.
+        width, height: of each image, pixels. rate: frames per second.
+        pixel_format: four characters, None where unknown.
+        root: the machine's file system.
     """
-    buses: dict[tuple[str, int], dict[str, OnUsb]] = {}
-    for camera in cameras:
-        place = camera.usb
-        if camera.can_capture and place and (place.speed_mbit or _USB2_MBIT) <= _USB2_MBIT:
-            buses.setdefault((place.controller, place.bus), {}).setdefault(place.device, camera)
-    return tuple(
-        _hint(bus, controller, list(sharing.values()))
-        for (controller, bus), sharing in sorted(buses.items())
-        if len(sharing) > 1
-    )
-
-
-def _hint(bus: int, controller: str, cameras: Sequence[OnUsb]) -> str:
-    each = yuyv_rate_mb(*_EXAMPLE)
-    width, height, rate = _EXAMPLE
-    names = ", ".join(camera.path for camera in cameras[:-1]) + f" and {cameras[-1].path}"
-    low, high = _USB2_USABLE_MB
-    together = each * len(cameras)
-    lacking = [
-        camera.path
-        for camera in cameras
-        if camera.modes and not any(mode.pixel_format == "MJPG" for mode in camera.modes)
+    places = [
+        usb_place(Path(os.path.realpath(root / device.lstrip("/"))).name, root)
+        for device in devices
     ]
-    what = (
-        f"choose a smaller size or rate ({', '.join(lacking)}: no MJPG)"
-        if lacking
-        else "take compressed images with format=MJPG"
-    )
+    buses = {None if place is None else (place.controller, place.bus) for place in places}
+    if len(buses) != 1 or None in buses:
+        return ()
+    if any(place and place.speed_mbit and place.speed_mbit > USB_2_MBIT for place in places):
+        return ()
+    total = len(devices) * 2.0 * width * height * rate
+    is_compressed = pixel_format in _COMPRESSED
+    if is_compressed:
+        total /= _COMPRESSION
+    if total < _TOO_MUCH_BYTES_PER_S:
+        return ()
+    remedy = "take a lower size or rate" if is_compressed else "set format=MJPG or a lower size"
     return (
-        f"{names} share one USB 2 bus (bus {bus} of the controller {controller}), which carries "
-        f"about {low} to {high} MB/s: uncompressed (YUYV) {width}x{height} at {rate}/s takes "
-        f"{each:.1f} MB/s each, {together:.1f} MB/s together, which "
-        f"{'fits barely, if at all' if together <= high else 'does not fit'}; {what}, "
-        f"or plug one camera into a port of another controller"
+        f"both cameras share one USB 2 bus and send about {total / 1e6:.0f} MB/s, which may be "
+        f"too much for it; {remedy}, or plug one of them into a port of another controller",
     )

@@ -1,4 +1,4 @@
-"""Setting a camera and reading back what it made of that; nothing is clamped in silence."""
+"""Setting of a camera's controls, all read back; nothing is clamped in silence."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from observer.sources.cameras.v4l2.readback import Readback, in_words, rate_text
 
 _MACHINE = Path("/")
 _POWER_LINE = {0: 0, 50: 1, 60: 2, "auto": 3}
-# Rates that are called the same: 29.97 for 30.
+# Relative difference of rates that count as equal: 29.97 for 30.
 _RATE_TOLERANCE = 0.02
 
 
 @dataclass(frozen=True)
 class _Adjustable:
-    """Something with a value, and mostly an automatic that governs it.
+    """Setting with a value, and mostly an automatic that governs it.
 
     Attributes:
         name: in words. value: numbers of the controls that hold it, the best first.
@@ -87,13 +87,6 @@ def apply_settings(
     return AppliedSettings(in_words(now), tuple(refused))
 
 
-def read_settings(
-    path: str | Path, *, root: Path = _MACHINE, access: DeviceAccess | None = None
-) -> AppliedSettings:
-    """What a camera has now, nothing set; see ``apply_settings``."""
-    return apply_settings(path, CameraSettings(), root=root, access=access)
-
-
 def _set_all(device: V4l2Device, settings: CameraSettings) -> Iterator[str | None]:
     if settings.power_line_hz is not None:
         asked = settings.power_line_hz
@@ -114,7 +107,7 @@ def _set_all(device: V4l2Device, settings: CameraSettings) -> Iterator[str | Non
 
 
 def _tried(asking: str, attempt: Callable[[], str | None]) -> str | None:
-    """What the attempt says; a sentence where the camera breaks off. One never stops the others.
+    """Return what the attempt says; a sentence where the camera breaks off.
 
     Raises:
         OSError: the camera is gone.
@@ -145,7 +138,7 @@ def _adjust(device: V4l2Device, what: _Adjustable, asked: int | Auto) -> str | N
         trouble = _switch(device, automatic, what.off, f"{asking}, automatic {what.name} off")
         if trouble is not None:
             return trouble
-    # Asked again, because locks follow the automatic.
+    # Queried again, because locks follow the automatic.
     return _set(device, device.control(control.id) or control, asked, asking)
 
 
@@ -213,14 +206,14 @@ def _set_power_line(device: V4l2Device, asked: int | Auto, asking: str) -> str |
 
 def _hold_rate(device: V4l2Device, asking: str) -> str | None:
     control = device.control(layout.EXPOSURE_MAY_LOWER_RATE)
-    # Where it has no say at present it cannot lower the rate either.
+    # An inactive control cannot lower the rate either.
     if control is None or control.inactive or device.value(control.id) == 0:
         return None
     return _set(device, control, 0, asking)
 
 
 def _not_in_force(device: V4l2Device, settings: CameraSettings, now: Readback) -> Iterator[str]:
-    """Sentences for the size, format and rate that were asked for and are not in force."""
+    """Yield sentences for the size, format and rate that were asked for and are not in force."""
     if now.size is None or now.pixel_format is None:
         return
     size = f"{now.size[0]}x{now.size[1]}"
@@ -265,7 +258,6 @@ def _sizes_offered(modes: tuple[CameraMode, ...], pixel_format: str) -> str:
 
 def _rates_offered(modes: tuple[CameraMode, ...], pixel_format: str, size: tuple[int, int]) -> str:
     rates = next(
-        (m.rates for m in modes if (m.pixel_format, m.width, m.height) == (pixel_format, *size)),
-        (),
+        (m.rates for m in modes if (m.pixel_format, m.width, m.height) == (pixel_format, *size)), ()
     )
     return ", ".join(f"{rate_text(rate)}/s" for rate in rates)

@@ -17,10 +17,10 @@ from typing import Protocol, Self
 
 from observer.sources.cameras.v4l2 import layout
 
-# No device has that many; drivers that never say "no more" exist.
+# More than any device has; some drivers never report the end of a list.
 _MOST_ITEMS = 512
-# Asked for one by one where a driver does not tell which controls it has.
-_KNOWN_CONTROLS = (
+# All controls that are set here; queried one by one where a driver does not enumerate them.
+KNOWN_CONTROLS = (
     layout.AUTO_WHITE_BALANCE,
     layout.EXPOSURE_IN_DRIVER_UNITS,
     layout.AUTO_GAIN,
@@ -46,10 +46,10 @@ _KINDS = {
 
 
 class DeviceAccess(Protocol):
-    """The kernel, as far as device files are concerned. All raise OSError."""
+    """Device files of the kernel. All methods raise OSError."""
 
     def open(self, path: Path) -> int:
-        """A descriptor for questions and settings."""
+        """Return a descriptor for questions and settings."""
         ...
 
     def close(self, descriptor: int) -> None: ...
@@ -59,7 +59,7 @@ class DeviceAccess(Protocol):
         ...
 
     def may_use(self, path: Path) -> bool:
-        """Whether this process may read and write the file, found without opening it."""
+        """Return whether this process may read and write the file, found without opening it."""
         ...
 
 
@@ -88,7 +88,7 @@ class LinuxAccess:
 
 @dataclass(frozen=True)
 class Identity:
-    """What a device says of itself.
+    """Identity that a device states.
 
     Attributes:
         driver, card, bus: names, as in ``uvcvideo``, ``HD Webcam``, ``usb-0000:00:14.0-2``.
@@ -103,7 +103,7 @@ class Identity:
 
 @dataclass(frozen=True)
 class Control:
-    """One thing that can be set on a camera.
+    """One control of a camera.
 
     Attributes:
         id: the kernel's number. name: the driver's word for it.
@@ -131,7 +131,7 @@ class Control:
 
     @property
     def range_text(self) -> str:
-        """Its range as a person reads it: ``3 to 2047``, ``0 to 250 in steps of 5``."""
+        """Range for people: ``3 to 2047``, ``0 to 250 in steps of 5``."""
         if self.kind in ("menu", "integer menu"):
             return ", ".join(f"{value} ({name})" for value, name in self.menu.items())
         if self.kind == "boolean":
@@ -140,7 +140,7 @@ class Control:
         return f"{self.minimum} to {self.maximum}{steps}"
 
     def takes(self, value: int) -> bool:
-        """Whether the value is in its range and on its step."""
+        """Return whether the value is in its range and on its step."""
         if self.kind in ("menu", "integer menu"):
             return value in self.menu
         if not self.minimum <= value <= self.maximum:
@@ -173,16 +173,16 @@ class V4l2Device:
         self.close()
 
     def close(self) -> None:
-        """Give the descriptor back; safe to call twice."""
+        """Close the descriptor; safe to call twice."""
         if self._descriptor is not None:
             descriptor, self._descriptor = self._descriptor, None
             self._access.close(descriptor)
 
     def identity(self) -> Identity:
-        """Who it is and what this node can do."""
+        """Ask who it is and what this node can do."""
         answer = layout.Capability()
         self._ask(layout.QUERY_CAPABILITY, answer)
-        # Without the flag the driver is so old that node and device are the same.
+        # Old drivers lack the flag; their node and device have the same capabilities.
         own = answer.capabilities & layout.HAS_DEVICE_CAPABILITIES
         return Identity(
             driver=layout.text_of(answer.driver),
@@ -193,7 +193,7 @@ class V4l2Device:
 
     @property
     def buffer_type(self) -> int:
-        """The kind of buffers that questions about formats must name."""
+        """Kind of buffers that questions about formats must name."""
         if self._buffer_type is None:
             capabilities = self.identity().capabilities
             self._buffer_type = (
@@ -204,21 +204,21 @@ class V4l2Device:
         return self._buffer_type
 
     def size_and_format(self) -> tuple[tuple[int, int], str]:
-        """The image in force: (width, height) in pixels and the four characters of its format."""
+        """Ask for the present image: (width, height) in pixels and its format's four characters."""
         answer = layout.Format(type=self.buffer_type)
         self._ask(layout.GET_FORMAT, answer)
         image = answer.fmt.pix
         return (image.width, image.height), layout.fourcc_text(image.pixelformat)
 
     def rate(self) -> float | None:
-        """Frames per second in force; None where the driver does not know."""
+        """Ask for the frames per second in force; None where the driver does not know."""
         answer = layout.StreamParameters(type=self.buffer_type)
         if not self._answers(layout.GET_PARAMETERS, answer):
             return None
         return rate_of(answer.parm.capture.timeperframe)
 
     def formats(self) -> Iterator[tuple[int, str]]:
-        """Pixel formats: their codes and the driver's words for them."""
+        """Yield pixel formats: their codes and the driver's words for them."""
         for index in range(_MOST_ITEMS):
             answer = layout.FormatDescription(index=index, type=self.buffer_type)
             if not self._answers(layout.ENUMERATE_FORMATS, answer):
@@ -226,7 +226,7 @@ class V4l2Device:
             yield answer.pixelformat, layout.text_of(answer.description)
 
     def sizes(self, pixel_format: int) -> Iterator[layout.FrameSize]:
-        """Sizes of a format, one by one or as ranges."""
+        """Yield the sizes of a format, one by one or as ranges."""
         for index in range(_MOST_ITEMS):
             answer = layout.FrameSize(index=index, pixel_format=pixel_format)
             if not self._answers(layout.ENUMERATE_SIZES, answer):
@@ -236,7 +236,7 @@ class V4l2Device:
     def intervals(
         self, pixel_format: int, width: int, height: int
     ) -> Iterator[layout.FrameInterval]:
-        """Intervals between frames of a size, one by one or as ranges."""
+        """Yield the frame intervals of a size, one by one or as ranges."""
         for index in range(_MOST_ITEMS):
             answer = layout.FrameInterval(
                 index=index, pixel_format=pixel_format, width=width, height=height
@@ -246,7 +246,7 @@ class V4l2Device:
             yield answer
 
     def controls(self) -> tuple[Control, ...]:
-        """All controls with their ranges, in the driver's order; their values are not asked."""
+        """Return all controls with their ranges, in the driver's order, without their values."""
         found: list[Control] = []
         last = 0
         for _ in range(_MOST_ITEMS):
@@ -256,18 +256,18 @@ class V4l2Device:
             last = answer.id
             found += filter(None, [self._control(answer)])
         if last == 0:
-            found += filter(None, map(self.control, _KNOWN_CONTROLS))
+            found += filter(None, map(self.control, KNOWN_CONTROLS))
         return tuple(found)
 
     def control(self, number: int) -> Control | None:
-        """One control as it is now; None where the camera has none of that number."""
+        """Return one control as it is now; None where the camera has none of that number."""
         answer = layout.ControlQuery(id=number)
         if not self._answers(layout.QUERY_CONTROL, answer):
             return None
         return self._control(answer)
 
     def value(self, number: int) -> int:
-        """The value that a control has now."""
+        """Return the value that a control has now."""
         answer = layout.ControlValue(id=number)
         self._ask(layout.GET_CONTROL, answer)
         value: int = answer.value
@@ -327,12 +327,12 @@ class V4l2Device:
 
 
 def is_gone(error: OSError) -> bool:
-    """Whether an error says that the camera itself is not there any more."""
+    """Return whether an error says that the camera itself is not there any more."""
     return error.errno in (errno.ENODEV, errno.ENXIO, errno.EBADF)
 
 
 def rate_of(interval: layout.Fraction) -> float | None:
-    """Frames per second of an interval between frames; None for one that is not known."""
+    """Return the rate, frames per second, of an interval; None for one that is not known."""
     if interval.numerator == 0 or interval.denominator == 0:
         return None
     rate: float = interval.denominator / interval.numerator

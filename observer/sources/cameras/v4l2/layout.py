@@ -71,6 +71,11 @@ EXPOSURE_APERTURE_PRIORITY = 3
 EXPOSURE_UNIT_S = 100e-6
 
 
+def _u32(names: str) -> list[tuple[str, type[c_uint32]]]:
+    """Declare fields of 32 bits without sign that follow each other."""
+    return [(name, c_uint32) for name in names.split()]
+
+
 class Capability(Structure):
     """``struct v4l2_capability``."""
 
@@ -78,9 +83,7 @@ class Capability(Structure):
         ("driver", c_uint8 * 16),
         ("card", c_uint8 * 32),
         ("bus_info", c_uint8 * 32),
-        ("version", c_uint32),
-        ("capabilities", c_uint32),
-        ("device_caps", c_uint32),
+        *_u32("version capabilities device_caps"),
         ("reserved", c_uint32 * 3),
     ]
 
@@ -89,12 +92,9 @@ class FormatDescription(Structure):
     """``struct v4l2_fmtdesc``."""
 
     _fields_ = [
-        ("index", c_uint32),
-        ("type", c_uint32),
-        ("flags", c_uint32),
+        *_u32("index type flags"),
         ("description", c_uint8 * 32),
-        ("pixelformat", c_uint32),
-        ("mbus_code", c_uint32),
+        *_u32("pixelformat mbus_code"),
         ("reserved", c_uint32 * 3),
     ]
 
@@ -103,28 +103,14 @@ class PixelFormat(Structure):
     """``struct v4l2_pix_format``; its first three fields are those of the multiplanar one, too."""
 
     _fields_ = [
-        ("width", c_uint32),
-        ("height", c_uint32),
-        ("pixelformat", c_uint32),
-        ("field", c_uint32),
-        ("bytesperline", c_uint32),
-        ("sizeimage", c_uint32),
-        ("colorspace", c_uint32),
-        ("priv", c_uint32),
-        ("flags", c_uint32),
-        ("ycbcr_enc", c_uint32),
-        ("quantization", c_uint32),
-        ("xfer_func", c_uint32),
+        *_u32("width height pixelformat field bytesperline sizeimage colorspace priv"),
+        *_u32("flags ycbcr_enc quantization xfer_func"),
     ]
 
 
 class _FormatUnion(Union):
     # A member that is not declared here holds pointers, hence the alignment.
-    _fields_ = [
-        ("pix", PixelFormat),
-        ("raw_data", c_uint8 * 200),
-        ("alignment", c_void_p),
-    ]
+    _fields_ = [("pix", PixelFormat), ("raw_data", c_uint8 * 200), ("alignment", c_void_p)]
 
 
 class Format(Structure):
@@ -143,11 +129,9 @@ class CaptureParameters(Structure):
     """``struct v4l2_captureparm``."""
 
     _fields_ = [
-        ("capability", c_uint32),
-        ("capturemode", c_uint32),
+        *_u32("capability capturemode"),
         ("timeperframe", Fraction),
-        ("extendedmode", c_uint32),
-        ("readbuffers", c_uint32),
+        *_u32("extendedmode readbuffers"),
         ("reserved", c_uint32 * 4),
     ]
 
@@ -171,14 +155,7 @@ class DiscreteSize(Structure):
 class StepwiseSize(Structure):
     """``struct v4l2_frmsize_stepwise``."""
 
-    _fields_ = [
-        ("min_width", c_uint32),
-        ("max_width", c_uint32),
-        ("step_width", c_uint32),
-        ("min_height", c_uint32),
-        ("max_height", c_uint32),
-        ("step_height", c_uint32),
-    ]
+    _fields_ = [*_u32("min_width max_width step_width min_height max_height step_height")]
 
 
 class _SizeUnion(Union):
@@ -189,13 +166,7 @@ class FrameSize(Structure):
     """``struct v4l2_frmsizeenum``."""
 
     _anonymous_ = ("size",)
-    _fields_ = [
-        ("index", c_uint32),
-        ("pixel_format", c_uint32),
-        ("type", c_uint32),
-        ("size", _SizeUnion),
-        ("reserved", c_uint32 * 2),
-    ]
+    _fields_ = [*_u32("index pixel_format type"), ("size", _SizeUnion), ("reserved", c_uint32 * 2)]
 
 
 class StepwiseInterval(Structure):
@@ -213,11 +184,7 @@ class FrameInterval(Structure):
 
     _anonymous_ = ("interval",)
     _fields_ = [
-        ("index", c_uint32),
-        ("pixel_format", c_uint32),
-        ("width", c_uint32),
-        ("height", c_uint32),
-        ("type", c_uint32),
+        *_u32("index pixel_format width height type"),
         ("interval", _IntervalUnion),
         ("reserved", c_uint32 * 2),
     ]
@@ -227,8 +194,7 @@ class ControlQuery(Structure):
     """``struct v4l2_queryctrl``."""
 
     _fields_ = [
-        ("id", c_uint32),
-        ("type", c_uint32),
+        *_u32("id type"),
         ("name", c_uint8 * 32),
         ("minimum", c_int32),
         ("maximum", c_int32),
@@ -251,12 +217,7 @@ class MenuQuery(Structure):
     _pack_ = 1
     _layout_ = "ms"
     _anonymous_ = ("item",)
-    _fields_ = [
-        ("id", c_uint32),
-        ("index", c_uint32),
-        ("item", _MenuUnion),
-        ("reserved", c_uint32),
-    ]
+    _fields_ = [*_u32("id index"), ("item", _MenuUnion), ("reserved", c_uint32)]
 
 
 class ControlValue(Structure):
@@ -287,10 +248,10 @@ ENUMERATE_INTERVALS = _request(_READ_AND_WRITE, 75, FrameInterval)
 
 
 def text_of(field: ctypes.Array[c_uint8]) -> str:
-    """A fixed-length field of characters as text, up to its first zero byte."""
+    """Return a fixed-length field of characters as text, up to its first zero byte."""
     return bytes(field).split(b"\0", 1)[0].decode("utf-8", "replace").strip()
 
 
 def fourcc_text(code: int) -> str:
-    """The four characters of a pixel format's code, as in ``MJPG``."""
+    """Return the four characters of a pixel format's code, as in ``MJPG``."""
     return (code & 0x7FFFFFFF).to_bytes(4, "little").decode("ascii", "replace").strip()

@@ -1,4 +1,4 @@
-"""Which images a camera can deliver: pixel formats, sizes and rates."""
+"""Images that a camera can deliver: pixel formats, sizes and rates."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class CameraMode:
 
 
 def camera_modes(device: V4l2Device) -> tuple[CameraMode, ...]:
-    """All modes, by pixel format in the driver's order, then by size.
+    """Return all modes, by pixel format in the driver's order, then by size.
 
     Raises:
         OSError: the device does not answer.

@@ -1,4 +1,4 @@
-"""Opening a video device, or one sentence that says why not and what to do."""
+"""Opening of a video device, or one sentence that says why not and what to do."""
 
 from __future__ import annotations
 
@@ -6,7 +6,13 @@ import errno
 from pathlib import Path
 
 from observer.errors import SourceError
-from observer.sources.cameras.device_files import User, holders, permission_advice, shown_path
+from observer.sources.cameras.device_files import (
+    User,
+    holders,
+    in_words,
+    permission_advice,
+    shown_path,
+)
 from observer.sources.cameras.v4l2.device import DeviceAccess, LinuxAccess, V4l2Device
 
 _MACHINE = Path("/")
@@ -32,7 +38,7 @@ def open_device(
 
 
 def why_not(file: Path, error: OSError, root: Path = _MACHINE, user: User | None = None) -> str:
-    """One sentence for an error of a device file: what is wrong and what to do."""
+    """Return one sentence for an error of a device file: what is wrong and what to do."""
     shown = shown_path(file, root)
     if error.errno in (errno.EACCES, errno.EPERM):
         try:
@@ -42,7 +48,7 @@ def why_not(file: Path, error: OSError, root: Path = _MACHINE, user: User | None
     if error.errno == errno.ENOENT:
         return f"there is no {shown}; plug the camera in, or see dynamic-observer doctor for a list"
     if error.errno == errno.EBUSY:
-        who = ", ".join(f"{each.name} (process {each.process})" for each in holders(file, root))
+        who = in_words(holders(file, root))
         advice = "close it" if who else f"sudo fuser -v {shown} tells which"
         return f"{shown} is in use by {who or 'another program'}; {advice}"
     if error.errno in (errno.ENODEV, errno.ENXIO, errno.EIO):

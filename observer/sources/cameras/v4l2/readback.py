@@ -1,4 +1,4 @@
-"""What a camera really has at present, in words."""
+"""Settings that a camera really has at present, in words."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from functools import partial
 from typing import TypeVar
 
 from observer.sources.cameras.v4l2 import layout
-from observer.sources.cameras.v4l2.device import Control, V4l2Device, is_gone
+from observer.sources.cameras.v4l2.device import KNOWN_CONTROLS, Control, V4l2Device, is_gone
 
 _T = TypeVar("_T")
 
-# How far a rate may be from a whole one and still be written as such: 30000/1001 is 29.97.
+# Difference from a whole rate that is not shown: 30000/1001 is written 29.97.
 _SAME_RATE = 0.005
 
 
 @dataclass(frozen=True)
 class Readback:
-    """What a camera has now; None for what it lacks or does not tell.
+    """Present settings of a camera; None for what it lacks or does not tell.
 
     Attributes:
         size: width and height in pixels. pixel_format: four characters. rate: 1/s.
@@ -34,7 +34,7 @@ class Readback:
 
     @property
     def automatic_exposure(self) -> bool | None:
-        """Whether the camera chooses its exposure; None where it has no such choice."""
+        """Return whether the camera chooses its exposure; None where it has no such choice."""
         mode = self.values.get(layout.AUTO_EXPOSURE)
         if mode is None:
             return None
@@ -47,22 +47,9 @@ def read_back(device: V4l2Device) -> Readback:
     Raises:
         OSError: the camera is gone.
     """
-    numbers = (
-        layout.AUTO_EXPOSURE,
-        layout.EXPOSURE_MAY_LOWER_RATE,
-        layout.EXPOSURE,
-        layout.EXPOSURE_IN_DRIVER_UNITS,
-        layout.AUTO_GAIN,
-        layout.GAIN,
-        layout.AUTO_WHITE_BALANCE,
-        layout.WHITE_BALANCE_TEMPERATURE,
-        layout.AUTO_FOCUS,
-        layout.FOCUS,
-        layout.POWER_LINE_FREQUENCY,
-    )
     values: dict[int, int] = {}
     controls: dict[int, Control] = {}
-    for number in numbers:
+    for number in KNOWN_CONTROLS:
         control = _or_none(partial(device.control, number))
         if control is None:
             continue
@@ -75,7 +62,7 @@ def read_back(device: V4l2Device) -> Readback:
 
 
 def in_words(now: Readback) -> dict[str, str]:
-    """``{"size": "640x480", "exposure": "156 (15.6 ms, locked)", ...}``; unknown is left out."""
+    """Return ``{"size": "640x480", "exposure": "156 (15.6 ms, locked)", ...}``, what is known."""
     words = {
         "size": f"{now.size[0]}x{now.size[1]}" if now.size else None,
         "pixel format": now.pixel_format,
@@ -92,7 +79,7 @@ def in_words(now: Readback) -> dict[str, str]:
 
 
 def rate_text(rate: float) -> str:
-    """A rate without digits that say nothing: ``30``, ``29.97``, ``7.5``."""
+    """Return a rate without digits that say nothing: ``30``, ``29.97``, ``7.5``."""
     whole = round(rate)
     return f"{whole}" if abs(rate - whole) < _SAME_RATE else f"{rate:.2f}".rstrip("0").rstrip(".")
 
@@ -154,7 +141,7 @@ def _with_remarks(text: str, remarks: list[str]) -> str:
 
 
 def _or_none(ask: Callable[[], _T]) -> _T | None:
-    """The answer; None where the camera refuses it or does not give it."""
+    """Return the answer; None where the camera refuses it or does not give it."""
     try:
         return ask()
     except OSError as error:

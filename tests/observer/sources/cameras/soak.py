@@ -19,7 +19,8 @@ import time
 import numpy as np
 import psutil
 
-from observer.sources.cameras.source import open_urls
+from observer.sources.cameras.source import CameraSource
+from observer.sources.cameras.spec import parse_urls
 from observer.types import StereoFrame
 
 from .fault_proxy import FaultProxy
@@ -52,7 +53,7 @@ def soak(seconds: float, seed: int = 1, size: str = "320x240") -> bool:
     ):
         before = (_descriptors(process), threading.active_count())
         faults = _Faults([left, right], random.Random(seed))
-        source = open_urls(f"{url_of(left.port)},{url_of(right.port)}")
+        source = CameraSource(parse_urls(f"{url_of(left.port)},{url_of(right.port)}"))
         counts = {"pairs": 0, "troubles": 0}
         memory: list[tuple[float, float]] = []
         start, told = time.monotonic(), 0.0

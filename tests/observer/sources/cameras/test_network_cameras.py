@@ -12,7 +12,8 @@ import pytest
 
 from observer.errors import SourceError
 from observer.opening import open_source
-from observer.sources.cameras.source import CameraSource, open_urls
+from observer.sources.cameras.source import CameraSource
+from observer.sources.cameras.spec import parse_urls
 from observer.sources.contract import LIVE_PATIENCE_S
 from observer.types import StereoFrame
 
@@ -78,7 +79,9 @@ def test_faults_of_the_network_are_told_in_time_and_get_over(
     server: VideoServer, proxy: FaultProxy
 ) -> None:
     left = server.url.replace("http://", "http://someone:s3cret@")
-    source = open_urls(f"{left},{url_of(proxy.port)}?user=someone&pwd=s3cret&channel=1")
+    source = CameraSource(
+        parse_urls(f"{left},{url_of(proxy.port)}?user=someone&pwd=s3cret&channel=1")
+    )
     name = f"the right camera ({url_of(proxy.port)}?channel=1) "
     watch = Watch(source)
     told, back = {}, {}
@@ -151,7 +154,7 @@ def test_a_known_delay_shows_in_the_skew_and_a_long_one_in_what_is_dropped() -> 
     need_ffmpeg()
     rate, delay_s = 20.0, 0.02
     with VideoServer(rate=rate) as slow, FaultProxy(slow.port) as line:
-        source = open_urls(f"{slow.url},{url_of(line.port)}")
+        source = CameraSource(parse_urls(f"{slow.url},{url_of(line.port)}"))
         try:
             watch = Watch(source)
             watch.read_frames(15)
@@ -190,7 +193,7 @@ def _median_skew(frames: list[StereoFrame]) -> float:
 def test_a_change_of_resolution_is_told_and_not_handed_on() -> None:
     need_ffmpeg()
     with VideoServer() as left, VideoServer() as right:
-        source = open_urls(f"{left.url},{right.url}")
+        source = CameraSource(parse_urls(f"{left.url},{right.url}"))
         try:
             watch = Watch(source)
             watch.read_frames(5)
@@ -225,6 +228,6 @@ def test_what_cannot_be_opened_is_told_with_its_reason(
     proxy.refused = True
     began = time.monotonic()
     with pytest.raises(SourceError, match=r"the right camera \(http.*\) refuses the connection"):
-        open_urls(f"{server.url},{url_of(proxy.port).replace('//', '//a:b@')}")
+        CameraSource(parse_urls(f"{server.url},{url_of(proxy.port).replace('//', '//a:b@')}"))
     assert time.monotonic() - began < 10.0
     assert grabbers() == []

@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from observer.sources.cameras.bandwidth import bandwidth_hints
 from observer.sources.cameras.capture import is_monotonic_stamp
 from observer.sources.cameras.freshness import Backlog, Period, Repeats
 from observer.sources.cameras.messages import (
@@ -21,6 +20,7 @@ from observer.sources.cameras.messages import (
 )
 from observer.sources.cameras.pairing import Skews, judge
 from observer.sources.cameras.settings import CameraSettings
+from observer.sources.cameras.usb import bandwidth_hints
 
 T = 1 / 30
 

@@ -17,7 +17,8 @@ import pytest
 
 from observer.errors import SourceError
 from observer.sources.cameras.settings import CameraSettings
-from observer.sources.cameras.source import CameraSource, open_devices
+from observer.sources.cameras.source import CameraSource
+from observer.sources.cameras.spec import parse_devices
 from observer.sources.contract import LiveSource
 
 from .scripted_camera import OPENER, scripted_spec, write_script
@@ -262,7 +263,7 @@ def test_a_file_that_is_no_camera_is_refused_by_its_own_process(tmp_path: Path) 
     for name in ("one", "two"):
         (tmp_path / name).write_bytes(b"no camera")
     with pytest.raises(SourceError, match=r"(one|two)\) cannot be used: .* it is no camera"):
-        open_devices(f"{tmp_path / 'one'},{tmp_path / 'two'}")
+        CameraSource(parse_devices(f"{tmp_path / 'one'},{tmp_path / 'two'}"))
 
 
 def test_camera_processes_end_with_the_one_that_was_killed(left: Path, right: Path) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from observer.errors import SourceError
 from observer.sources.cameras.settings import AppliedSettings, CameraSettings
-from observer.sources.cameras.v4l2 import apply_settings, read_settings
+from observer.sources.cameras.v4l2 import apply_settings
 
 from .fake_machine import FakeMachine
 from .fake_v4l2 import (
@@ -65,7 +65,9 @@ def bench(tmp_path: Path) -> Bench:
 
 
 def test_reading_says_everything_in_words_and_sets_nothing(bench: Bench) -> None:
-    read = read_settings("/dev/video0", root=bench.machine.root, access=bench.kernel)
+    read = apply_settings(
+        "/dev/video0", CameraSettings(), root=bench.machine.root, access=bench.kernel
+    )
     assert read.accepted == {
         "size": "640x480",
         "pixel format": "MJPG",
@@ -269,13 +271,15 @@ def test_a_rate_of_the_same_name_is_no_other_rate(bench: Bench) -> None:
 
 def test_stable_names_reach_the_camera(bench: Bench) -> None:
     name = "/dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0"
-    read = read_settings(name, root=bench.machine.root, access=bench.kernel)
+    read = apply_settings(name, CameraSettings(), root=bench.machine.root, access=bench.kernel)
     assert read.accepted["size"] == "640x480"
 
 
 def test_a_camera_that_is_not_there_or_goes_away_is_one_sentence(bench: Bench) -> None:
     with pytest.raises(SourceError, match="there is no /dev/video7; plug the camera in"):
-        read_settings("/dev/video7", root=bench.machine.root, access=bench.kernel)
+        apply_settings(
+            "/dev/video7", CameraSettings(), root=bench.machine.root, access=bench.kernel
+        )
     bench.camera.fails[0x1C] = errno.ENODEV
     with pytest.raises(SourceError, match="/dev/video0 does not answer"):
         bench.apply(gain=20)
@@ -284,7 +288,7 @@ def test_a_camera_that_is_not_there_or_goes_away_is_one_sentence(bench: Bench) -
 
 def test_a_file_that_is_no_camera_is_one_sentence(bench: Bench) -> None:
     with pytest.raises(SourceError, match="/dev/video0 is no video device"):
-        read_settings("/dev/video0", root=bench.machine.root)
+        apply_settings("/dev/video0", CameraSettings(), root=bench.machine.root)
 
 
 def test_a_camera_that_was_pulled_while_it_was_read_is_no_camera_without_controls(

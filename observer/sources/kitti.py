@@ -1,4 +1,8 @@
-"""KITTI raw: ``image_00/data``, ``image_00/timestamps.txt``, ``calib_cam_to_cam.txt``."""
+"""The layouts of KITTI's two kinds of data.
+
+Odometry: ``image_0 image_1`` or ``image_2 image_3``, ``times.txt``, ``calib.txt``. Raw:
+``image_00/data``, ``image_00/timestamps.txt``, ``calib_cam_to_cam.txt``, and so on.
+"""
 
 from __future__ import annotations
 
@@ -8,17 +12,47 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from observer.calibration.ageing.row_refinement import RowRefinement, refine_from_scene
-from observer.calibration.formats.kitti_file import read_kitti_raw
+from observer.calibration.formats.kitti_file import read_kitti_odometry, read_kitti_raw
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
-from observer.image_files.listing import pairs_by_name, read_lines
+from observer.image_files.listing import pairs_by_name, read_lines, read_times
 from observer.image_files.pairs import FilePair, MissingPair
 from observer.image_files.reading import read_image
 from observer.sources.file_pairs import FilePairSource
 
-# Pairs, evenly spread over the drive, from which the rows are set straight.
+# Number of pairs, evenly spread over the drive, by which the rows are aligned.
 _REFINED_BY = 4
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def open_kitti_odometry(folder: Path) -> FilePairSource:
+    """Open a sequence of KITTI's odometry benchmark; its images are rectified.
+
+    The grey pair is taken where both pairs are there.
+
+    Raises:
+        SourceError: a part is missing or unusable.
+        CalibrationError: ``calib.txt`` is there and unusable.
+    """
+    left = _left_camera(folder, "image_{}", "KITTI odometry")
+    calibration_file = folder / "calib.txt"
+
+    def calibrate(width: int, height: int) -> StereoCalibration | None:
+        if not calibration_file.is_file():
+            return None
+        return read_kitti_odometry(calibration_file, left, width, height)
+
+    return FilePairSource(
+        spec=str(folder),
+        kind="KITTI odometry",
+        entries=pairs_by_name(
+            folder / f"image_{left}",
+            folder / f"image_{left + 1}",
+            read_times(folder / "times.txt"),
+            "times.txt",
+        ),
+        calibrate=calibrate,
+    )
 
 
 def open_kitti_raw(folder: Path) -> FilePairSource:
@@ -35,15 +69,8 @@ def open_kitti_raw(folder: Path) -> FilePairSource:
         SourceError: a part is missing or unusable.
         CalibrationError: ``calib_cam_to_cam.txt`` is there (or one folder up) and unusable.
     """
-    pairs = (k for k in (0, 2) if all(_camera(folder, c).is_dir() for c in (k, k + 1)))
-    left = next(pairs, None)
-    if left is None:
-        raise SourceError(
-            f"{folder} has images of one camera only; KITTI raw needs image_00 and image_01, "
-            f"or image_02 and image_03"
-        )
-
-    entries = _entries(_camera(folder, left), _camera(folder, left + 1))
+    left = _left_camera(folder, "image_{:02d}", "KITTI raw")
+    entries = _entries(folder / f"image_{left:02d}", folder / f"image_{left + 1:02d}")
 
     def calibrate(width: int, height: int) -> StereoCalibration | None:
         # A day's calibration lies beside its drives.
@@ -58,7 +85,7 @@ def open_kitti_raw(folder: Path) -> FilePairSource:
 
 
 def read_timestamps_ns(path: Path) -> list[int]:
-    """Nanoseconds since 1970, one for each line such as ``2011-09-26 14:06:06.052646144``.
+    """Return nanoseconds since 1970, one for each line such as ``2011-09-26 14:06:06.052646144``.
 
     Raises:
         SourceError: the file is missing or a line is no time.
@@ -93,7 +120,7 @@ def _entries(left: Path, right: Path) -> list[FilePair | MissingPair]:
 def _refined(
     calibration: StereoCalibration, entries: Sequence[FilePair | MissingPair]
 ) -> StereoCalibration:
-    """The calibration with its rows set straight by the drive's own images, where they tell."""
+    """Return the calibration with its rows aligned by the drive's images, as far as they allow."""
     pairs = [entry for entry in entries if isinstance(entry, FilePair)]
     chosen = pairs[:: max(1, len(pairs) // _REFINED_BY)][:_REFINED_BY]
     images = []
@@ -106,5 +133,20 @@ def _refined(
     return refinement.calibration if isinstance(refinement, RowRefinement) else calibration
 
 
-def _camera(folder: Path, number: int) -> Path:
-    return folder / f"image_{number:02d}"
+def _left_camera(folder: Path, name: str, layout: str) -> int:
+    """Return the number of the left camera of the grey pair, without one of the colour pair.
+
+    Args:
+        name: of a camera's folder, with a place for its number.
+
+    Raises:
+        SourceError: neither pair is there.
+    """
+    names = [name.format(number) for number in range(4)]
+    for left in (0, 2):
+        if all((folder / each).is_dir() for each in names[left : left + 2]):
+            return left
+    raise SourceError(
+        f"{folder} has images of one camera only; {layout} needs {names[0]} and {names[1]}, "
+        f"or {names[2]} and {names[3]}"
+    )
