@@ -15,13 +15,13 @@ const HEIGHT = 48;
 const SVG = "http://www.w3.org/2000/svg";
 
 class CalibrationHealth extends Part {
-  #words = h("p", { class: "verdict" });
+  #words = h("p.verdict");
   // The number changes all the time; only a warning is spoken.
-  #spoken = h("p", { class: "visually-hidden", role: "status" });
-  #trend = h("p", { class: "hint" });
+  #spoken = h("p.visually-hidden", { role: "status" });
+  #trend = h("p.hint");
   #chart = document.createElementNS(SVG, "svg");
-  #vergence = h("p", { class: "hint" });
-  #refine = h("button", { type: "button", class: "button" }, "Refine from the scene");
+  #vergence = h("p.hint");
+  #refine = h("button.button", { type: "button" }, "Refine from the scene");
   #drawn = "";
   #refining = false;
 
@@ -31,18 +31,17 @@ class CalibrationHealth extends Part {
     this.#chart.setAttribute("role", "img");
     this.#refine.addEventListener("click", () => void this.#refineRows());
     this.append(
-      h("h3", {}, "How it holds"),
+      h("h3", "How it holds"),
       this.#words,
       this.#spoken,
       this.#chart,
       this.#trend,
       this.#vergence,
       h(
-        "p",
-        { class: "hint" },
+        "p.hint",
         "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay.",
       ),
-      h("div", { class: "row" }, this.#refine),
+      h("div.row", this.#refine),
     );
     this.hear("status", () => this.#render());
   }

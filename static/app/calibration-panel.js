@@ -48,18 +48,18 @@ class CalibrationPanel extends Part {
     { id: "calibration-cameras" },
     ...CAMERAS.map(([value, text]) => h("option", { value }, text)),
   );
-  #drop = h("div", { class: "drop" });
-  #error = h("p", { class: "field-error", id: "calibration-error", role: "alert" });
-  #list = h("ul", { class: "item-list" });
+  #drop = h("div.drop");
+  #error = h("p.field-error", { id: "calibration-error", role: "alert" });
+  #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
     (/** @type {Calibration} */ calibration) => this.#item(calibration),
     () => this.#make,
   );
-  #make = h("button", { class: "button primary", type: "button" }, "Calibrate cameras");
-  #empty = h("p", { class: "empty" }, "None yet; the source's own calibration is in use.");
-  #compare = h("button", { class: "button", type: "button", hidden: true }, "Compare");
-  #own = h("button", { class: "button", type: "button" }, "Back to the source's own");
+  #make = h("button.button.primary", { type: "button" }, "Calibrate cameras");
+  #empty = h("p.empty", "None yet; the source's own calibration is in use.");
+  #compare = h("button.button", { type: "button", hidden: true }, "Compare");
+  #own = h("button.button", { type: "button" }, "Back to the source's own");
   /** @type {Calibration[]} */
   #all = [];
   #active = "";
@@ -74,17 +74,15 @@ class CalibrationPanel extends Part {
       ),
       this.#file,
       h(
-        "p",
-        { class: "hint", id: "calibration-help" },
+        "p.hint",
+        { id: "calibration-help" },
         "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
       ),
       h(
         "details",
-        {},
-        h("summary", {}, "Where the files leave something open"),
+        h("summary", "Where the files leave something open"),
         h(
-          "div",
-          { class: "stack" },
+          "div.stack",
           field("Image size, where no file tells it", this.#size),
           field("Lengths are in", this.#unit),
           field("Cameras", this.#cameras),
@@ -97,15 +95,15 @@ class CalibrationPanel extends Part {
     this.#listenForDrop();
     this.#make.addEventListener("click", () => this.hub.tell("calibrate"));
     this.append(
-      h("h2", {}, "Calibration"),
-      h("p", { class: "hint" }, "With a printed board it takes about five minutes."),
-      h("div", { class: "row" }, this.#make),
-      h("h3", {}, "Bring your own"),
+      h("h2", "Calibration"),
+      h("p.hint", "With a printed board it takes about five minutes."),
+      h("div.row", this.#make),
+      h("h3", "Bring your own"),
       this.#drop,
-      h("h3", {}, "Kept calibrations"),
+      h("h3", "Kept calibrations"),
       this.#empty,
       this.#list,
-      h("div", { class: "row" }, this.#compare, this.#own),
+      h("div.row", this.#compare, this.#own),
     );
     this.#compare.addEventListener("click", () => compared(this.#all.slice(0, 4)));
     this.hear("reconnected", () => void this.#load());
@@ -162,10 +160,9 @@ class CalibrationPanel extends Part {
   #item(calibration) {
     const active = calibration.id === this.#active;
     const remove = h(
-      "button",
+      "button.button.icon-button",
       {
         type: "button",
-        class: "button icon-button",
         disabled: active,
         "aria-label": `Delete calibration ${calibration.name}`,
         title: active ? "In use" : "Delete",
@@ -173,34 +170,31 @@ class CalibrationPanel extends Part {
       icon("trash"),
     );
     const name = h(
-      "button",
-      { type: "button", class: "button", "aria-label": `Rename calibration ${calibration.name}` },
+      "button.button",
+      { type: "button", "aria-label": `Rename calibration ${calibration.name}` },
       "Rename",
     );
     name.addEventListener("click", () => void this.#rename(calibration));
     const look = h(
-      "button",
-      { type: "button", class: "button", "aria-label": `Look at calibration ${calibration.name}` },
+      "button.button",
+      { type: "button", "aria-label": `Look at calibration ${calibration.name}` },
       "Look",
     );
     remove.addEventListener("click", () => void this.#remove(calibration));
     look.addEventListener("click", () => void this.#look(calibration));
     return h(
       "li",
-      {},
       h(
-        "div",
-        { class: "item-words" },
+        "div.item-words",
         h(
           "p",
-          {},
-          h("b", {}, calibration.name),
+          h("b", calibration.name),
           " ",
-          active ? h("span", { class: "state-chip", "data-state": "running" }, "in use") : null,
+          active ? h("span.state-chip", { "data-state": "running" }, "in use") : null,
         ),
-        h("p", { class: "hint" }, describe(calibration)),
+        h("p.hint", describe(calibration)),
       ),
-      h("div", { class: "row" }, look, name, remove),
+      h("div.row", look, name, remove),
     );
   }
 

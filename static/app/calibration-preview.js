@@ -26,50 +26,40 @@ export function previewed(calibration, active) {
     role: "img",
     "aria-label": "The rectified pair, left and right, with level lines across both",
   });
-  const verdict = h("p", { class: "verdict", role: "status" }, "Rectifying the newest pair…");
+  const verdict = h("p.verdict", { role: "status" }, "Rectifying the newest pair…");
   const use = h(
-    "button",
-    { value: "use", class: "button primary", disabled: active },
+    "button.button.primary",
+    { value: "use", disabled: active },
     active ? "In use" : "Use this calibration",
   );
   const tape = new TapeCheck(calibration, canvas);
   const report = calibration.report;
   const dialog = h(
-    "dialog",
-    { class: "preview", "aria-labelledby": "preview-title" },
+    "dialog.preview",
+    { "aria-labelledby": "preview-title" },
     h(
       "form",
       // The tape's number, half typed, must not keep the dialog open.
       { method: "dialog", novalidate: true },
       h("h2", { id: "preview-title" }, calibration.name),
-      calibration.origin ? h("p", {}, sentence(calibration.origin)) : null,
+      calibration.origin ? h("p", sentence(calibration.origin)) : null,
       notes(calibration.notes),
-      h("dl", { class: "figures" }, ...understood(calibration)),
-      report?.verdict ? h("p", { class: "verdict" }, report.verdict.sentence) : null,
+      h("dl.figures", ...understood(calibration)),
+      report?.verdict ? h("p.verdict", report.verdict.sentence) : null,
       report
         ? h(
             "details",
-            {},
-            h("summary", {}, "How good it is"),
+            h("summary", "How good it is"),
             report.verdict ? verdictTable(report.verdict) : null,
             viewChart(report.views),
           )
         : null,
       canvas,
-      h(
-        "p",
-        { class: "hint" },
-        "A point of the left image must lie on the same level line in the right one.",
-      ),
+      h("p.hint", "A point of the left image must lie on the same level line in the right one."),
       verdict,
       tape.element,
-      h("div", { class: "row" }, ...exports(calibration)),
-      h(
-        "div",
-        { class: "row end" },
-        h("button", { value: "close", class: "button" }, "Close"),
-        use,
-      ),
+      h("div.row", ...exports(calibration)),
+      h("div.row.end", h("button.button", { value: "close" }, "Close"), use),
     ),
   );
   document.body.append(dialog);
@@ -152,39 +142,30 @@ export function compared(calibrations) {
   ];
   const body = h(
     "tbody",
-    {},
     ...rows.map(([term, value]) =>
-      h(
-        "tr",
-        {},
-        h("th", { scope: "row" }, term),
-        ...calibrations.map((c) => h("td", {}, value(c))),
-      ),
+      h("tr", h("th", { scope: "row" }, term), ...calibrations.map((c) => h("td", value(c)))),
     ),
   );
   const dialog = h(
-    "dialog",
-    { class: "preview", "aria-labelledby": "compare-title" },
+    "dialog.preview",
+    { "aria-labelledby": "compare-title" },
     h(
       "form",
       { method: "dialog" },
       h("h2", { id: "compare-title" }, "Calibrations compared"),
       h(
-        "div",
-        { class: "scroll-x" },
+        "div.scroll-x",
         h(
-          "table",
-          { class: "verdict-table" },
+          "table.verdict-table",
           h(
             "thead",
-            {},
-            h("tr", {}, h("th", {}), ...calibrations.map((c) => h("th", { scope: "col" }, c.name))),
+            h("tr", h("th"), ...calibrations.map((c) => h("th", { scope: "col" }, c.name))),
           ),
           body,
         ),
       ),
-      h("p", { class: "hint" }, "“Rows now” is measured in the newest pair of the open source."),
-      h("div", { class: "row end" }, h("button", { value: "close", class: "button" }, "Close")),
+      h("p.hint", "“Rows now” is measured in the newest pair of the open source."),
+      h("div.row.end", h("button.button", { value: "close" }, "Close")),
     ),
   );
   dialog.addEventListener("close", () => dialog.remove());
@@ -224,8 +205,8 @@ function notes(list) {
   return h(
     "details",
     { open: true },
-    h("summary", {}, "What was understood"),
-    h("ul", { class: "plain-list" }, ...list.map((note) => h("li", {}, sentence(note)))),
+    h("summary", "What was understood"),
+    h("ul.plain-list", ...list.map((note) => h("li", sentence(note)))),
   );
 }
 
@@ -239,11 +220,7 @@ function exports(c) {
     ["kalibr", "Kalibr"],
   ];
   return kinds.map(([kind, words]) =>
-    h(
-      "a",
-      { class: "button", href: `${path}/export/${kind}`, download: "" },
-      `Download for ${words}`,
-    ),
+    h("a.button", { href: `${path}/export/${kind}`, download: "" }, `Download for ${words}`),
   );
 }
 
@@ -257,9 +234,7 @@ function understood(c) {
     ["Images", c.rectified ? "rectified already" : "rectified by it"],
   ];
   if (c.devices.length) facts.push(["Cameras", c.devices.join(", ")]);
-  return facts.map(([term, value]) =>
-    h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)),
-  );
+  return facts.map(([term, value]) => h("div", h("dt", term), h("dd.figure", value)));
 }
 
 /**

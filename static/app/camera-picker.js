@@ -19,7 +19,7 @@ export class CameraPicker extends Part {
   /** Called with the text that names the chosen cameras. @type {(spec: string) => void} */
   chosen = () => {};
 
-  #words = h("p", { class: "hint", role: "status" });
+  #words = h("p.hint", { role: "status" });
   #left = h("select", { id: "camera-left" });
   #right = h("select", { id: "camera-right" });
   #mode = h("select", { id: "camera-mode" });
@@ -44,30 +44,27 @@ export class CameraPicker extends Part {
       }),
     ]),
   );
-  #form = h("form", { class: "stack", hidden: true });
-  #again = h("button", { type: "button", class: "button" }, "Look again");
-  #troubles = h("ul", { class: "plain-list warnings" });
+  #form = h("form.stack", { hidden: true });
+  #again = h("button.button", { type: "button" }, "Look again");
+  #troubles = h("ul.plain-list.warnings");
   /** @type {Camera[]} */
   #cameras = [];
   /** Whether cameras were there to be chosen when it was looked last. */
   #known = false;
 
   build() {
-    const use = h("button", { type: "submit", class: "button primary" }, "Open these cameras");
+    const use = h("button.button.primary", { type: "submit" }, "Open these cameras");
     this.#form.append(
       field("Left camera", this.#left),
       field("Right camera", this.#right),
       field("Size, format and rate", this.#mode),
       h(
         "details",
-        {},
-        h("summary", {}, "Exposure, gain, focus"),
+        h("summary", "Exposure, gain, focus"),
         h(
-          "div",
-          { class: "stack" },
+          "div.stack",
           h(
-            "p",
-            { class: "hint" },
+            "p.hint",
             "A number switches the automatic off and locks it. Both cameras get the same.",
           ),
           ...SETTINGS.map(([key, words, help]) => {
@@ -77,14 +74,14 @@ export class CameraPicker extends Part {
           field("Mains frequency of the light", this.#line),
         ),
       ),
-      h("div", { class: "row" }, use),
+      h("div.row", use),
     );
     this.append(
-      h("h3", {}, "Plugged in"),
+      h("h3", "Plugged in"),
       this.#words,
       this.#troubles,
       this.#form,
-      h("div", { class: "row" }, this.#again),
+      h("div.row", this.#again),
     );
     this.#left.addEventListener("change", () => this.#renderModes());
     this.#again.addEventListener("click", () => void this.#load());
@@ -113,7 +110,7 @@ export class CameraPicker extends Part {
           : `${count} cameras are plugged in.`,
     );
     const troubles = cameras.flatMap((camera) => camera.trouble ?? []);
-    this.#troubles.replaceChildren(...[...troubles, ...hints].map((text) => h("li", {}, text)));
+    this.#troubles.replaceChildren(...[...troubles, ...hints].map((text) => h("li", text)));
     this.#form.hidden = count === 0;
     const chosen = this.#known ? [this.#left.value, this.#right.value, this.#mode.value] : [];
     this.#left.replaceChildren(...this.#cameras.map(option));

@@ -57,7 +57,7 @@ export function figuresOf(numbers) {
  */
 export function fillFigures(list, figures) {
   if (list.childElementCount !== figures.length) {
-    list.replaceChildren(...figures.map(() => h("div", {}, h("dt"), h("dd", { class: "figure" }))));
+    list.replaceChildren(...figures.map(() => h("div", h("dt"), h("dd.figure"))));
   }
   figures.forEach(({ term, text }, index) => {
     const [name, value] = list.children[index]?.children ?? [];

@@ -11,16 +11,16 @@ const SIDES = { left: "Left camera", right: "Right camera", both: "Camera" };
 const STATES = { open: "delivers", waiting: "is being opened again", failed: "cannot be opened" };
 
 class LiveCameras extends Part {
-  #trouble = h("p", { class: "field-error", role: "alert" });
-  #skew = h("p", {});
-  #counts = h("p", { class: "hint" });
-  #cameras = h("div", { class: "stack" });
-  #hints = h("ul", { class: "plain-list" });
+  #trouble = h("p.field-error", { role: "alert" });
+  #skew = h("p");
+  #counts = h("p.hint");
+  #cameras = h("div.stack");
+  #hints = h("ul.plain-list");
   #drawn = "";
 
   build() {
     this.append(
-      h("h3", {}, "Cameras"),
+      h("h3", "Cameras"),
       this.#trouble,
       this.#skew,
       this.#counts,
@@ -44,26 +44,24 @@ class LiveCameras extends Part {
     if (drawn === this.#drawn) return;
     this.#drawn = drawn;
     this.#cameras.replaceChildren(...live.cameras.map(camera));
-    this.#hints.replaceChildren(...live.hints.map((hint) => h("li", {}, hint)));
+    this.#hints.replaceChildren(...live.hints.map((hint) => h("li", hint)));
   }
 }
 
 /** @param {LiveCamera} each */
 function camera({ side, device, state, trouble, settings, refused }) {
   return h(
-    "div",
-    { class: "live-camera" },
-    h("p", {}, h("b", {}, SIDES[side]), ` ${STATES[state]}`, h("br"), h("code", {}, device)),
-    trouble ? h("p", { class: "field-error" }, trouble) : null,
+    "div.live-camera",
+    h("p", h("b", SIDES[side]), ` ${STATES[state]}`, h("br"), h("code", device)),
+    trouble ? h("p.field-error", trouble) : null,
     h(
-      "dl",
-      { class: "figures" },
+      "dl.figures",
       ...Object.entries(settings).map(([name, value]) =>
-        h("div", {}, h("dt", {}, name), h("dd", { class: "figure" }, value)),
+        h("div", h("dt", name), h("dd.figure", value)),
       ),
     ),
     refused.length
-      ? h("ul", { class: "plain-list warnings" }, ...refused.map((reason) => h("li", {}, reason)))
+      ? h("ul.plain-list.warnings", ...refused.map((reason) => h("li", reason)))
       : null,
   );
 }

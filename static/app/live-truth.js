@@ -26,15 +26,15 @@ class LiveTruthForm extends Part {
     placeholder: "vrpn:HOST",
     "aria-describedby": "live-truth-help live-truth-error",
   });
-  #listen = h("button", { type: "submit", class: "button" }, "Listen");
-  #stop = h("button", { type: "button", class: "button", hidden: true }, "Stop listening");
-  #error = h("p", { class: "field-error", id: "live-truth-error", role: "alert" });
-  #state = h("span", { class: "state-chip" });
+  #listen = h("button.button", { type: "submit" }, "Listen");
+  #stop = h("button.button", { type: "button", hidden: true }, "Stop listening");
+  #error = h("p.field-error", { id: "live-truth-error", role: "alert" });
+  #state = h("span.state-chip");
   #sentence = h("p", { role: "status" });
-  #trouble = h("p", { class: "warnings hint" });
-  #clock = h("p", { class: "hint figure" });
+  #trouble = h("p.warnings.hint");
+  #clock = h("p.hint.figure");
   #observer = h("select", { id: "live-truth-observer" });
-  #list = h("ul", { class: "live-bodies" });
+  #list = h("ul.live-bodies");
   #bodies = new KeptList(
     this.#list,
     (/** @type {string} */ name) => this.#body(name),
@@ -42,43 +42,37 @@ class LiveTruthForm extends Part {
   );
   /** @type {Map<string, HTMLElement>} */
   #rates = new Map();
-  #heard = h("div", { class: "stack", hidden: true });
+  #heard = h("div.stack", { hidden: true });
   #names = "";
   #followed = "";
   #busy = false;
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       h(
-        "div",
-        { class: "field" },
+        "div.field",
         h("label", { for: "live-truth-spec" }, "Listen to"),
         this.#spec,
         this.#error,
         h(
-          "p",
-          { class: "hint", id: "live-truth-help" },
+          "p.hint",
+          { id: "live-truth-help" },
           "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is aligned while both move, and recorded with every run.",
         ),
       ),
-      h("div", { class: "row" }, this.#listen, this.#stop),
+      h("div.row", this.#listen, this.#stop),
     );
     this.#heard.append(
-      h("p", { class: "row" }, this.#state),
+      h("p.row", this.#state),
       this.#trouble,
       this.#sentence,
       this.#clock,
       field("The observer is", this.#observer),
-      h(
-        "div",
-        { class: "named-part" },
-        h("span", { class: "field-name" }, "Compared bodies"),
-        this.#list,
-      ),
+      h("div.named-part", h("span.field-name", "Compared bodies"), this.#list),
     );
-    this.append(h("h3", {}, "Live motion capture"), form, this.#heard);
+    this.append(h("h3", "Live motion capture"), form, this.#heard);
     form.addEventListener("submit", (event) => {
       event.preventDefault();
       void this.#begin();
@@ -143,9 +137,9 @@ class LiveTruthForm extends Part {
   #body(name) {
     const box = h("input", { type: "checkbox", value: name, checked: true });
     box.addEventListener("change", () => void this.#choose());
-    const rate = h("span", { class: "hint figure" });
+    const rate = h("span.hint.figure");
     this.#rates.set(name, rate);
-    return h("li", {}, h("label", { class: "check" }, box, name), rate);
+    return h("li", h("label.check", box, name), rate);
   }
 
   async #begin() {

@@ -15,23 +15,22 @@ const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 export function notify(text, kind = "done", offer) {
   const host = document.querySelector("#notices");
   if (!host) return;
-  const notice = h("p", {
-    class: "notice",
+  const notice = h("p.notice", {
     "data-kind": kind,
     role: kind === "error" ? "alert" : "status",
   });
   const close = h(
-    "button",
-    { class: "quiet", type: "button", "aria-label": "Close this message" },
+    "button.quiet",
+    { type: "button", "aria-label": "Close this message" },
     icon("close"),
   );
   close.addEventListener("click", () => notice.remove());
-  const button = offer ? h("button", { class: "quiet offer", type: "button" }, offer.words) : null;
+  const button = offer ? h("button.quiet.offer", { type: "button" }, offer.words) : null;
   button?.addEventListener("click", () => {
     notice.remove();
     offer?.act();
   });
-  notice.append(h("span", {}, text), ...(button ? [button] : []), close);
+  notice.append(h("span", text), ...(button ? [button] : []), close);
   host.append(notice);
   setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);
 }
@@ -52,18 +51,17 @@ export function notifyError(error) {
 export function confirmed(question, consequence, action) {
   return new Promise((resolve) => {
     const dialog = h(
-      "dialog",
-      { class: "question", "aria-labelledby": "question-title" },
+      "dialog.question",
+      { "aria-labelledby": "question-title" },
       h(
         "form",
         { method: "dialog" },
         h("h2", { id: "question-title" }, question),
-        h("p", {}, consequence),
+        h("p", consequence),
         h(
-          "div",
-          { class: "row end" },
-          h("button", { value: "no", class: "button" }, "Keep"),
-          h("button", { value: "yes", class: "button danger" }, action),
+          "div.row.end",
+          h("button.button", { value: "no" }, "Keep"),
+          h("button.button.danger", { value: "yes" }, action),
         ),
       ),
     );
@@ -94,18 +92,17 @@ export function answered(question, label, first) {
   });
   input.value = first;
   const dialog = h(
-    "dialog",
-    { class: "question", "aria-labelledby": "answer-title" },
+    "dialog.question",
+    { "aria-labelledby": "answer-title" },
     h(
       "form",
       { method: "dialog" },
       h("h2", { id: "answer-title" }, question),
-      h("div", { class: "field" }, h("label", { for: "answer" }, label), input),
+      h("div.field", h("label", { for: "answer" }, label), input),
       h(
-        "div",
-        { class: "row end" },
-        h("button", { value: "yes", class: "button primary" }, "Take it"),
-        h("button", { value: "no", class: "button", formnovalidate: true }, "Leave"),
+        "div.row.end",
+        h("button.button.primary", { value: "yes" }, "Take it"),
+        h("button.button", { value: "no", formnovalidate: true }, "Leave"),
       ),
     ),
   );

@@ -22,13 +22,12 @@ class ParameterForm extends Part {
     placeholder: "Find a parameter",
     autocomplete: "off",
   });
-  #found = h("p", { class: "hint", role: "status" });
-  #revision = h("p", { class: "hint figure revision" });
+  #found = h("p.hint", { role: "status" });
+  #revision = h("p.hint.figure.revision");
   #undo = h(
-    "button",
+    "button.button.icon-button",
     {
       type: "button",
-      class: "button icon-button",
       "aria-label": "Undo",
       title: "Undo (Ctrl+Z)",
       "aria-keyshortcuts": "Control+Z",
@@ -36,17 +35,16 @@ class ParameterForm extends Part {
     icon("undo"),
   );
   #redo = h(
-    "button",
+    "button.button.icon-button",
     {
       type: "button",
-      class: "button icon-button",
       "aria-label": "Redo",
       title: "Redo (Ctrl+Shift+Z)",
       "aria-keyshortcuts": "Control+Shift+Z",
     },
     icon("redo"),
   );
-  #resetAll = h("button", { type: "button", class: "button" }, "Reset all");
+  #resetAll = h("button.button", { type: "button" }, "Reset all");
 
   build() {
     const store = this.#store;
@@ -60,12 +58,11 @@ class ParameterForm extends Part {
     this.#search.addEventListener("input", () => this.#filter());
     this.addEventListener("keydown", (event) => this.#keyed(event));
     this.append(
-      h("h2", {}, "Parameters"),
+      h("h2", "Parameters"),
       this.#presets,
       h(
-        "div",
-        { class: "row parameter-tools" },
-        h("label", { for: "parameter-search", class: "visually-hidden" }, "Find a parameter"),
+        "div.row.parameter-tools",
+        h("label.visually-hidden", { for: "parameter-search" }, "Find a parameter"),
         this.#search,
         this.#undo,
         this.#redo,

@@ -12,22 +12,20 @@ const SLIDER_STEPS = 100;
 const SEND_EVERY_MS = 150;
 
 class PlaybackBar extends Part {
-  #pause = h("button", { type: "button", class: "button icon-button" });
+  #pause = h("button.button.icon-button", { type: "button" });
   #step = h(
-    "button",
+    "button.button.icon-button",
     {
       type: "button",
-      class: "button icon-button",
       "aria-label": "One frame further",
       title: "One frame further (pauses)",
     },
     icon("step"),
   );
   #restart = h(
-    "button",
+    "button.button.icon-button",
     {
       type: "button",
-      class: "button icon-button",
       "aria-label": "Restart from the first frame",
       title: "Restart from the first frame",
     },
@@ -52,9 +50,9 @@ class PlaybackBar extends Part {
   #loop = h("input", { type: "checkbox", id: "loop" });
   #scrub = new ScrubBar();
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Position" });
-  #position = h("output", { class: "figure position" }, "–");
-  #live = h("p", { class: "hint", hidden: true }, "This source is live; it cannot be paused.");
-  #controls = h("div", { class: "playback-controls" });
+  #position = h("output.figure.position", "–");
+  #live = h("p.hint", { hidden: true }, "This source is live; it cannot be paused.");
+  #controls = h("div.playback-controls");
   #sendTimer = 0;
   #paused = false;
   #holdRateUntil = 0;
@@ -71,17 +69,16 @@ class PlaybackBar extends Part {
     );
     this.#number.addEventListener("change", () => this.#numberChanged());
     this.#controls.append(
-      h("div", { class: "row" }, this.#restart, this.#pause, this.#step),
+      h("div.row", this.#restart, this.#pause, this.#step),
       h(
-        "div",
-        { class: "row rate" },
+        "div.row.rate",
         h("label", { for: "rate" }, "Rate"),
         this.#slider,
         this.#number,
-        h("span", { class: "unit" }, "×"),
+        h("span.unit", "×"),
       ),
-      h("label", { class: "check" }, this.#loop, "Loop"),
-      h("div", { class: "row where" }, this.#scrub, this.#progress, this.#position),
+      h("label.check", this.#loop, "Loop"),
+      h("div.row.where", this.#scrub, this.#progress, this.#position),
     );
     this.#scrub.attach(this.hub);
     this.append(this.#controls, this.#live);

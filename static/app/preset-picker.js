@@ -8,7 +8,7 @@ import { confirmed, notify, notifyError } from "./notice.js";
 
 export class PresetPicker extends HTMLElement {
   #select = h("select", { id: "preset", "aria-describedby": "preset-help" });
-  #help = h("p", { class: "hint", id: "preset-help" });
+  #help = h("p.hint", { id: "preset-help" });
   #name = h("input", {
     type: "text",
     id: "preset-name",
@@ -17,12 +17,11 @@ export class PresetPicker extends HTMLElement {
     "aria-describedby": "preset-error",
     required: true,
   });
-  #error = h("p", { class: "field-error", id: "preset-error", role: "alert" });
+  #error = h("p.field-error", { id: "preset-error", role: "alert" });
   #delete = h(
-    "button",
+    "button.button.icon-button",
     {
       type: "button",
-      class: "button icon-button",
       "aria-label": "Delete this preset",
       title: "Delete this preset",
     },
@@ -32,11 +31,11 @@ export class PresetPicker extends HTMLElement {
   /** @param {ParameterStore} store */
   build(store) {
     const save = h(
-      "form",
-      { class: "row", novalidate: true },
-      h("label", { for: "preset-name", class: "visually-hidden" }, "Name of the new preset"),
+      "form.row",
+      { novalidate: true },
+      h("label.visually-hidden", { for: "preset-name" }, "Name of the new preset"),
       this.#name,
-      h("button", { type: "submit", class: "button" }, "Save preset"),
+      h("button.button", { type: "submit" }, "Save preset"),
     );
     this.#name.placeholder = "New preset's name";
     save.addEventListener("submit", (event) => {
@@ -49,13 +48,7 @@ export class PresetPicker extends HTMLElement {
     });
     this.#delete.addEventListener("click", () => void this.#remove(store));
     this.append(
-      h(
-        "div",
-        { class: "row" },
-        h("label", { for: "preset" }, "Preset"),
-        this.#select,
-        this.#delete,
-      ),
+      h("div.row", h("label", { for: "preset" }, "Preset"), this.#select, this.#delete),
       this.#help,
       save,
       this.#error,

@@ -37,16 +37,12 @@ class RigPanel extends Part {
       }),
     ]),
   );
-  #notes = new Map(NUMBERS.map(([key]) => [key, h("span", { class: "hint" })]));
+  #notes = new Map(NUMBERS.map(([key]) => [key, h("span.hint")]));
   #simulated = h("input", { type: "checkbox", id: "rig-simulated" });
-  #inUse = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", role: "alert", id: "rig-error" });
-  #floor = h("button", { type: "button", class: "button" }, "Estimate from the floor");
-  #drive = h(
-    "button",
-    { type: "button", class: "button", "aria-pressed": "false" },
-    "Estimate from a drive",
-  );
+  #inUse = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert", id: "rig-error" });
+  #floor = h("button.button", { type: "button" }, "Estimate from the floor");
+  #drive = h("button.button", { type: "button", "aria-pressed": "false" }, "Estimate from a drive");
   #words = h("p", { role: "status" });
   /** Asks how far the drive is, while one is noted. */
   #asking = 0;
@@ -60,49 +56,41 @@ class RigPanel extends Part {
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       h(
-        "div",
-        { class: "rig-fields" },
+        "div.rig-fields",
         ...NUMBERS.map(([key, words, unit, , help]) => {
           const input = this.#inputs.get(key);
           return h(
-            "div",
-            { class: "field" },
+            "div.field",
             h("label", { for: `rig-${key}` }, `${words}, ${unit}`),
             input,
-            h("p", { class: "hint", id: `rig-help-${key}` }, help),
+            h("p.hint", { id: `rig-help-${key}` }, help),
             this.#notes.get(key),
           );
         }),
       ),
       h(
-        "label",
-        { class: "check", for: "rig-simulated" },
+        "label.check",
+        { for: "rig-simulated" },
         this.#simulated,
         "Use it for simulated sources too",
       ),
       this.#error,
       h(
-        "div",
-        { class: "row" },
-        h("button", { type: "submit", class: "button primary" }, "Use this rig"),
+        "div.row",
+        h("button.button.primary", { type: "submit" }, "Use this rig"),
         this.#floor,
         this.#drive,
-        h(
-          "a",
-          { class: "button", href: "/api/rig/file", download: "rig.yaml" },
-          "Download rig.yaml",
-        ),
+        h("a.button", { href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml"),
       ),
       this.#words,
     );
     this.append(
-      h("h3", {}, "The rig"),
+      h("h3", "The rig"),
       h(
-        "p",
-        { class: "hint" },
+        "p.hint",
         "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is.",
       ),
       this.#inUse,

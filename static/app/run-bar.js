@@ -24,7 +24,7 @@ const RECORDS = [
 ];
 
 class RunBar extends Part {
-  #state = h("span", { class: "state-chip" });
+  #state = h("span.state-chip");
   #name = h("input", {
     type: "text",
     id: "run-name",
@@ -41,24 +41,18 @@ class RunBar extends Part {
     },
     ...RECORDS.map(([value, words]) => h("option", { value }, words)),
   );
-  #recording = h("span", { class: "record-chip figure", hidden: true });
-  #start = h("button", { class: "button primary", type: "submit" }, icon("record"), "Start run");
-  #stop = h(
-    "button",
-    { class: "button danger", type: "button", hidden: true },
-    icon("stop"),
-    "Stop run",
-  );
-  #running = h("span", { class: "run-clock figure", hidden: true });
+  #recording = h("span.record-chip.figure", { hidden: true });
+  #start = h("button.button.primary", { type: "submit" }, icon("record"), "Start run");
+  #stop = h("button.button.danger", { type: "button", hidden: true }, icon("stop"), "Stop run");
+  #running = h("span.run-clock.figure", { hidden: true });
   #busy = false;
   /** @type {number | null} */
   #restarts = null;
 
   build() {
     const form = h(
-      "form",
-      { class: "row" },
-      h("label", { for: "run-name", class: "visually-hidden" }, "Name of the run"),
+      "form.row",
+      h("label.visually-hidden", { for: "run-name" }, "Name of the run"),
       this.#name,
       this.#record,
       this.#recording,

@@ -15,25 +15,20 @@ import { fixed, sentence } from "./words.js";
 const NEWEST = 8;
 
 class RunList extends Part {
-  #list = h("ul", { class: "item-list" });
+  #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
     (/** @type {Run} */ run) => this.#item(run),
     () => this.#history,
   );
   #empty = h(
-    "p",
-    { class: "empty" },
+    "p.empty",
     "No run yet. Start one at the top of the page; it is recorded and listed here.",
   );
-  #history = h(
-    "a",
-    { class: "button primary", href: "#history" },
-    "Find, compare and look at runs",
-  );
+  #history = h("a.button.primary", { href: "#history" }, "Find, compare and look at runs");
   #ring = h(
-    "button",
-    { type: "button", class: "button", "aria-describedby": "ring-help" },
+    "button.button",
+    { type: "button", "aria-describedby": "ring-help" },
     "Save the last half minute",
   );
   /** @type {string | null} */
@@ -41,14 +36,14 @@ class RunList extends Part {
 
   build() {
     this.append(
-      h("h2", {}, "Runs"),
-      h("div", { class: "row" }, this.#history, this.#ring),
+      h("h2", "Runs"),
+      h("div.row", this.#history, this.#ring),
       h(
-        "p",
-        { class: "hint", id: "ring-help" },
+        "p.hint",
+        { id: "ring-help" },
         "Half a minute back is at hand of live cameras and of every run; it is also saved when the guard stops a robot.",
       ),
-      h("h3", {}, "Newest"),
+      h("h3", "Newest"),
       this.#empty,
       this.#list,
     );
@@ -88,10 +83,9 @@ class RunList extends Part {
   /** @param {Run} run */
   #item(run) {
     const remove = h(
-      "button",
+      "button.button.icon-button",
       {
         type: "button",
-        class: "button icon-button",
         disabled: run.state === "running",
         "aria-label": `Delete run ${run.name}`,
         title: "Delete",
@@ -101,27 +95,22 @@ class RunList extends Part {
     remove.addEventListener("click", () => void removeRun(this.hub, run));
     return h(
       "li",
-      {},
       h(
-        "div",
-        { class: "item-words" },
+        "div.item-words",
         h(
           "p",
-          {},
           h("a", { href: runHref(run.id) }, run.name),
           " ",
-          h("span", { class: "state-chip", "data-state": run.state }, run.state),
+          h("span.state-chip", { "data-state": run.state }, run.state),
         ),
-        h("p", { class: "hint" }, facts(run)),
-        run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null,
+        h("p.hint", facts(run)),
+        run.reason ? h("p.hint", sentence(run.reason)) : null,
       ),
       h(
-        "div",
-        { class: "row" },
+        "div.row",
         h(
-          "a",
+          "a.button",
           {
-            class: "button",
             href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`,
             download: `${run.name}.csv`,
             "aria-label": `Speeds of run ${run.name} as CSV`,

@@ -10,7 +10,7 @@ import { Part } from "./part.js";
 const PLACEHOLDER = /\b[A-Z]{3,}\b/;
 
 class SourcePicker extends Part {
-  #list = h("div", { class: "source-list", role: "group", "aria-label": "Sources" });
+  #list = h("div.source-list", { role: "group", "aria-label": "Sources" });
   #choices = new KeptList(this.#list, (/** @type {import("./types.js").SourceChoice} */ choice) =>
     this.#choice(choice),
   );
@@ -23,40 +23,30 @@ class SourcePicker extends Part {
     required: true,
   });
   #calibration = h("select", { id: "source-calibration" });
-  #open = h("button", { class: "button primary", type: "submit" }, "Open source");
-  #error = h("p", { class: "field-error", id: "source-error", role: "alert" });
-  #calibrate = h(
-    "button",
-    { class: "button", type: "button", hidden: true },
-    "Calibrate these cameras",
-  );
-  #inRun = h("p", { class: "hint", hidden: true }, "Stop the run to open another source.");
+  #open = h("button.button.primary", { type: "submit" }, "Open source");
+  #error = h("p.field-error", { id: "source-error", role: "alert" });
+  #calibrate = h("button.button", { type: "button", hidden: true }, "Calibrate these cameras");
+  #inRun = h("p.hint", { hidden: true }, "Stop the run to open another source.");
   #busy = false;
   #followed = "";
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       h(
-        "div",
-        { class: "field" },
+        "div.field",
         h("label", { for: "source-spec" }, "Source"),
         this.#spec,
         this.#error,
         h(
-          "p",
-          { class: "hint", id: "source-help" },
+          "p.hint",
+          { id: "source-help" },
           "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.",
         ),
       ),
-      h(
-        "div",
-        { class: "field" },
-        h("label", { for: "source-calibration" }, "Calibration"),
-        this.#calibration,
-      ),
-      h("div", { class: "row" }, this.#open, this.#calibrate, this.#inRun),
+      h("div.field", h("label", { for: "source-calibration" }, "Calibration"), this.#calibration),
+      h("div.row", this.#open, this.#calibrate, this.#inRun),
     );
     form.addEventListener("submit", (event) => {
       event.preventDefault();
@@ -69,7 +59,7 @@ class SourcePicker extends Part {
       void this.#openSource();
     };
     cameras.attach(this.hub);
-    this.append(h("h2", {}, "Source"), this.#list, form, cameras);
+    this.append(h("h2", "Source"), this.#list, form, cameras);
     this.hear("status", () => this.#render());
     this.hear("calibrations", () => void this.#loadCalibrations());
     this.hear("reconnected", () => void this.#load());
@@ -87,11 +77,11 @@ class SourcePicker extends Part {
   /** @param {import("./types.js").SourceChoice} choice */
   #choice({ spec, title, help }) {
     const button = h(
-      "button",
-      { type: "button", class: "source", "data-spec": spec },
-      h("b", {}, title),
-      h("code", {}, spec),
-      h("span", {}, help),
+      "button.source",
+      { type: "button", "data-spec": spec },
+      h("b", title),
+      h("code", spec),
+      h("span", help),
     );
     button.addEventListener("click", () => {
       if (this.#busy) return;

@@ -14,7 +14,7 @@ export class TapeCheck {
   #canvas;
   /** @type {[number, number] | null} */
   #place = null;
-  #mark = h("span", { class: "place-mark", hidden: true });
+  #mark = h("span.place-mark", { hidden: true });
   #words = h("p", { role: "status" });
   #measured = h("input", {
     type: "number",
@@ -24,10 +24,10 @@ export class TapeCheck {
     step: "any",
     "aria-describedby": "tape-error",
   });
-  #check = h("button", { type: "button", class: "button" }, "Compare");
-  #error = h("p", { class: "field-error", role: "alert", id: "tape-error" });
-  #list = h("ul", { class: "plain-list" });
-  element = h("details", { class: "tape-check" });
+  #check = h("button.button", { type: "button" }, "Compare");
+  #error = h("p.field-error", { role: "alert", id: "tape-error" });
+  #list = h("ul.plain-list");
+  element = h("details.tape-check");
 
   /**
    * @param {Calibration} calibration
@@ -37,23 +37,22 @@ export class TapeCheck {
     this.#path = `/calibrations/${encodeURIComponent(calibration.id)}`;
     this.#canvas = canvas;
     const choose = h(
-      "button",
-      { type: "button", class: "button", "aria-describedby": "tape-help" },
+      "button.button",
+      { type: "button", "aria-describedby": "tape-help" },
       "Choose the middle",
     );
     choose.addEventListener("click", () => void this.#choose(canvas.width / 4, canvas.height / 2));
     this.element.append(
-      h("summary", {}, "Check it with a tape measure"),
+      h("summary", "Check it with a tape measure"),
       h(
-        "p",
-        { class: "hint", id: "tape-help" },
+        "p.hint",
+        { id: "tape-help" },
         "Click a flat place with texture in the left image, or choose its middle and move it by the arrow keys. Measure from the left lens straight to that place.",
       ),
-      h("div", { class: "row" }, choose),
+      h("div.row", choose),
       this.#words,
       h(
-        "div",
-        { class: "row" },
+        "div.row",
         h("label", { for: "tape-measured" }, "By the tape, m"),
         this.#measured,
         this.#check,
@@ -117,7 +116,7 @@ export class TapeCheck {
   #drawMark() {
     if (!this.#place) return;
     if (!this.#mark.isConnected) {
-      const holder = h("div", { class: "preview-image" });
+      const holder = h("div.preview-image");
       this.#canvas.replaceWith(holder);
       holder.append(this.#canvas, this.#mark);
     }
@@ -144,7 +143,7 @@ export class TapeCheck {
   /** @param {Calibration} calibration */
   #show({ tape_checks }) {
     this.#list.replaceChildren(
-      ...tape_checks.map((check) => h("li", {}, `${check.at.slice(0, 10)}: ${check.sentence}`)),
+      ...tape_checks.map((check) => h("li", `${check.at.slice(0, 10)}: ${check.sentence}`)),
     );
   }
 }

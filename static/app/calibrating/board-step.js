@@ -52,12 +52,12 @@ export class BoardStep extends Part {
     autocomplete: "off",
     spellcheck: "false",
   });
-  #svg = h("button", { class: "button", type: "button" }, icon("download"), "Board as SVG");
-  #pdf = h("button", { class: "button", type: "button" }, icon("download"), "Board as PDF");
-  #printing = h("p", { class: "field-error", role: "alert" });
-  #scaled = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", role: "alert", id: "board-error" });
-  #start = h("button", { class: "button primary", type: "submit" }, "Begin with these cameras");
+  #svg = h("button.button", { type: "button" }, icon("download"), "Board as SVG");
+  #pdf = h("button.button", { type: "button" }, icon("download"), "Board as PDF");
+  #printing = h("p.field-error", { role: "alert" });
+  #scaled = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert", id: "board-error" });
+  #start = h("button.button.primary", { type: "submit" }, "Begin with these cameras");
   #zip = h("input", {
     type: "file",
     id: "board-zip",
@@ -65,73 +65,59 @@ export class BoardStep extends Part {
     "aria-describedby": "board-zip-help board-zip-error",
   });
   #sending = h("p", { role: "status" });
-  #unsent = h("p", { class: "field-error", role: "alert", id: "board-zip-error" });
+  #unsent = h("p.field-error", { role: "alert", id: "board-zip-error" });
   #busy = false;
   #suggested = "";
 
   build() {
     const form = h(
-      "form",
-      { class: "wizard-form", novalidate: true },
+      "form.wizard-form",
+      { novalidate: true },
       h(
-        "fieldset",
-        { class: "wizard-block" },
-        h("legend", {}, "Print a board"),
+        "fieldset.wizard-block",
+        h("legend", "Print a board"),
         h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           "Count the inner corners, where four squares meet, not the squares. More columns than rows, one of them even, keeps left and right apart.",
         ),
         h(
-          "div",
-          { class: "wizard-fields" },
+          "div.wizard-fields",
           field("Kind", this.#kind),
           field("Columns", this.#columns),
           field("Rows", this.#rows),
           field("Square, mm", this.#square),
           field("Paper", this.#paper),
         ),
-        h("div", { class: "row" }, this.#pdf, this.#svg),
+        h("div.row", this.#pdf, this.#svg),
         this.#printing,
         h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           "Print at 100 %, not fitted to the page, and glue it onto something flat and stiff: glass, a door, a clipboard.",
         ),
       ),
       h(
-        "fieldset",
-        { class: "wizard-block" },
-        h("legend", {}, "Measure it"),
+        "fieldset.wizard-block",
+        h("legend", "Measure it"),
         h(
-          "div",
-          { class: "wizard-fields single" },
+          "div.wizard-fields.single",
           field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar),
         ),
         this.#scaled,
       ),
       h(
-        "fieldset",
-        { class: "wizard-block" },
-        h("legend", {}, "Which cameras"),
+        "fieldset.wizard-block",
+        h("legend", "Which cameras"),
+        h("div.wizard-fields.wide", field("Cameras", this.#source), field("Lenses", this.#lens)),
         h(
-          "div",
-          { class: "wizard-fields wide" },
-          field("Cameras", this.#source),
-          field("Lenses", this.#lens),
-        ),
-        h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           "camera:0,1 for two webcams, camera:sbs:0 for one that shows both images, or two rtsp:// or http:// addresses with a comma between them. The tab Source lists what is plugged in.",
         ),
         this.#error,
-        h("div", { class: "row" }, this.#start),
+        h("div.row", this.#start),
       ),
       h(
-        "fieldset",
-        { class: "wizard-block" },
-        h("legend", {}, "Or send in images"),
+        "fieldset.wizard-block",
+        h("legend", "Or send in images"),
         h(
           "label",
           { for: "board-zip" },
@@ -141,8 +127,8 @@ export class BoardStep extends Part {
         this.#sending,
         this.#unsent,
         h(
-          "p",
-          { class: "hint", id: "board-zip-help" },
+          "p.hint",
+          { id: "board-zip-help" },
           "The board above is looked for in every pair; 15 to 30 pairs are enough.",
         ),
       ),

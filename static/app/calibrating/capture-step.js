@@ -28,34 +28,23 @@ export class CaptureStep extends Part {
   /** Whether the last computation was ended from this page. */
   cancelled = false;
 
-  #words = h("p", { class: "capture-words" });
-  #spoken = h("p", { class: "visually-hidden", role: "status", "aria-live": "polite" });
-  #next = h("p", { class: "capture-next" });
-  #cameras = h("div", { class: "capture-cameras" });
+  #words = h("p.capture-words");
+  #spoken = h("p.visually-hidden", { role: "status", "aria-live": "polite" });
+  #next = h("p.capture-next");
+  #cameras = h("div.capture-cameras");
   #bars = new Map(BARS.map(([name, words]) => [name, bar(words)]));
-  #covered = h(
-    "div",
-    { class: "stack" },
-    h("h3", {}, "What is covered"),
-    h("dl", { class: "coverage" }, ...this.#bars.values()),
-  );
-  #capture = h("button", { class: "button", type: "button" }, "Capture now");
-  #undo = h("button", { class: "button", type: "button" }, icon("undo"), "Undo");
+  #covered = h("div.stack", h("h3", "What is covered"), h("dl.coverage", ...this.#bars.values()));
+  #capture = h("button.button", { type: "button" }, "Capture now");
+  #undo = h("button.button", { type: "button" }, icon("undo"), "Undo");
   #automatic = h("input", { type: "checkbox", id: "capture-automatic" });
-  #compute = h("button", { class: "button primary", type: "button" }, "Compute the calibration");
-  #cancel = h("button", { class: "button", type: "button" }, "Cancel");
+  #compute = h("button.button.primary", { type: "button" }, "Compute the calibration");
+  #cancel = h("button.button", { type: "button" }, "Cancel");
   #progress = h("progress", { max: 1, "aria-label": "Computing" });
   #progressWords = h("span", { role: "status" });
-  #computing = h(
-    "div",
-    { class: "row", hidden: true },
-    this.#progress,
-    this.#progressWords,
-    this.#cancel,
-  );
-  #trouble = h("p", { class: "field-error", role: "alert" });
-  #count = h("h3", {}, "No views yet");
-  #list = h("ul", { class: "view-list", "aria-label": "Captured views" });
+  #computing = h("div.row", { hidden: true }, this.#progress, this.#progressWords, this.#cancel);
+  #trouble = h("p.field-error", { role: "alert" });
+  #count = h("h3", "No views yet");
+  #list = h("ul.view-list", { "aria-label": "Captured views" });
   #items = new KeptList(
     this.#list,
     (/** @type {import("../types.js").CapturedView} */ view) => this.#item(view),
@@ -74,30 +63,15 @@ export class CaptureStep extends Part {
   build() {
     this.#cover.attach(this.hub);
     const controls = h(
-      "div",
-      { class: "row capture-controls" },
+      "div.row.capture-controls",
       this.#capture,
       this.#undo,
-      h(
-        "label",
-        { class: "check", for: "capture-automatic" },
-        this.#automatic,
-        "Capture by itself",
-      ),
+      h("label.check", { for: "capture-automatic" }, this.#automatic, "Capture by itself"),
     );
     this.append(
+      h("div.capture-main", this.#words, this.#next, this.#spoken, this.#cameras, controls),
       h(
-        "div",
-        { class: "capture-main" },
-        this.#words,
-        this.#next,
-        this.#spoken,
-        this.#cameras,
-        controls,
-      ),
-      h(
-        "div",
-        { class: "capture-side" },
+        "div.capture-side",
         this.#covered,
         this.#compute,
         this.#computing,
@@ -217,23 +191,23 @@ export class CaptureStep extends Part {
     this.#refusals = refusals;
     this.#refused.hidden = now.refused.length === 0;
     this.#refused.replaceChildren(
-      h("summary", {}, `${now.refused.length} images were not used`),
-      h("ul", { class: "plain-list" }, ...now.refused.map((reason) => h("li", {}, reason))),
+      h("summary", `${now.refused.length} images were not used`),
+      h("ul.plain-list", ...now.refused.map((reason) => h("li", reason))),
     );
   }
 
   /** @param {import("../types.js").CapturedView} view */
   #item(view) {
     const remove = h(
-      "button",
-      { class: "quiet", type: "button", "aria-label": `Remove view ${view.name}`, title: "Remove" },
+      "button.quiet",
+      { type: "button", "aria-label": `Remove view ${view.name}`, title: "Remove" },
       icon("close"),
     );
     remove.addEventListener("click", () => void this.#change({ remove: view.name }));
     const path = `/api/calibrating/views/${encodeURIComponent(view.name)}`;
     const picture = view.picture ? h("img", { src: `${path}/left.jpg`, alt: "", width: 80 }) : null;
     const seen = view.left && view.right ? "" : view.left ? "left only" : "right only";
-    return h("li", {}, picture, h("span", {}, h("b", {}, view.name), " ", seen), remove);
+    return h("li", picture, h("span", h("b", view.name), " ", seen), remove);
   }
 
   async #end() {
@@ -267,9 +241,8 @@ export class CaptureStep extends Part {
 function bar(words) {
   return h(
     "div",
-    {},
-    h("dt", {}, words),
-    h("dd", {}, h("meter", { min: 0, max: 1, value: 0, "aria-label": words })),
+    h("dt", words),
+    h("dd", h("meter", { min: 0, max: 1, value: 0, "aria-label": words })),
   );
 }
 

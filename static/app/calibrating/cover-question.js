@@ -7,23 +7,19 @@ import { notifyError } from "../notice.js";
 import { Part } from "../part.js";
 
 export class CoverQuestion extends Part {
-  #ask = h("button", { class: "button", type: "button" }, "Which camera is left?");
+  #ask = h("button.button", { type: "button" }, "Which camera is left?");
   #words = h("p", { role: "status" });
-  #swap = h(
-    "button",
-    { class: "button primary", type: "button", hidden: true },
-    "Swap left and right",
-  );
-  #done = h("button", { class: "button", type: "button", hidden: true }, "Done");
+  #swap = h("button.button.primary", { type: "button", hidden: true }, "Swap left and right");
+  #done = h("button.button", { type: "button", hidden: true }, "Done");
 
   build() {
     this.#ask.addEventListener("click", () => void this.#change(true));
     this.#done.addEventListener("click", () => void this.#change(false));
     this.#swap.addEventListener("click", () => void this.#swapCameras());
     this.append(
-      h("h3", {}, "Order of the cameras"),
+      h("h3", "Order of the cameras"),
       this.#words,
-      h("div", { class: "row" }, this.#ask, this.#swap, this.#done),
+      h("div.row", this.#ask, this.#swap, this.#done),
     );
     this.hear("status", () => this.#render());
   }

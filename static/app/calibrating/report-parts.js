@@ -14,22 +14,17 @@ const HEIGHT = 96;
 /** @param {{rows: VerdictRow[], frame_rate: number}} verdict */
 export function verdictTable({ rows, frame_rate }) {
   return h(
-    "div",
-    { class: "scroll-x" },
+    "div.scroll-x",
     h(
-      "table",
-      { class: "verdict-table" },
+      "table.verdict-table",
       h(
         "caption",
-        {},
         `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`,
       ),
       h(
         "thead",
-        {},
         h(
           "tr",
-          {},
           ...["At", "Depth error", "Slowest seen across", "Slowest seen towards"].map((text) =>
             h("th", { scope: "col" }, text),
           ),
@@ -37,15 +32,13 @@ export function verdictTable({ rows, frame_rate }) {
       ),
       h(
         "tbody",
-        {},
         ...rows.map((row) =>
           h(
             "tr",
-            {},
             h("th", { scope: "row" }, `${fixed(row.distance_m, 0)}\u00a0m`),
-            h("td", {}, `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`),
-            h("td", {}, detectable(row.across)),
-            h("td", {}, detectable(row.towards)),
+            h("td", `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`),
+            h("td", detectable(row.across)),
+            h("td", detectable(row.towards)),
           ),
         ),
       ),
@@ -102,14 +95,13 @@ export function viewChart(views) {
   // Numbers that cannot be read are of no use: on a phone the chart scrolls.
   svg.style.minWidth = `${Math.max(views.length, 10) * step * 0.8}px`;
   const caption = h(
-    "figcaption",
-    { class: "hint" },
-    h("span", { class: "chart-key left" }),
+    "figcaption.hint",
+    h("span.chart-key.left"),
     "left and ",
-    h("span", { class: "chart-key right" }),
+    h("span.chart-key.right"),
     `right image of each view; the chart's height is ${fixed(most, 2)} px.`,
   );
-  return h("figure", {}, h("div", { class: "scroll-x" }, svg), caption);
+  return h("figure", h("div.scroll-x", svg), caption);
 }
 
 /** @param {number} metres */

@@ -17,19 +17,19 @@ export class ResultStep extends Part {
   /** Called once it is saved and in use. */
   saved = () => {};
 
-  #sentence = h("p", { class: "verdict big", role: "status" });
-  #warnings = h("ul", { class: "plain-list warnings" });
+  #sentence = h("p.verdict.big", { role: "status" });
+  #warnings = h("ul.plain-list.warnings");
   #verdict = h("div");
-  #figures = h("dl", { class: "figures" });
+  #figures = h("dl.figures");
   #chart = h("div");
-  #refused = h("ul", { class: "plain-list" });
+  #refused = h("ul.plain-list");
   #canvas = h("canvas", {
     width: 4,
     height: 1,
     role: "img",
     "aria-label": "The rectified pair, left and right, with level lines across both",
   });
-  #rows = h("p", { class: "verdict", role: "status" });
+  #rows = h("p.verdict", { role: "status" });
   #name = h("input", {
     type: "text",
     id: "result-name",
@@ -37,24 +37,19 @@ export class ResultStep extends Part {
     required: true,
     autocomplete: "off",
   });
-  #error = h("p", { class: "field-error", role: "alert" });
-  #use = h("button", { class: "button primary", type: "submit" }, "Save and use");
-  #keep = h("button", { class: "button", type: "button" }, "Save for later");
-  #again = h("button", { class: "button", type: "button" }, "Capture more");
-  #recompute = h("button", { class: "button", type: "button", hidden: true }, "Compute again");
-  #refresh = h("button", { class: "button", type: "button" }, "Newest pair");
+  #error = h("p.field-error", { role: "alert" });
+  #use = h("button.button.primary", { type: "submit" }, "Save and use");
+  #keep = h("button.button", { type: "button" }, "Save for later");
+  #again = h("button.button", { type: "button" }, "Capture more");
+  #recompute = h("button.button", { type: "button", hidden: true }, "Compute again");
+  #refresh = h("button.button", { type: "button" }, "Newest pair");
   #rectified = h(
-    "div",
-    { class: "stack" },
-    h("h3", {}, "Rectified"),
+    "div.stack",
+    h("h3", "Rectified"),
     this.#canvas,
-    h(
-      "p",
-      { class: "hint" },
-      "A point of the left image must lie on the same level line in the right one.",
-    ),
+    h("p.hint", "A point of the left image must lie on the same level line in the right one."),
     this.#rows,
-    h("div", { class: "row" }, this.#refresh),
+    h("div.row", this.#refresh),
   );
   #saving = false;
   #shown = false;
@@ -64,30 +59,27 @@ export class ResultStep extends Part {
 
   build() {
     const form = h(
-      "form",
-      { class: "stack" },
-      h("div", { class: "field" }, h("label", { for: "result-name" }, "Name"), this.#name),
+      "form.stack",
+      h("div.field", h("label", { for: "result-name" }, "Name"), this.#name),
       this.#error,
-      h("div", { class: "row" }, this.#use, this.#keep, this.#again),
+      h("div.row", this.#use, this.#keep, this.#again),
     );
     this.append(
       this.#sentence,
       this.#warnings,
       h(
-        "div",
-        { class: "result-columns" },
-        h("div", { class: "stack" }, h("h3", {}, "What to expect"), this.#verdict, this.#figures),
+        "div.result-columns",
+        h("div.stack", h("h3", "What to expect"), this.#verdict, this.#figures),
         h(
-          "div",
-          { class: "stack" },
-          h("h3", {}, "Error of each view"),
+          "div.stack",
+          h("h3", "Error of each view"),
           this.#chart,
           this.#refused,
-          h("div", { class: "row" }, this.#recompute),
+          h("div.row", this.#recompute),
         ),
       ),
       this.#rectified,
-      h("h3", {}, "Keep it"),
+      h("h3", "Keep it"),
       form,
     );
     form.addEventListener("submit", (event) => {
@@ -141,7 +133,7 @@ export class ResultStep extends Part {
     this.#sentence.dataset.tone = verdict?.warnings.length ? "poor" : "good";
     setText(this.#sentence, verdict?.sentence ?? "");
     this.#warnings.replaceChildren(
-      ...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", {}, text)),
+      ...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", text)),
     );
     this.#verdict.replaceChildren(verdict ? verdictTable(verdict) : "");
     /** @type {[string, string][]} */
@@ -173,9 +165,7 @@ export class ResultStep extends Part {
       ["Views", `${report.pairs} pairs`],
     ];
     this.#figures.replaceChildren(
-      ...facts.map(([term, value]) =>
-        h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)),
-      ),
+      ...facts.map(([term, value]) => h("div", h("dt", term), h("dd.figure", value))),
     );
     this.#chart.replaceChildren(viewChart(report.views));
     const bad = report.views.filter((/** @type {{used: boolean}} */ view) => !view.used);
@@ -188,7 +178,7 @@ export class ResultStep extends Part {
 
   /** @param {{name: string, reason: string | null}} view @param {Set<string>} present */
   #badView(view, present) {
-    const remove = h("button", { type: "button", class: "button" }, `Remove view ${view.name}`);
+    const remove = h("button.button", { type: "button" }, `Remove view ${view.name}`);
     remove.addEventListener("click", async () => {
       try {
         await request("PATCH", "/calibrating", { remove: view.name });
@@ -199,9 +189,8 @@ export class ResultStep extends Part {
       }
     });
     return h(
-      "li",
-      { class: "row" },
-      h("span", {}, `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`),
+      "li.row",
+      h("span", `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`),
       present.has(view.name) ? remove : null,
     );
   }

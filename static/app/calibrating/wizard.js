@@ -20,12 +20,9 @@ const STEPS = [
 /** Takes the place of the scene and the live views while something is calibrated. */
 class CalibrationWizard extends Part {
   #steps = new Map(
-    STEPS.map(([step, text]) => [
-      step,
-      h("button", { type: "button", class: "wizard-step" }, text),
-    ]),
+    STEPS.map(([step, text]) => [step, h("button.wizard-step", { type: "button" }, text)]),
   );
-  #close = h("button", { class: "button", type: "button" }, "Leave");
+  #close = h("button.button", { type: "button" }, "Leave");
   #title = h("h2", { tabindex: "-1", id: "wizard-title" }, "Calibrate");
   #board = new BoardStep();
   #views = new CaptureStep();
@@ -58,12 +55,11 @@ class CalibrationWizard extends Part {
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "wizard-title");
     const steps = h(
-      "ol",
-      { class: "wizard-steps" },
-      ...[...this.#steps.values()].map((button) => h("li", {}, button)),
+      "ol.wizard-steps",
+      ...[...this.#steps.values()].map((button) => h("li", button)),
     );
     this.append(
-      h("header", { class: "wizard-head" }, this.#title, steps, this.#close),
+      h("header.wizard-head", this.#title, steps, this.#close),
       this.#board,
       this.#views,
       this.#result,

@@ -8,7 +8,7 @@ import { h } from "../dom.js";
  * @param {HTMLDialogElement} dialog already within the page
  */
 export function showModal(dialog) {
-  const stop = h("button", { type: "button", class: "button danger dialog-stop" }, "Stop robots");
+  const stop = h("button.button.danger.dialog-stop", { type: "button" }, "Stop robots");
   // The page behind the dialog takes no pointer, but its own stop button may be pressed for it.
   stop.addEventListener("click", () =>
     /** @type {HTMLElement | null} */ (document.querySelector("#stop-robots"))?.click(),

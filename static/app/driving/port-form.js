@@ -34,18 +34,18 @@ export class PortForm extends Part {
     "aria-describedby": "robot-port-error",
   });
   #ports = h("datalist", { id: "robot-ports" });
-  #found = h("p", { class: "hint", role: "status" });
-  #troubles = h("ul", { class: "plain-list warnings" });
-  #again = h("button", { type: "button", class: "button" }, "Look for ports");
+  #found = h("p.hint", { role: "status" });
+  #troubles = h("ul.plain-list.warnings");
+  #again = h("button.button", { type: "button" }, "Look for ports");
   #model = h(
     "select",
     { id: "robot-model" },
     ...MODELS.map(([value, words]) => h("option", { value }, words ?? "")),
   );
-  #error = h("p", { class: "field-error", role: "alert", id: "robot-port-error" });
-  #connect = h("button", { type: "submit", class: "button primary" }, "Connect");
-  #forget = h("button", { type: "button", class: "button" }, "Forget");
-  #own = h("p", { class: "hint" });
+  #error = h("p.field-error", { role: "alert", id: "robot-port-error" });
+  #connect = h("button.button.primary", { type: "submit" }, "Connect");
+  #forget = h("button.button", { type: "button" }, "Forget");
+  #own = h("p.hint");
   /** @type {Role} */
   #role = "observer";
   #shown = "";
@@ -55,8 +55,8 @@ export class PortForm extends Part {
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       field(
         "Port",
         this.#port,
@@ -67,7 +67,7 @@ export class PortForm extends Part {
       this.#troubles,
       field("Model", this.#model),
       this.#error,
-      h("div", { class: "row" }, this.#connect, this.#forget, this.#again),
+      h("div.row", this.#connect, this.#forget, this.#again),
       this.#own,
     );
     this.append(form);
@@ -105,7 +105,7 @@ export class PortForm extends Part {
           : `On the server's machine: ${ports.map(wordsOf).join("; ")}.`,
     );
     this.#troubles.replaceChildren(
-      ...ports.flatMap(({ trouble }) => (trouble ? [h("li", {}, trouble)] : [])),
+      ...ports.flatMap(({ trouble }) => (trouble ? [h("li", trouble)] : [])),
     );
   }
 

@@ -16,9 +16,9 @@ import { isArmed } from "./types.js";
 class Programmes extends Part {
   /** @type {ProgrammeEntry[]} */
   #programmes = [];
-  #list = h("ul", { class: "item-list" });
+  #list = h("ul.item-list");
   #kept = new KeptList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
-  #empty = h("p", { class: "empty" }, "No programme could be read.");
+  #empty = h("p.empty", "No programme could be read.");
   #repeat = h("input", {
     type: "number",
     id: "programme-repeat",
@@ -28,10 +28,10 @@ class Programmes extends Part {
     value: "1",
   });
   #reverse = h("input", { type: "checkbox", id: "programme-reverse" });
-  #running = h("div", { class: "programme-running", hidden: true });
-  #words = h("p", { class: "figure" });
+  #running = h("div.programme-running", { hidden: true });
+  #words = h("p.figure");
   #progress = h("progress", { max: "1", value: "0", "aria-label": "How far the programme is" });
-  #stop = h("button", { type: "button", class: "button" }, icon("stop"), "Stop programme");
+  #stop = h("button.button", { type: "button" }, icon("stop"), "Stop programme");
   #text = h("textarea", {
     id: "programme-text",
     rows: "8",
@@ -39,10 +39,10 @@ class Programmes extends Part {
     "aria-describedby": "programme-error",
   });
   #file = h("input", { type: "file", id: "programme-file", accept: ".yaml,.yml,text/yaml" });
-  #error = h("p", { class: "field-error", id: "programme-error", role: "alert" });
-  #own = h("details", {}, h("summary", {}, "A programme of your own"));
+  #error = h("p.field-error", { id: "programme-error", role: "alert" });
+  #own = h("details", h("summary", "A programme of your own"));
   /** How one ended before its time; empty where none did. */
-  #ended = h("p", { class: "programme-ended", role: "status", hidden: true });
+  #ended = h("p.programme-ended", { role: "status", hidden: true });
   #runs = false;
   /** When the last one had ended early as the newest began. */
   #endedBefore = "";
@@ -51,8 +51,8 @@ class Programmes extends Part {
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       field("Take it from a file", this.#file),
       field(
         "YAML",
@@ -60,29 +60,23 @@ class Programmes extends Part {
         "Name, title, and for each role steps with seconds, speed_mps and turn_rate_radps. “Copy” beside a programme puts its text here.",
       ),
       this.#error,
-      h(
-        "div",
-        { class: "row" },
-        h("button", { type: "submit", class: "button primary" }, "Keep programme"),
-      ),
+      h("div.row", h("button.button.primary", { type: "submit" }, "Keep programme")),
     );
     this.#own.append(form);
     this.#running.append(this.#words, this.#progress, this.#stop);
     this.append(
-      h("h3", {}, "Programmes"),
+      h("h3", "Programmes"),
       h(
-        "p",
-        { class: "hint" },
+        "p.hint",
         "They go on as long as this page is open and in sight, every robot in them armed by you.",
       ),
       this.#running,
       this.#ended,
       h(
-        "div",
-        { class: "row" },
+        "div.row",
         h("label", { for: "programme-repeat" }, "Repeat"),
         this.#repeat,
-        h("label", { class: "check", for: "programme-reverse" }, this.#reverse, "Both directions"),
+        h("label.check", { for: "programme-reverse" }, this.#reverse, "Both directions"),
       ),
       this.#empty,
       this.#list,
@@ -182,17 +176,16 @@ class Programmes extends Part {
   #item(entry) {
     const { name, title, help, roles, duration_s, own } = entry;
     const start = h(
-      "button",
-      { type: "button", class: "button start", "aria-label": `Start ${title}` },
+      "button.button.start",
+      { type: "button", "aria-label": `Start ${title}` },
       icon("play"),
       "Start",
     );
     start.addEventListener("click", () => void this.#do(() => this.#begin(entry)));
     const copy = h(
-      "button",
+      "button.button",
       {
         type: "button",
-        class: "button",
         "aria-label": `Copy ${title}`,
         title: "Copy its text into the field below",
       },
@@ -202,10 +195,9 @@ class Programmes extends Part {
     const buttons = [start, copy];
     if (own) {
       const remove = h(
-        "button",
+        "button.button.icon-button",
         {
           type: "button",
-          class: "button icon-button",
           "aria-label": `Delete ${title}`,
           title: "Delete",
         },
@@ -216,17 +208,16 @@ class Programmes extends Part {
     }
     const who = roles.map((role) => ROLE_WORDS[role]).join(" and ");
     return h(
-      "li",
-      { class: "programme", "data-programme": name },
+      "li.programme",
+      { "data-programme": name },
       h(
-        "div",
-        { class: "item-words" },
-        h("p", {}, h("b", {}, title)),
-        h("p", { class: "hint figure" }, `${who} · ${lastsInWords(duration_s)}`),
-        help ? h("p", { class: "hint" }, help) : null,
-        h("p", { class: "missing" }),
+        "div.item-words",
+        h("p", h("b", title)),
+        h("p.hint.figure", `${who} · ${lastsInWords(duration_s)}`),
+        help ? h("p.hint", help) : null,
+        h("p.missing"),
       ),
-      h("div", { class: "row" }, ...buttons),
+      h("div.row", ...buttons),
     );
   }
 

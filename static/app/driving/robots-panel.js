@@ -23,28 +23,28 @@ import { isArmed, ROLES } from "./types.js";
 
 class RobotsPanel extends Part {
   #cards = new Map(ROLES.map((role) => [role, makeCard(role)]));
-  #why = h("p", { class: "robot-why", role: "status" });
-  #arm = h("button", { type: "button", class: "button primary" }, "Arm");
-  #disarm = h("button", { type: "button", class: "button" }, "Disarm");
-  #takeOver = h("button", { type: "button", class: "button" }, "Take over");
+  #why = h("p.robot-why", { role: "status" });
+  #arm = h("button.button.primary", { type: "button" }, "Arm");
+  #disarm = h("button.button", { type: "button" }, "Disarm");
+  #takeOver = h("button.button", { type: "button" }, "Take over");
   #giveBack = h(
-    "button",
-    { type: "button", class: "button", title: "It is stopped and disarmed; others may drive it" },
+    "button.button",
+    { type: "button", title: "It is stopped and disarmed; others may drive it" },
     "Give back",
   );
-  #trouble = h("p", { class: "robot-trouble", role: "alert", hidden: true });
-  #warnings = h("ul", { class: "plain-list warnings", "aria-label": "Warnings" });
-  #figures = h("dl", { class: "figures" });
+  #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
+  #warnings = h("ul.plain-list.warnings", { "aria-label": "Warnings" });
+  #figures = h("dl.figures");
   #pad = new DrivePad();
-  #incidents = h("ul", { class: "plain-list" });
+  #incidents = h("ul.plain-list");
   #happened = h(
     "details",
     { hidden: true },
-    h("summary", {}, "What stopped robots lately"),
+    h("summary", "What stopped robots lately"),
     this.#incidents,
   );
   #port = new PortForm();
-  #place = h("details", {}, h("summary", {}, "Port and model"), this.#port);
+  #place = h("details", h("summary", "Port and model"), this.#port);
   #name = h("input", {
     type: "text",
     id: "operator-name",
@@ -57,28 +57,25 @@ class RobotsPanel extends Part {
   build() {
     const { driver } = this.hub;
     this.append(
-      h("h2", {}, "Robots"),
+      h("h2", "Robots"),
       this.#trouble,
       h(
-        "fieldset",
-        { class: "role-cards" },
-        h("legend", { class: "visually-hidden" }, "Which robot"),
+        "fieldset.role-cards",
+        h("legend.visually-hidden", "Which robot"),
         ...[...this.#cards.values()].map(({ element }) => element),
       ),
       h(
-        "div",
-        { class: "robot-act" },
+        "div.robot-act",
         this.#why,
         this.#warnings,
-        h("div", { class: "row" }, this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
+        h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
       ),
       this.#pad,
-      h("details", {}, h("summary", {}, "Everything it tells"), this.#figures),
+      h("details", h("summary", "Everything it tells"), this.#figures),
       this.#happened,
       h(
         "details",
-        {},
-        h("summary", {}, "Your name"),
+        h("summary", "Your name"),
         field("What others see while you drive", this.#name, "From the next connection on."),
       ),
       this.#place,
@@ -179,7 +176,7 @@ class RobotsPanel extends Part {
     if (this.#figures.childElementCount !== figures.length) {
       this.#figures.replaceChildren(
         ...figures.map(([term, , help]) =>
-          h("div", { title: help }, h("dt", {}, term), h("dd", { class: "figure" })),
+          h("div", { title: help }, h("dt", term), h("dd.figure")),
         ),
       );
     }
@@ -193,14 +190,13 @@ class RobotsPanel extends Part {
 /** @param {Role} role */
 function makeCard(role) {
   const input = h("input", { type: "radio", name: "drive-role", value: role });
-  const name = h("span", { class: "role-name" });
-  const state = h("span", { class: "state-chip" });
-  const facts = h("span", { class: "hint figure" });
+  const name = h("span.role-name");
+  const state = h("span.state-chip");
+  const facts = h("span.hint.figure");
   const element = h(
-    "label",
-    { class: "role-card" },
+    "label.role-card",
     input,
-    h("span", { class: "role-head" }, h("b", {}, ROLE_WORDS[role]), state),
+    h("span.role-head", h("b", ROLE_WORDS[role]), state),
     name,
     facts,
   );

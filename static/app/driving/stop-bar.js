@@ -13,32 +13,26 @@ const KEYS = "Space and Esc press it; while a robot is armed they do so everywhe
 
 class StopBar extends Part {
   #stop = h(
-    "button",
+    "button.stop-button",
     {
       type: "button",
-      class: "stop-button",
       id: "stop-robots",
       title: `${WHAT_IT_IS}. ${KEYS}`,
       "aria-describedby": "stop-what",
       "aria-keyshortcuts": "Space Escape",
     },
     icon("stop"),
-    h("span", {}, "Stop robots"),
+    h("span", "Stop robots"),
   );
-  #what = h("p", { class: "stop-what", id: "stop-what" }, WHAT_IT_IS);
-  #keys = h("p", { class: "stop-keys" });
-  #stopped = h("span", { class: "stop-state" });
+  #what = h("p.stop-what", { id: "stop-what" }, WHAT_IT_IS);
+  #keys = h("p.stop-keys");
+  #stopped = h("span.stop-state");
   #reset = h(
-    "button",
-    { type: "button", class: "button", title: "Robots may be armed again; none starts by itself" },
+    "button.button",
+    { type: "button", title: "Robots may be armed again; none starts by itself" },
     "Reset",
   );
-  #latched = h(
-    "div",
-    { class: "stop-latched", hidden: true, role: "alert" },
-    this.#stopped,
-    this.#reset,
-  );
+  #latched = h("div.stop-latched", { hidden: true, role: "alert" }, this.#stopped, this.#reset);
   /** Pressed here and not answered yet. */
   #pressed = false;
   #patience = 0;
@@ -47,11 +41,7 @@ class StopBar extends Part {
     const { driver } = this.hub;
     this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
     this.#reset.addEventListener("click", () => void this.#resetStop());
-    this.append(
-      this.#latched,
-      h("div", { class: "stop-words" }, this.#what, this.#keys),
-      this.#stop,
-    );
+    this.append(this.#latched, h("div.stop-words", this.#what, this.#keys), this.#stop);
     listenForStop(window, driver);
     this.hear("stopping", () => this.#begin(), driver);
     this.hear(

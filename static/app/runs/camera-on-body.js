@@ -29,9 +29,9 @@ export class CameraOnBody extends HTMLElement {
       }),
     ]),
   );
-  #fill = h("button", { type: "button", class: "button" }, "Fill in what was found");
-  #empty = h("button", { type: "button", class: "button" }, "Leave it to be found out");
-  #details = h("details", {}, h("summary", {}, "Where the camera sits on that body"));
+  #fill = h("button.button", { type: "button" }, "Fill in what was found");
+  #empty = h("button.button", { type: "button" }, "Leave it to be found out");
+  #details = h("details", h("summary", "Where the camera sits on that body"));
   /** @type {CameraPlace | null} */
   #found = null;
 
@@ -39,27 +39,23 @@ export class CameraOnBody extends HTMLElement {
     if (this.firstChild) return;
     this.#details.append(
       h(
-        "div",
-        { class: "stack" },
+        "div.stack",
         h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           "Of the left camera, in the body's axes. Empty: it is found out by the drive, or as the rig says. With all angles 0 it looks along the body's x with the body's z above.",
         ),
         h(
-          "div",
-          { class: "rig-fields" },
+          "div.rig-fields",
           ...NUMBERS.map(([key, words, unit, help]) =>
             h(
-              "div",
-              { class: "field" },
+              "div.field",
               h("label", { for: `camera-on-body-${key}` }, `${words}, ${unit}`),
               this.#inputs.get(key),
-              h("p", { class: "hint", id: `camera-on-body-help-${key}` }, help),
+              h("p.hint", { id: `camera-on-body-help-${key}` }, help),
             ),
           ),
         ),
-        h("div", { class: "row" }, this.#fill, this.#empty),
+        h("div.row", this.#fill, this.#empty),
       ),
     );
     this.append(this.#details);

@@ -19,9 +19,9 @@ export class CompareView extends Part {
   named = () => {};
 
   #chart = new RunChart();
-  #waiting = h("p", { class: "empty", role: "status" });
-  #table = h("div", { class: "scroll-x" });
-  #error = h("p", { class: "field-error", role: "alert" });
+  #waiting = h("p.empty", { role: "status" });
+  #table = h("div.scroll-x");
+  #error = h("p.field-error", { role: "alert" });
   /** @type {string[]} */
   #ids = [];
   #asked = 0;
@@ -107,22 +107,18 @@ function settingsTable(charts) {
     ),
   ];
   return h(
-    "table",
-    { class: "compared" },
+    "table.compared",
     h(
       "caption",
-      {},
       differing.length === 0
         ? "All parameters are the same."
         : "Parameters that differ, and what is known of each run.",
     ),
     h(
       "thead",
-      {},
       h(
         "tr",
-        {},
-        h("td", {}),
+        h("td"),
         ...runs.map((run) =>
           h("th", { scope: "col" }, h("a", { href: runHref(run.id) }, run.name)),
         ),
@@ -130,14 +126,8 @@ function settingsTable(charts) {
     ),
     h(
       "tbody",
-      {},
       ...rows.map(([name, text]) =>
-        h(
-          "tr",
-          {},
-          h("th", { scope: "row" }, name),
-          ...charts.map((chart) => h("td", {}, text(chart))),
-        ),
+        h("tr", h("th", { scope: "row" }, name), ...charts.map((chart) => h("td", text(chart)))),
       ),
     ),
   );

@@ -14,9 +14,9 @@ class HistoryView extends Part {
   #rings = new RingList();
   #run = new RunView();
   #compare = new CompareView();
-  #leave = h("button", { class: "button", type: "button" }, "Back to live");
+  #leave = h("button.button", { type: "button" }, "Back to live");
   #title = h("h2", { id: "history-title", tabindex: "-1" }, "Runs");
-  #all = h("a", { class: "button", href: "#history" }, "All runs");
+  #all = h("a.button", { href: "#history" }, "All runs");
   #shown = "";
   /** What had the focus when the history was called. @type {Element | null} */
   #caller = null;
@@ -25,7 +25,7 @@ class HistoryView extends Part {
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "history-title");
     this.append(
-      h("header", { class: "history-head" }, this.#title, this.#all, this.#leave),
+      h("header.history-head", this.#title, this.#all, this.#leave),
       this.#search,
       this.#rings,
       this.#run,

@@ -31,22 +31,18 @@ export class MatchTable extends HTMLElement {
       : null;
     this.replaceChildren(
       h(
-        "div",
-        { class: "scroll-x" },
+        "div.scroll-x",
         h(
-          "table",
-          { class: "matches" },
-          h("caption", {}, "Which body each track is; choose another to correct it."),
+          "table.matches",
+          h("caption", "Which body each track is; choose another to correct it."),
           h(
             "thead",
-            {},
             h(
               "tr",
-              {},
               ...["Track", "Seen", "Body", "Found"].map((text) => h("th", { scope: "col" }, text)),
             ),
           ),
-          h("tbody", {}, ...keys.map((key) => this.#row(key, alignment, bodies, curves))),
+          h("tbody", ...keys.map((key) => this.#row(key, alignment, bodies, curves))),
         ),
       ),
     );
@@ -86,22 +82,15 @@ export class MatchTable extends HTMLElement {
       : "–";
     return h(
       "tr",
-      {},
-      h(
-        "th",
-        { scope: "row", "data-track": trackColour(track) },
-        h("span", { class: "swatch" }),
-        name,
-      ),
-      h("td", {}, seen),
+      h("th", { scope: "row", "data-track": trackColour(track) }, h("span.swatch"), name),
+      h("td", seen),
       h(
         "td",
-        {},
         bodies.length > MOST_BUTTONS
           ? this.#list(key, label, bodies, now)
           : this.#buttons(key, label, bodies, now),
       ),
-      h("td", {}, how),
+      h("td", how),
     );
   }
 
@@ -123,7 +112,7 @@ export class MatchTable extends HTMLElement {
       });
       return button;
     });
-    return h("div", { class: "choices", role: "group", "aria-label": label }, ...choices);
+    return h("div.choices", { role: "group", "aria-label": label }, ...choices);
   }
 
   /**

@@ -55,13 +55,13 @@ export class RerunForm extends Part {
     placeholder: "Find a parameter",
     autocomplete: "off",
   });
-  #differing = h("ul", { class: "plain-list" });
-  #differs = h("p", { class: "hint", role: "status" });
-  #start = h("button", { type: "submit", class: "button primary" }, "Observe again");
-  #error = h("p", { class: "field-error", role: "alert" });
+  #differing = h("ul.plain-list");
+  #differs = h("p.hint", { role: "status" });
+  #start = h("button.button.primary", { type: "submit" }, "Observe again");
+  #error = h("p.field-error", { role: "alert" });
   #progress = h("p", { role: "status" });
-  #form = h("form", { class: "stack", novalidate: true });
-  #without = h("p", { class: "hint" });
+  #form = h("form.stack", { novalidate: true });
+  #without = h("p.hint");
   /** @type {ParameterEntry[]} */
   #schema = [];
   /** @type {Preset[]} */
@@ -75,24 +75,16 @@ export class RerunForm extends Part {
   build() {
     this.#form.append(
       h(
-        "p",
-        { class: "hint" },
+        "p.hint",
         "The recording is observed once through, as fast as it goes. What is open now is closed for it, the robots stand meanwhile, and its parameters stay in force.",
       ),
-      h(
-        "div",
-        { class: "rerun-fields" },
-        field("Name", this.#name),
-        field("Begin with", this.#preset),
-      ),
+      h("div.rerun-fields", field("Name", this.#name), field("Begin with", this.#preset)),
       h(
         "details",
-        {},
-        h("summary", {}, "Other parameters"),
+        h("summary", "Other parameters"),
         h(
-          "div",
-          { class: "stack" },
-          h("label", { for: "rerun-search", class: "visually-hidden" }, "Find a parameter"),
+          "div.stack",
+          h("label.visually-hidden", { for: "rerun-search" }, "Find a parameter"),
           this.#search,
           this.#groups,
         ),
@@ -100,9 +92,9 @@ export class RerunForm extends Part {
       this.#differs,
       this.#differing,
       this.#error,
-      h("div", { class: "row" }, this.#start),
+      h("div.row", this.#start),
     );
-    this.append(h("h3", {}, "Run again"), this.#without, this.#form, this.#progress);
+    this.append(h("h3", "Run again"), this.#without, this.#form, this.#progress);
     this.#form.addEventListener("submit", (event) => {
       event.preventDefault();
       void this.#begin();

@@ -15,7 +15,7 @@ export class RingList extends Part {
   left = () => {};
 
   #heading = h("h3", { tabindex: "-1" }, "Saved half minutes");
-  #list = h("ul", { class: "item-list" });
+  #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
     (/** @type {Ring} */ ring) => this.#item(ring),
@@ -52,16 +52,15 @@ export class RingList extends Part {
     const { name, run_id: run, bytes } = ring;
     const at = when(ring.saved_at);
     const play = h(
-      "button",
-      { type: "button", class: "button", "aria-label": `Play the half minute until ${at}` },
+      "button.button",
+      { type: "button", "aria-label": `Play the half minute until ${at}` },
       icon("play"),
       "Play",
     );
     const remove = h(
-      "button",
+      "button.button.icon-button",
       {
         type: "button",
-        class: "button icon-button",
         "aria-label": `Delete the half minute until ${at}`,
         title: "Delete",
       },
@@ -71,27 +70,22 @@ export class RingList extends Part {
     remove.addEventListener("click", () => void this.#delete(ring));
     return h(
       "li",
-      {},
       h(
-        "div",
-        { class: "item-words" },
-        h("p", {}, `Until ${at}`),
+        "div.item-words",
+        h("p", `Until ${at}`),
         h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           size(bytes),
           run ? ", " : null,
           run ? h("a", { href: runHref(run) }, "of this run") : null,
         ),
       ),
       h(
-        "div",
-        { class: "row" },
+        "div.row",
         play,
         h(
-          "a",
+          "a.button",
           {
-            class: "button",
             href: `/api/recording/rings/${encodeURIComponent(name)}`,
             download: `${name}.mcap`,
             "aria-label": `Download the half minute until ${at}`,

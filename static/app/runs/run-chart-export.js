@@ -45,13 +45,12 @@ export function ofRun({ id, name }, range) {
 
 export class ChartExport extends HTMLElement {
   #open = h(
-    "button",
-    { type: "button", class: "button", "aria-expanded": "false" },
+    "button.button",
+    { type: "button", "aria-expanded": "false" },
     icon("download"),
     "Export",
   );
-  #box = h("div", {
-    class: "menu-box",
+  #box = h("div.menu-box", {
     role: "group",
     "aria-label": "Export what is seen of the chart",
     hidden: true,
@@ -102,19 +101,14 @@ export class ChartExport extends HTMLElement {
     const buttons = files.map(({ format, title, make }) => {
       const name = format.toUpperCase();
       const button = h(
-        "button",
-        { type: "button", class: "button", title, "aria-label": `${name}. ${words}` },
+        "button.button",
+        { type: "button", title, "aria-label": `${name}. ${words}` },
         name,
       );
       button.addEventListener("click", () => void this.#save(make));
       return button;
     });
-    return h(
-      "div",
-      { class: "stack" },
-      h("p", { class: "hint" }, words),
-      h("div", { class: "row" }, ...buttons),
-    );
+    return h("div.stack", h("p.hint", words), h("div.row", ...buttons));
   }
 
   /** @param {Offer["files"][number]["make"]} make */

@@ -46,11 +46,11 @@ export class RunChart extends HTMLElement {
     id: `${this.#name}-end`,
     "aria-label": "Seen to, seconds",
   });
-  #layout = h("fieldset", { class: "chips", hidden: true });
-  #clock = h("span", { class: "hint" });
-  #panelHost = h("div", { class: "chart-panels" });
-  #legend = h("fieldset", { class: "chips chart-legend" });
-  #errors = h("div", {});
+  #layout = h("fieldset.chips", { hidden: true });
+  #clock = h("span.hint");
+  #panelHost = h("div.chart-panels");
+  #legend = h("fieldset.chips.chart-legend");
+  #errors = h("div");
   /** @type {StoredChart[]} */
   #charts = [];
   #overlaid = false;
@@ -92,20 +92,16 @@ export class RunChart extends HTMLElement {
 
   #build() {
     const zoomOut = h(
-      "button",
-      { type: "button", class: "button icon-button", "aria-label": "Zoom out", title: "Zoom out" },
+      "button.button.icon-button",
+      { type: "button", "aria-label": "Zoom out", title: "Zoom out" },
       "−",
     );
     const zoomIn = h(
-      "button",
-      { type: "button", class: "button icon-button", "aria-label": "Zoom in", title: "Zoom in" },
+      "button.button.icon-button",
+      { type: "button", "aria-label": "Zoom in", title: "Zoom in" },
       "+",
     );
-    const all = h(
-      "button",
-      { type: "button", class: "button", title: "Show all (double click)" },
-      "All",
-    );
+    const all = h("button.button", { type: "button", title: "Show all (double click)" }, "All");
     zoomOut.addEventListener("click", () => this.#zoomBy(ZOOM));
     zoomIn.addEventListener("click", () => this.#zoomBy(1 / ZOOM));
     all.addEventListener("click", () => this.#zoom(...this.#extent));
@@ -116,7 +112,7 @@ export class RunChart extends HTMLElement {
       this.#typed(this.#range[0], this.#end.valueAsNumber),
     );
     this.#layout.append(
-      h("legend", { class: "visually-hidden" }, "How runs are compared"),
+      h("legend.visually-hidden", "How runs are compared"),
       ...["Side by side", "Overlaid"].map((words, at) => {
         const input = h("input", {
           type: "radio",
@@ -127,22 +123,20 @@ export class RunChart extends HTMLElement {
           this.#overlaid = at === 1;
           this.#rebuild();
         });
-        return h("label", {}, input, words);
+        return h("label", input, words);
       }),
     );
     this.append(
       h(
-        "div",
-        { class: "chart-tools" },
+        "div.chart-tools",
         this.#layout,
         h(
-          "div",
-          { class: "row" },
-          h("span", { class: "from" }, "From"),
+          "div.row",
+          h("span.from", "From"),
           this.#begin,
-          h("span", {}, "to"),
+          h("span", "to"),
           this.#end,
-          h("span", { class: "unit" }, "s"),
+          h("span.unit", "s"),
           zoomOut,
           zoomIn,
           all,
@@ -224,7 +218,6 @@ export class RunChart extends HTMLElement {
         });
         return h(
           "label",
-          {},
           input,
           several && (kind === "estimate" || kind === "band")
             ? null
@@ -235,14 +228,10 @@ export class RunChart extends HTMLElement {
     );
     const runs = several
       ? this.#charts.map(({ run }, at) =>
-          h("span", { class: "of-run" }, swatch("estimate", runColour(at)), run.name),
+          h("span.of-run", swatch("estimate", runColour(at)), run.name),
         )
       : [];
-    this.#legend.replaceChildren(
-      h("legend", { class: "visually-hidden" }, "Curves"),
-      ...runs,
-      ...entries,
-    );
+    this.#legend.replaceChildren(h("legend.visually-hidden", "Curves"), ...runs, ...entries);
   }
 
   /** @param {number | null} time */
@@ -303,7 +292,7 @@ export class RunChart extends HTMLElement {
 
 /** @param {string} kind @param {string} colour */
 function swatch(kind, colour) {
-  const line = h("span", { class: "swatch line", "data-kind": kind, "aria-hidden": "true" });
+  const line = h("span.swatch.line", { "data-kind": kind, "aria-hidden": "true" });
   line.style.setProperty("--swatch", `var(${colour})`);
   return line;
 }

@@ -40,7 +40,7 @@ const TABLES = [
 ];
 
 export class RunFiles extends Part {
-  #list = h("ul", { class: "file-list" });
+  #list = h("ul.file-list");
   #table = h(
     "select",
     { id: "file-table" },
@@ -48,12 +48,12 @@ export class RunFiles extends Part {
   );
   #open = h("a", { target: "_blank", rel: "noopener" }, "Open the report in a new tab");
   #state = h("p", { role: "status" });
-  #cancel = h("button", { type: "button", class: "button", hidden: true }, "Cancel");
-  #error = h("p", { class: "field-error", role: "alert" });
-  #without = h("p", { class: "hint" });
-  #recording = h("a", { class: "button", download: true }, icon("download"), "Recording, MCAP");
-  #speeds = h("a", { class: "button", download: true }, icon("download"), "Speeds, CSV");
-  #more = h("div", { class: "stack" });
+  #cancel = h("button.button", { type: "button", hidden: true }, "Cancel");
+  #error = h("p.field-error", { role: "alert" });
+  #without = h("p.hint");
+  #recording = h("a.button", { download: true }, icon("download"), "Recording, MCAP");
+  #speeds = h("a.button", { download: true }, icon("download"), "Speeds, CSV");
+  #more = h("div.stack");
   /** @type {Run | null} */
   #run = null;
   /** What is being made. @type {AbortController | null} */
@@ -62,29 +62,27 @@ export class RunFiles extends Part {
   build() {
     for (const [path, ending, words, help] of FILES) {
       const button = h(
-        "button",
-        { type: "button", class: "button", "aria-describedby": `file-${ending}` },
+        "button.button",
+        { type: "button", "aria-describedby": `file-${ending}` },
         icon("download"),
         words,
       );
       button.addEventListener("click", () => void this.#make(path, ending, words));
-      this.#list.append(
-        h("li", {}, button, h("span", { class: "hint", id: `file-${ending}` }, help)),
-      );
+      this.#list.append(h("li", button, h("span.hint", { id: `file-${ending}` }, help)));
     }
     this.#more.append(
       field("Table of CSV and Parquet", this.#table),
-      h("p", {}, this.#open, h("span", { class: "hint" }, " (up to a minute)")),
+      h("p", this.#open, h("span.hint", " (up to a minute)")),
     );
     this.#cancel.addEventListener("click", () => this.#making?.abort());
     this.append(
-      h("h3", {}, "Report and files"),
+      h("h3", "Report and files"),
       this.#without,
       this.#list,
       this.#more,
-      h("div", { class: "row" }, this.#speeds, this.#recording),
+      h("div.row", this.#speeds, this.#recording),
       this.#error,
-      h("div", { class: "row" }, this.#state, this.#cancel),
+      h("div.row", this.#state, this.#cancel),
     );
   }
 

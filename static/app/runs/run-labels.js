@@ -13,7 +13,7 @@ export class RunLabels extends Part {
 
   #name = h("input", { type: "text", id: "run-label-name", maxlength: 100, autocomplete: "off" });
   #notes = h("textarea", { id: "run-label-notes", rows: 4, maxlength: 20000 });
-  #list = h("ul", { class: "tag-list", "aria-label": "Tags" });
+  #list = h("ul.tag-list", { "aria-label": "Tags" });
   #tags = new KeptList(
     this.#list,
     (/** @type {string} */ tag) => this.#tag(tag),
@@ -28,30 +28,23 @@ export class RunLabels extends Part {
     placeholder: "Add a tag",
   });
   #known = h("datalist", { id: "run-label-tags" });
-  #state = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", role: "alert" });
+  #state = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert" });
   /** @type {Run | null} */
   #run = null;
 
   build() {
     const form = h(
-      "form",
-      { class: "row tag-form" },
-      h("label", { for: "run-label-tag", class: "visually-hidden" }, "Add a tag"),
+      "form.row.tag-form",
+      h("label.visually-hidden", { for: "run-label-tag" }, "Add a tag"),
       this.#add,
       this.#known,
-      h("button", { type: "submit", class: "button" }, "Add"),
+      h("button.button", { type: "submit" }, "Add"),
     );
     this.append(
-      h("h3", {}, "Name, tags and notes"),
+      h("h3", "Name, tags and notes"),
       field("Name", this.#name),
-      h(
-        "div",
-        { class: "named-part" },
-        h("span", { class: "field-name" }, "Tags"),
-        this.#list,
-        form,
-      ),
+      h("div.named-part", h("span.field-name", "Tags"), this.#list, form),
       field("Notes", this.#notes),
       this.#error,
       this.#state,
@@ -91,15 +84,15 @@ export class RunLabels extends Part {
   /** @param {string} tag */
   #tag(tag) {
     const remove = h(
-      "button",
-      { type: "button", class: "quiet", "aria-label": `Remove tag ${tag}` },
+      "button.quiet",
+      { type: "button", "aria-label": `Remove tag ${tag}` },
       icon("close"),
     );
     remove.addEventListener(
       "click",
       () => void this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }),
     );
-    return h("li", { class: "tag-chip plain" }, tag, remove);
+    return h("li.tag-chip.plain", tag, remove);
   }
 
   /** Several at once stand with commas between them. */

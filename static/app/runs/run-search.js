@@ -23,24 +23,24 @@ export class RunSearch extends Part {
     placeholder: "Name, note or tag",
     autocomplete: "off",
   });
-  #tags = h("div", { class: "chips", role: "group", "aria-label": "Only runs with these tags" });
+  #tags = h("div.chips", { role: "group", "aria-label": "Only runs with these tags" });
   #chips = new KeptList(
     this.#tags,
     (/** @type {[string, number]} */ tag) => this.#tag(...tag),
     () => this.#words,
   );
   #deleted = h("input", { type: "checkbox", id: "history-deleted" });
-  #found = h("p", { class: "hint", role: "status" });
-  #disk = h("p", { class: "hint" });
-  #compare = h("button", { type: "button", class: "button" }, "Compare");
-  #list = h("ul", { class: "run-rows" });
+  #found = h("p.hint", { role: "status" });
+  #disk = h("p.hint");
+  #compare = h("button.button", { type: "button" }, "Compare");
+  #list = h("ul.run-rows");
   #rows = new KeptList(
     this.#list,
     (/** @type {Run} */ run) => this.#row(run),
     () => this.#words,
   );
-  #more = h("button", { type: "button", class: "button" }, "Show more");
-  #empty = h("p", { class: "empty" });
+  #more = h("button.button", { type: "button" }, "Show more");
+  #empty = h("p.empty");
   #shown = false;
   /** Only runs with all of these are shown. @type {Set<string>} */
   #wantedTags = new Set();
@@ -56,18 +56,17 @@ export class RunSearch extends Part {
   build() {
     this.append(
       h(
-        "div",
-        { class: "history-tools" },
-        h("label", { for: "history-words", class: "visually-hidden" }, "Find runs"),
+        "div.history-tools",
+        h("label.visually-hidden", { for: "history-words" }, "Find runs"),
         this.#words,
-        h("label", { class: "check" }, this.#deleted, "Deleted"),
+        h("label.check", this.#deleted, "Deleted"),
         this.#compare,
       ),
       this.#tags,
-      h("div", { class: "history-counts" }, this.#found, this.#disk),
+      h("div.history-counts", this.#found, this.#disk),
       this.#empty,
       this.#list,
-      h("div", { class: "row" }, this.#more),
+      h("div.row", this.#more),
     );
     this.#words.addEventListener("input", () => this.#soon());
     this.#deleted.addEventListener("change", () => void this.#load());
@@ -157,11 +156,11 @@ export class RunSearch extends Part {
    */
   #tag(tag, count) {
     const button = h(
-      "button",
-      { type: "button", class: "tag-chip", "aria-pressed": String(this.#wantedTags.has(tag)) },
+      "button.tag-chip",
+      { type: "button", "aria-pressed": String(this.#wantedTags.has(tag)) },
       tag,
       " ",
-      h("span", { class: "figure" }, count),
+      h("span.figure", count),
     );
     button.addEventListener("click", () => {
       if (!this.#wantedTags.delete(tag)) this.#wantedTags.add(tag);
@@ -186,27 +185,23 @@ export class RunSearch extends Part {
     });
     return h(
       "li",
-      {},
       run.deleted_at ? null : choose,
       h(
-        "div",
-        { class: "item-words" },
+        "div.item-words",
         h(
-          "p",
-          { class: "run-line" },
-          run.deleted_at ? h("b", {}, run.name) : h("a", { href: runHref(run.id) }, run.name),
-          h("span", { class: "state-chip", "data-state": run.state }, run.state),
-          run.aligned ? h("span", { class: "mark-chip" }, "aligned with truth") : null,
-          run.rerun_of ? h("span", { class: "mark-chip" }, "re-run") : null,
-          ...run.tags.map((tag) => h("span", { class: "tag-chip plain" }, tag)),
+          "p.run-line",
+          run.deleted_at ? h("b", run.name) : h("a", { href: runHref(run.id) }, run.name),
+          h("span.state-chip", { "data-state": run.state }, run.state),
+          run.aligned ? h("span.mark-chip", "aligned with truth") : null,
+          run.rerun_of ? h("span.mark-chip", "re-run") : null,
+          ...run.tags.map((tag) => h("span.tag-chip.plain", tag)),
         ),
-        h("p", { class: "hint" }, facts(run)),
-        run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null,
-        run.notes ? h("p", { class: "run-notes" }, run.notes) : null,
+        h("p.hint", facts(run)),
+        run.reason ? h("p.hint", sentence(run.reason)) : null,
+        run.notes ? h("p.run-notes", run.notes) : null,
         run.deleted_at
           ? h(
-              "p",
-              { class: "hint" },
+              "p.hint",
               `Deleted ${when(run.deleted_at)}; gone for good ${counted(Math.round(this.#undoDays), "day")} later.`,
             )
           : null,
@@ -218,10 +213,9 @@ export class RunSearch extends Part {
   /** @param {Run} run */
   #remover(run) {
     const button = h(
-      "button",
+      "button.button.icon-button",
       {
         type: "button",
-        class: "button icon-button",
         disabled: run.state === "running",
         "aria-label": `Delete run ${run.name}`,
         title: "Delete",
@@ -235,8 +229,8 @@ export class RunSearch extends Part {
   /** @param {Run} run */
   #bringBack(run) {
     const button = h(
-      "button",
-      { type: "button", class: "button", "aria-label": `Bring back run ${run.name}` },
+      "button.button",
+      { type: "button", "aria-label": `Bring back run ${run.name}` },
       icon("undo"),
       "Bring back",
     );

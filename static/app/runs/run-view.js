@@ -24,21 +24,21 @@ export class RunView extends Part {
   /** Called when the live parts are wanted. @type {() => void} */
   left = () => {};
 
-  #facts = h("p", { class: "hint" });
-  #state = h("span", { class: "state-chip" });
-  #reason = h("p", { class: "hint" });
-  #original = h("a", {}, "Compare with the run it was made from");
-  #play = h("button", { type: "button", class: "button" }, icon("play"), "Play recording");
-  #remove = h("button", { type: "button", class: "button" }, icon("trash"), "Delete run");
-  #error = h("p", { class: "field-error", role: "alert" });
-  #waiting = h("p", { class: "empty", role: "status" });
+  #facts = h("p.hint");
+  #state = h("span.state-chip");
+  #reason = h("p.hint");
+  #original = h("a", "Compare with the run it was made from");
+  #play = h("button.button", { type: "button" }, icon("play"), "Play recording");
+  #remove = h("button.button", { type: "button" }, icon("trash"), "Delete run");
+  #error = h("p.field-error", { role: "alert" });
+  #waiting = h("p.empty", { role: "status" });
   #chart = new RunChart();
   #labels = new RunLabels();
   #truth = new AlignmentPanel();
   #rerun = new RerunForm();
   #files = new RunFiles();
-  #settings = h("div", { class: "stack" });
-  #body = h("div", { class: "run-view", hidden: true });
+  #settings = h("div.stack");
+  #body = h("div.run-view", { hidden: true });
   /** @type {string | null} */
   #id = null;
   /** @type {Run | null} */
@@ -52,12 +52,11 @@ export class RunView extends Part {
 
   build() {
     const head = h(
-      "div",
-      { class: "run-head" },
+      "div.run-head",
       this.#state,
       this.#facts,
       this.#original,
-      h("div", { class: "row" }, this.#play, this.#remove),
+      h("div.row", this.#play, this.#remove),
     );
     this.#body.append(
       head,
@@ -65,10 +64,9 @@ export class RunView extends Part {
       this.#waiting,
       this.#chart,
       h(
-        "div",
-        { class: "run-columns" },
-        h("div", { class: "stack" }, this.#truth, this.#files),
-        h("div", { class: "stack" }, this.#labels, this.#rerun, this.#settings),
+        "div.run-columns",
+        h("div.stack", this.#truth, this.#files),
+        h("div.stack", this.#labels, this.#rerun, this.#settings),
       ),
     );
     this.append(this.#error, this.#body);
@@ -187,24 +185,18 @@ function settingsOf(run) {
   ];
   const table = (/** @type {[string, string][]} */ rows) =>
     h(
-      "table",
-      { class: "settings" },
+      "table.settings",
       h(
         "tbody",
-        {},
-        ...rows.map(([name, value]) =>
-          h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value)),
-        ),
+        ...rows.map(([name, value]) => h("tr", h("th", { scope: "row" }, name), h("td", value))),
       ),
     );
   return h(
     "details",
-    {},
-    h("summary", {}, "Settings of this run"),
-    h("div", { class: "scroll-x" }, table(lines)),
+    h("summary", "Settings of this run"),
+    h("div.scroll-x", table(lines)),
     h(
-      "div",
-      { class: "scroll-x" },
+      "div.scroll-x",
       table(Object.entries(parameters).map(([name, value]) => [name, String(value)])),
     ),
   );

@@ -30,28 +30,26 @@ export class TruthPicker extends Part {
     step: "any",
     placeholder: "as the file says",
   });
-  #drop = h("div", { class: "drop" });
+  #drop = h("div.drop");
   #select = h("select", { id: "truth-select" });
   #remove = h(
-    "button",
+    "button.button.icon-button",
     {
       type: "button",
-      class: "button icon-button",
       "aria-label": "Delete this truth file",
       title: "Delete this truth file",
     },
     icon("trash"),
   );
-  #choice = h("div", { class: "field" });
-  #sending = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", id: "truth-error", role: "alert" });
-  #angles = h("div", {
-    class: "row",
+  #choice = h("div.field");
+  #sending = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { id: "truth-error", role: "alert" });
+  #angles = h("div.row", {
     role: "group",
     "aria-label": "How the angles are meant",
     hidden: true,
   });
-  #understood = h("div", { class: "stack understood" });
+  #understood = h("div.stack.understood");
   /** @type {TruthFile[]} */
   #all = [];
   /** What was sent and was not clear. @type {File | null} */
@@ -61,14 +59,10 @@ export class TruthPicker extends Part {
   build() {
     this.#choice.append(
       h("label", { for: "truth-select" }, "Truth"),
-      h("div", { class: "row" }, this.#select, this.#remove),
+      h("div.row", this.#select, this.#remove),
     );
-    const helical = h(
-      "button",
-      { type: "button", class: "button" },
-      "Helical, as Tracker writes them",
-    );
-    const euler = h("button", { type: "button", class: "button" }, "Euler angles XYZ");
+    const helical = h("button.button", { type: "button" }, "Helical, as Tracker writes them");
+    const euler = h("button.button", { type: "button" }, "Euler angles XYZ");
     helical.addEventListener("click", () => void this.#send(this.#unclear, "helical"));
     euler.addEventListener("click", () => void this.#send(this.#unclear, "euler_xyz"));
     this.#angles.append(helical, euler);
@@ -81,16 +75,11 @@ export class TruthPicker extends Part {
       ),
       this.#file,
       h(
-        "p",
-        { class: "hint", id: "truth-help" },
+        "p.hint",
+        { id: "truth-help" },
         "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content.",
       ),
-      h(
-        "details",
-        {},
-        h("summary", {}, "Where the file tells no rate"),
-        field("Rate, Hz", this.#rate),
-      ),
+      h("details", h("summary", "Where the file tells no rate"), field("Rate, Hz", this.#rate)),
       this.#error,
       this.#angles,
       this.#sending,
@@ -243,42 +232,37 @@ function understood({ format, info }) {
   ];
   const heads = ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"];
   return [
-    h("p", {}, "Understood as ", h("b", {}, facts.filter(Boolean).join(", ")), "."),
+    h("p", "Understood as ", h("b", facts.filter(Boolean).join(", ")), "."),
     h(
-      "div",
-      { class: "scroll-x", role: "region", "aria-label": "What the file holds", tabindex: "0" },
+      "div.scroll-x",
+      { role: "region", "aria-label": "What the file holds", tabindex: "0" },
       h(
         "table",
-        {},
-        h("thead", {}, h("tr", {}, ...heads.map((text) => h("th", { scope: "col" }, text)))),
+        h("thead", h("tr", ...heads.map((text) => h("th", { scope: "col" }, text)))),
         h(
           "tbody",
-          {},
           ...bodies.map((body) =>
             h(
               "tr",
-              {},
               h("th", { scope: "row" }, body.name),
-              h("td", {}, body.has_orientation ? "known" : "not known"),
+              h("td", body.has_orientation ? "known" : "not known"),
               h(
                 "td",
-                {},
                 body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
               ),
-              h("td", {}, body.gaps),
+              h("td", body.gaps),
               h(
                 "td",
-                {},
                 body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
               ),
-              h("td", {}, fixed(body.highest_speed_mps, 2)),
+              h("td", fixed(body.highest_speed_mps, 2)),
             ),
           ),
         ),
       ),
     ),
     ...(notes.length > 0
-      ? [h("ul", { class: "plain-list" }, ...notes.map((note) => h("li", {}, sentence(note))))]
+      ? [h("ul.plain-list", ...notes.map((note) => h("li", sentence(note))))]
       : []),
   ];
 }
