@@ -2,8 +2,8 @@
 
 import { request } from "./api.js";
 import { previewed } from "./calibration-preview.js";
-import { h, setAttribute, setText } from "./dom.js";
-import { notify, notifyError } from "./notice.js";
+import { button, h, setAttribute, setText } from "./dom.js";
+import { attempt, notify } from "./notice.js";
 import { Part } from "./part.js";
 import { fixed, sentence } from "./words.js";
 
@@ -21,7 +21,7 @@ class CalibrationHealth extends Part {
   #trend = h("p.hint");
   #chart = document.createElementNS(SVG, "svg");
   #vergence = h("p.hint");
-  #refine = h("button.button", { type: "button" }, "Refine from the scene");
+  #refine = button("Refine from the scene", () => this.#refineRows());
   #drawn = "";
   #refining = false;
 
@@ -29,7 +29,6 @@ class CalibrationHealth extends Part {
     this.#chart.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
     this.#chart.setAttribute("class", "drift-chart");
     this.#chart.setAttribute("role", "img");
-    this.#refine.addEventListener("click", () => void this.#refineRows());
     this.append(
       h("h3", "How it holds"),
       this.#words,
@@ -106,7 +105,7 @@ class CalibrationHealth extends Part {
     if (this.#refining) return;
     this.#refining = true;
     setText(this.#refine, "Refining…");
-    try {
+    await attempt(async () => {
       /** @type {import("./types.js").Calibration} */
       const refined = await request("POST", "/calibrations/refine");
       this.hub.tell("calibrations");
@@ -117,12 +116,9 @@ class CalibrationHealth extends Part {
       );
       notify(`${refined.name} is in use.`);
       this.hub.tell("calibrations");
-    } catch (error) {
-      notifyError(error);
-    } finally {
-      this.#refining = false;
-      setText(this.#refine, "Refine from the scene");
-    }
+    });
+    this.#refining = false;
+    setText(this.#refine, "Refine from the scene");
   }
 }
 

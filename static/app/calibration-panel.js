@@ -2,9 +2,9 @@
 
 import { ApiError, request } from "./api.js";
 import { compared, describe, previewed } from "./calibration-preview.js";
-import { field, h, icon, setText } from "./dom.js";
+import { button, field, h, icon, iconButton, setText } from "./dom.js";
 import { KeptList, passFocus } from "./focus-place.js";
-import { answered, confirmed, notify, notifyError } from "./notice.js";
+import { answered, attempt, confirmed, notify } from "./notice.js";
 import { Part } from "./part.js";
 
 /** @typedef {import("./types.js").Calibration} Calibration */
@@ -56,10 +56,12 @@ class CalibrationPanel extends Part {
     (/** @type {Calibration} */ calibration) => this.#item(calibration),
     () => this.#make,
   );
-  #make = h("button.button.primary", { type: "button" }, "Calibrate cameras");
+  #make = button("Calibrate cameras", () => this.hub.tell("calibrate"), {
+    class: "button primary",
+  });
   #empty = h("p.empty", "None yet; the source's own calibration is in use.");
-  #compare = h("button.button", { type: "button", hidden: true }, "Compare");
-  #own = h("button.button", { type: "button" }, "Back to the source's own");
+  #compare = button("Compare", () => compared(this.#all.slice(0, 4)), { hidden: true });
+  #own = button("Back to the source's own", () => this.#deactivate());
   /** @type {Calibration[]} */
   #all = [];
   #active = "";
@@ -91,9 +93,7 @@ class CalibrationPanel extends Part {
       this.#error,
     );
     this.#file.addEventListener("change", () => void this.#send([...(this.#file.files ?? [])]));
-    this.#own.addEventListener("click", () => void this.#deactivate());
     this.#listenForDrop();
-    this.#make.addEventListener("click", () => this.hub.tell("calibrate"));
     this.append(
       h("h2", "Calibration"),
       h("p.hint", "With a printed board it takes about five minutes."),
@@ -105,7 +105,6 @@ class CalibrationPanel extends Part {
       this.#list,
       h("div.row", this.#compare, this.#own),
     );
-    this.#compare.addEventListener("click", () => compared(this.#all.slice(0, 4)));
     this.hear("reconnected", () => void this.#load());
     this.hear("calibrations", () => void this.#load());
     this.hear("status", () => {
@@ -159,29 +158,18 @@ class CalibrationPanel extends Part {
   /** @param {Calibration} calibration */
   #item(calibration) {
     const active = calibration.id === this.#active;
-    const remove = h(
-      "button.button.icon-button",
-      {
-        type: "button",
-        disabled: active,
-        "aria-label": `Delete calibration ${calibration.name}`,
-        title: active ? "In use" : "Delete",
-      },
-      icon("trash"),
+    const remove = iconButton(
+      "trash",
+      `Delete calibration ${calibration.name}`,
+      () => this.#remove(calibration),
+      { disabled: active, title: active ? "In use" : "Delete" },
     );
-    const name = h(
-      "button.button",
-      { type: "button", "aria-label": `Rename calibration ${calibration.name}` },
-      "Rename",
-    );
-    name.addEventListener("click", () => void this.#rename(calibration));
-    const look = h(
-      "button.button",
-      { type: "button", "aria-label": `Look at calibration ${calibration.name}` },
-      "Look",
-    );
-    remove.addEventListener("click", () => void this.#remove(calibration));
-    look.addEventListener("click", () => void this.#look(calibration));
+    const name = button("Rename", () => this.#rename(calibration), {
+      "aria-label": `Rename calibration ${calibration.name}`,
+    });
+    const look = button("Look", () => this.#look(calibration), {
+      "aria-label": `Look at calibration ${calibration.name}`,
+    });
     return h(
       "li",
       h(
@@ -240,11 +228,9 @@ class CalibrationPanel extends Part {
   async #rename(calibration) {
     const name = await answered("What shall this calibration be called?", "Name", calibration.name);
     if (!name || name === calibration.name) return;
-    try {
-      await request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name });
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() =>
+      request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name }),
+    );
     this.hub.tell("calibrations");
   }
 
@@ -257,15 +243,13 @@ class CalibrationPanel extends Part {
    * @param {string} done
    */
   async #change(path, done) {
-    try {
+    await attempt(async () => {
       /** @type {import("./types.js").Status} */
       const status = await request("POST", path);
       this.hub.takeStatus(status);
       notify(done);
       this.hub.tell("calibrations");
-    } catch (error) {
-      notifyError(error);
-    }
+    });
   }
 
   /** @param {Calibration} calibration */
@@ -276,12 +260,10 @@ class CalibrationPanel extends Part {
       "Delete calibration",
     );
     if (!sure) return;
-    try {
+    await attempt(async () => {
       await request("DELETE", `/calibrations/${encodeURIComponent(calibration.id)}`);
       notify(`Calibration ${calibration.name} deleted.`);
-    } catch (error) {
-      notifyError(error);
-    }
+    });
     this.hub.tell("calibrations");
   }
 }

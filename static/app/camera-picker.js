@@ -1,7 +1,7 @@
 /** The cameras that are plugged in: which is left, which right, and how they are set. */
 
 import { request } from "./api.js";
-import { field, h, setText } from "./dom.js";
+import { button, field, h, onSubmit, setText } from "./dom.js";
 import { Part } from "./part.js";
 
 /** @typedef {{pixel_format: string, width: number, height: number, rates: number[]}} Mode */
@@ -45,7 +45,7 @@ export class CameraPicker extends Part {
     ]),
   );
   #form = h("form.stack", { hidden: true });
-  #again = h("button.button", { type: "button" }, "Look again");
+  #again = button("Look again", () => this.#load());
   #troubles = h("ul.plain-list.warnings");
   /** @type {Camera[]} */
   #cameras = [];
@@ -84,11 +84,7 @@ export class CameraPicker extends Part {
       h("div.row", this.#again),
     );
     this.#left.addEventListener("change", () => this.#renderModes());
-    this.#again.addEventListener("click", () => void this.#load());
-    this.#form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      this.chosen(this.#spec());
-    });
+    onSubmit(this.#form, () => this.chosen(this.#spec()));
     this.hear("reconnected", () => void this.#load());
     void this.#load();
   }

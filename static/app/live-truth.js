@@ -1,7 +1,7 @@
 /** Live motion capture: what is listened to, what comes from it, and how it is aligned. */
 
 import { ApiError, request } from "./api.js";
-import { field, h, setAttribute, setText } from "./dom.js";
+import { button, field, h, onSubmit, setAttribute, setText } from "./dom.js";
 import { KeptList } from "./focus-place.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -27,7 +27,7 @@ class LiveTruthForm extends Part {
     "aria-describedby": "live-truth-help live-truth-error",
   });
   #listen = h("button.button", { type: "submit" }, "Listen");
-  #stop = h("button.button", { type: "button", hidden: true }, "Stop listening");
+  #stop = button("Stop listening", () => this.#end(), { hidden: true });
   #error = h("p.field-error", { id: "live-truth-error", role: "alert" });
   #state = h("span.state-chip");
   #sentence = h("p", { role: "status" });
@@ -73,11 +73,7 @@ class LiveTruthForm extends Part {
       h("div.named-part", h("span.field-name", "Compared bodies"), this.#list),
     );
     this.append(h("h3", "Live motion capture"), form, this.#heard);
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#begin();
-    });
-    this.#stop.addEventListener("click", () => void this.#end());
+    onSubmit(form, () => this.#begin());
     this.#observer.addEventListener("change", () => void this.#choose());
     this.hear("status", () => this.#render());
     this.#render();

@@ -1,6 +1,6 @@
 /** All obstacles of the newest observation, one line each. */
 
-import { h, setAttribute, setText } from "./dom.js";
+import { button, h, setAttribute, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";
 import { Part } from "./part.js";
 import {
@@ -70,16 +70,11 @@ function makeRow(id, opened) {
     "aria-hidden": "true",
   });
   const cells = COLUMNS.slice(1).map(() => h("td"));
-  const more = h(
-    "button.row-button",
-    {
-      type: "button",
-      "aria-expanded": "false",
-      title: "Why it counts as moving",
-    },
-    swatch,
-    String(id),
-  );
+  const more = button([swatch, String(id)], null, {
+    class: "row-button",
+    "aria-expanded": "false",
+    title: "Why it counts as moving",
+  });
   const figures = h("tr", h("th", { scope: "row" }, more), ...cells);
   const behind = h("dl.figures", { hidden: true });
   const why = h("tr.why", h("td", { colspan: COLUMNS.length }, h("p"), behind));

@@ -1,6 +1,6 @@
 /** One parameter: its control made from its declaration, with help, error and reset. */
 
-import { h, icon, setText } from "./dom.js";
+import { button, h, icon, setText } from "./dom.js";
 
 /** @typedef {import("./types.js").ParameterEntry} ParameterEntry */
 /** @typedef {import("./types.js").ParameterValue} ParameterValue */
@@ -21,7 +21,7 @@ const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 export class ParameterField extends HTMLElement {
   #error = h("p.field-error", { role: "alert" });
   #idle = h("span.idle");
-  #reset = h("button.quiet.reset", { type: "button" }, icon("restart"));
+  #reset = button(icon("restart"), null, { class: "quiet reset" });
   /** @type {(value: ParameterValue) => void} */
   #show = () => {};
   /** @type {ParameterValue | undefined} */

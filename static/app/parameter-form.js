@@ -1,8 +1,7 @@
 /** Every parameter of the method as a form, made from the server's schema. */
 
-import { ApiError } from "./api.js";
-import { h, icon, setText } from "./dom.js";
-import { notifyError } from "./notice.js";
+import { button, h, iconButton, setText } from "./dom.js";
+import { attemptIn, notifyError } from "./notice.js";
 import { ParameterField } from "./parameter-field.js";
 import { ParameterGroups } from "./parameter-groups.js";
 import { ParameterStore } from "./parameter-store.js";
@@ -24,27 +23,15 @@ class ParameterForm extends Part {
   });
   #found = h("p.hint", { role: "status" });
   #revision = h("p.hint.figure.revision");
-  #undo = h(
-    "button.button.icon-button",
-    {
-      type: "button",
-      "aria-label": "Undo",
-      title: "Undo (Ctrl+Z)",
-      "aria-keyshortcuts": "Control+Z",
-    },
-    icon("undo"),
-  );
-  #redo = h(
-    "button.button.icon-button",
-    {
-      type: "button",
-      "aria-label": "Redo",
-      title: "Redo (Ctrl+Shift+Z)",
-      "aria-keyshortcuts": "Control+Shift+Z",
-    },
-    icon("redo"),
-  );
-  #resetAll = h("button.button", { type: "button" }, "Reset all");
+  #undo = iconButton("undo", "Undo", null, {
+    title: "Undo (Ctrl+Z)",
+    "aria-keyshortcuts": "Control+Z",
+  });
+  #redo = iconButton("redo", "Redo", null, {
+    title: "Redo (Ctrl+Shift+Z)",
+    "aria-keyshortcuts": "Control+Shift+Z",
+  });
+  #resetAll = button("Reset all", null);
 
   build() {
     const store = this.#store;
@@ -88,12 +75,7 @@ class ParameterForm extends Part {
   }
 
   async #load() {
-    try {
-      await this.#store.load();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#found, error.message);
-    }
+    await attemptIn(this.#found, () => this.#store.load());
   }
 
   #render() {

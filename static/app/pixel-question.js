@@ -1,7 +1,7 @@
 /** Any pixel of a view can be asked why it counts as moving, as standing, or as neither. */
 
 import { request } from "./api.js";
-import { h, icon, setAttribute, setText } from "./dom.js";
+import { button, h, icon, setAttribute, setText } from "./dom.js";
 import { figuresOf, fillFigures } from "./figure-list.js";
 import { Part } from "./part.js";
 
@@ -28,8 +28,8 @@ const STEP_PX = 8;
 
 export class PixelQuestion extends Part {
   /** Lies over the image; a click asks the place, Enter the marked one. */
-  pick = h("button.pixel-pick", {
-    type: "button",
+  pick = button([], null, {
+    class: "pixel-pick",
     "aria-label": "Ask a pixel of the left image: arrow keys move the mark, Enter asks",
   });
   #mark = h("span.pixel-mark", { hidden: true });
@@ -52,14 +52,11 @@ export class PixelQuestion extends Part {
     this.pick.append(this.#mark);
     this.pick.addEventListener("click", (event) => this.#clicked(event));
     this.pick.addEventListener("keydown", (event) => this.#moved(event));
-    const again = h("button.button", { type: "button" }, "Ask again");
-    again.addEventListener("click", () => void this.#ask());
-    const close = h(
-      "button.quiet",
-      { type: "button", "aria-label": "Close the answer" },
-      icon("close"),
-    );
-    close.addEventListener("click", () => this.#close());
+    const again = button("Ask again", () => this.#ask());
+    const close = button(icon("close"), () => this.#close(), {
+      class: "quiet",
+      "aria-label": "Close the answer",
+    });
     this.#words.append(this.#sentence, this.#obstacle, this.#change);
     this.#card.append(
       h("div.answer-head", this.#verdict, this.#where, close),

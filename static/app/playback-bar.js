@@ -1,7 +1,7 @@
 /** Playback of files and simulation: pause, step, restart, rate, loop and where it is. */
 
 import { request } from "./api.js";
-import { h, icon, setAttribute, setText } from "./dom.js";
+import { button, h, icon, iconButton, setAttribute, setText } from "./dom.js";
 import { notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { ScrubBar } from "./scrub-bar.js";
@@ -12,24 +12,12 @@ const SLIDER_STEPS = 100;
 const SEND_EVERY_MS = 150;
 
 class PlaybackBar extends Part {
-  #pause = h("button.button.icon-button", { type: "button" });
-  #step = h(
-    "button.button.icon-button",
-    {
-      type: "button",
-      "aria-label": "One frame further",
-      title: "One frame further (pauses)",
-    },
-    icon("step"),
-  );
-  #restart = h(
-    "button.button.icon-button",
-    {
-      type: "button",
-      "aria-label": "Restart from the first frame",
-      title: "Restart from the first frame",
-    },
-    icon("restart"),
+  #pause = button([], () => this.#send({ paused: !this.#paused }), { class: "button icon-button" });
+  #step = iconButton("step", "One frame further", () => this.#send({ paused: true, step: 1 }), {
+    title: "One frame further (pauses)",
+  });
+  #restart = iconButton("restart", "Restart from the first frame", () =>
+    this.#send({ restart: true }),
   );
   #slider = h("input", {
     type: "range",
@@ -60,9 +48,6 @@ class PlaybackBar extends Part {
   build() {
     setAttribute(this, "role", "group");
     setAttribute(this, "aria-label", "Playback");
-    this.#pause.addEventListener("click", () => void this.#send({ paused: !this.#paused }));
-    this.#step.addEventListener("click", () => void this.#send({ paused: true, step: 1 }));
-    this.#restart.addEventListener("click", () => void this.#send({ restart: true }));
     this.#loop.addEventListener("change", () => void this.#send({ loop: this.#loop.checked }));
     this.#slider.addEventListener("input", () =>
       this.#rateChanged(rateAt(this.#slider.valueAsNumber)),

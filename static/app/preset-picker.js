@@ -1,8 +1,7 @@
 /** Presets: choose one, keep the present values as one. */
 
-import { ApiError } from "./api.js";
-import { h, icon, setText } from "./dom.js";
-import { confirmed, notify, notifyError } from "./notice.js";
+import { h, iconButton, onSubmit, setText } from "./dom.js";
+import { attempt, attemptIn, confirmed, notify } from "./notice.js";
 
 /** @typedef {import("./parameter-store.js").ParameterStore} ParameterStore */
 
@@ -18,15 +17,7 @@ export class PresetPicker extends HTMLElement {
     required: true,
   });
   #error = h("p.field-error", { id: "preset-error", role: "alert" });
-  #delete = h(
-    "button.button.icon-button",
-    {
-      type: "button",
-      "aria-label": "Delete this preset",
-      title: "Delete this preset",
-    },
-    icon("trash"),
-  );
+  #delete = iconButton("trash", "Delete this preset", null);
 
   /** @param {ParameterStore} store */
   build(store) {
@@ -38,10 +29,7 @@ export class PresetPicker extends HTMLElement {
       h("button.button", { type: "submit" }, "Save preset"),
     );
     this.#name.placeholder = "New preset's name";
-    save.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#save(store);
-    });
+    onSubmit(save, () => this.#save(store));
     this.#select.addEventListener("change", () => {
       const preset = store.presets.find((p) => p.name === this.#select.value);
       if (preset) void store.changeUndoably(store.differing(store.valuesOf(preset)));
@@ -78,14 +66,11 @@ export class PresetPicker extends HTMLElement {
     const name = this.#name.value.trim();
     setText(this.#error, name ? "" : "Give the preset a name first.");
     if (!name) return;
-    try {
+    await attemptIn(this.#error, async () => {
       await store.savePreset(name);
       this.#name.value = "";
       notify(`Preset ${name} saved.`);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
-    }
+    });
   }
 
   /** @param {ParameterStore} store */
@@ -99,11 +84,7 @@ export class PresetPicker extends HTMLElement {
       ))
     )
       return;
-    try {
-      await store.deletePreset(name);
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() => store.deletePreset(name));
   }
 }
 

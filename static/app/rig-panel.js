@@ -1,8 +1,8 @@
 /** How the cameras stand on their robot: typed in, or estimated from the floor. */
 
 import { ApiError, request } from "./api.js";
-import { h, setAttribute, setText } from "./dom.js";
-import { notify, notifyError } from "./notice.js";
+import { button, h, onSubmit, setAttribute, setText } from "./dom.js";
+import { attempt, notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { fixed } from "./words.js";
 
@@ -41,8 +41,8 @@ class RigPanel extends Part {
   #simulated = h("input", { type: "checkbox", id: "rig-simulated" });
   #inUse = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert", id: "rig-error" });
-  #floor = h("button.button", { type: "button" }, "Estimate from the floor");
-  #drive = h("button.button", { type: "button", "aria-pressed": "false" }, "Estimate from a drive");
+  #floor = button("Estimate from the floor", () => this.#estimate());
+  #drive = button("Estimate from a drive", () => this.#toggleDrive(), { "aria-pressed": "false" });
   #words = h("p", { role: "status" });
   /** Asks how far the drive is, while one is noted. */
   #asking = 0;
@@ -105,12 +105,7 @@ class RigPanel extends Part {
     form.addEventListener("input", () => {
       this.#changed = true;
     });
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#save();
-    });
-    this.#floor.addEventListener("click", () => void this.#estimate());
-    this.#drive.addEventListener("click", () => void this.#toggleDrive());
+    onSubmit(form, () => this.#save());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => this.#renderInUse());
     void this.#load();
@@ -126,16 +121,14 @@ class RigPanel extends Part {
     const ending = this.#asking !== 0;
     clearInterval(this.#asking);
     this.#asking = 0;
-    try {
+    await attempt(async () => {
       await this.#showDrive(ending ? "DELETE" : "POST");
       if (!ending)
         this.#asking = setInterval(
           () => void this.#showDrive("GET").catch(() => {}),
           DRIVE_ASKED_MS,
         );
-    } catch (error) {
-      notifyError(error);
-    }
+    });
     const noting = this.#asking !== 0;
     setAttribute(this.#drive, "aria-pressed", String(noting));
     setText(this.#drive, noting ? "End the drive" : "Estimate from a drive");

@@ -1,7 +1,7 @@
 /** Start and stop of a run, and what the server is doing. */
 
 import { ApiError, request } from "./api.js";
-import { h, icon, setAttribute, setText } from "./dom.js";
+import { button, h, icon, onSubmit, setAttribute, setText } from "./dom.js";
 import { notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { size } from "./runs/run-words.js";
@@ -43,7 +43,10 @@ class RunBar extends Part {
   );
   #recording = h("span.record-chip.figure", { hidden: true });
   #start = h("button.button.primary", { type: "submit" }, icon("record"), "Start run");
-  #stop = h("button.button.danger", { type: "button", hidden: true }, icon("stop"), "Stop run");
+  #stop = button([icon("stop"), "Stop run"], () => this.#do(() => this.#end()), {
+    class: "button danger",
+    hidden: true,
+  });
   #running = h("span.run-clock.figure", { hidden: true });
   #busy = false;
   /** @type {number | null} */
@@ -60,11 +63,7 @@ class RunBar extends Part {
       this.#start,
       this.#stop,
     );
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#do(() => this.#begin());
-    });
-    this.#stop.addEventListener("click", () => void this.#do(() => this.#end()));
+    onSubmit(form, () => this.#do(() => this.#begin()));
     this.append(this.#state, form);
     this.hear("status", () => this.#render());
     this.hear("connection", () => this.#render());

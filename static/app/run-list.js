@@ -1,9 +1,9 @@
 /** The newest runs, and the way to all of them. */
 
 import { request } from "./api.js";
-import { h, icon } from "./dom.js";
+import { button, h, icon, iconButton } from "./dom.js";
 import { KeptList } from "./focus-place.js";
-import { notify, notifyError } from "./notice.js";
+import { attempt, notify } from "./notice.js";
 import { Part } from "./part.js";
 import { removeRun } from "./runs/run-search.js";
 import { facts, runHref, size } from "./runs/run-words.js";
@@ -26,11 +26,9 @@ class RunList extends Part {
     "No run yet. Start one at the top of the page; it is recorded and listed here.",
   );
   #history = h("a.button.primary", { href: "#history" }, "Find, compare and look at runs");
-  #ring = h(
-    "button.button",
-    { type: "button", "aria-describedby": "ring-help" },
-    "Save the last half minute",
-  );
+  #ring = button("Save the last half minute", () => this.#saveRing(), {
+    "aria-describedby": "ring-help",
+  });
   /** @type {string | null} */
   #runId = null;
 
@@ -47,7 +45,6 @@ class RunList extends Part {
       this.#empty,
       this.#list,
     );
-    this.#ring.addEventListener("click", () => void this.#saveRing());
     this.hear("runs", () => void this.#load());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => {
@@ -68,31 +65,22 @@ class RunList extends Part {
   }
 
   async #saveRing() {
-    try {
+    await attempt(async () => {
       /** @type {{file: string, bytes: number, seconds: number}} */
       const { file, bytes, seconds } = await request("POST", "/recording/ring");
       notify(
         `The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`,
       );
       this.hub.tell("rings");
-    } catch (error) {
-      notifyError(error);
-    }
+    });
   }
 
   /** @param {Run} run */
   #item(run) {
-    const remove = h(
-      "button.button.icon-button",
-      {
-        type: "button",
-        disabled: run.state === "running",
-        "aria-label": `Delete run ${run.name}`,
-        title: "Delete",
-      },
-      icon("trash"),
-    );
-    remove.addEventListener("click", () => void removeRun(this.hub, run));
+    const remove = iconButton("trash", `Delete run ${run.name}`, () => removeRun(this.hub, run), {
+      disabled: run.state === "running",
+      title: "Delete",
+    });
     return h(
       "li",
       h(

@@ -2,7 +2,7 @@
 
 import { ApiError, request } from "./api.js";
 import { CameraPicker } from "./camera-picker.js";
-import { h, setAttribute, setText } from "./dom.js";
+import { button, h, onSubmit, setAttribute, setText } from "./dom.js";
 import { KeptList } from "./focus-place.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -25,7 +25,9 @@ class SourcePicker extends Part {
   #calibration = h("select", { id: "source-calibration" });
   #open = h("button.button.primary", { type: "submit" }, "Open source");
   #error = h("p.field-error", { id: "source-error", role: "alert" });
-  #calibrate = h("button.button", { type: "button", hidden: true }, "Calibrate these cameras");
+  #calibrate = button("Calibrate these cameras", () => this.hub.tell("calibrate"), {
+    hidden: true,
+  });
   #inRun = h("p.hint", { hidden: true }, "Stop the run to open another source.");
   #busy = false;
   #followed = "";
@@ -48,11 +50,7 @@ class SourcePicker extends Part {
       h("div.field", h("label", { for: "source-calibration" }, "Calibration"), this.#calibration),
       h("div.row", this.#open, this.#calibrate, this.#inRun),
     );
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#openSource();
-    });
-    this.#calibrate.addEventListener("click", () => this.hub.tell("calibrate"));
+    onSubmit(form, () => this.#openSource());
     const cameras = new CameraPicker();
     cameras.chosen = (spec) => {
       this.#spec.value = spec;
@@ -76,21 +74,17 @@ class SourcePicker extends Part {
 
   /** @param {import("./types.js").SourceChoice} choice */
   #choice({ spec, title, help }) {
-    const button = h(
-      "button.source",
-      { type: "button", "data-spec": spec },
-      h("b", title),
-      h("code", spec),
-      h("span", help),
+    return button(
+      [h("b", title), h("code", spec), h("span", help)],
+      () => {
+        if (this.#busy) return;
+        this.#spec.value = spec;
+        // A word in capitals stands for something to be typed, as in video:LEFT,RIGHT.
+        if (PLACEHOLDER.test(spec)) this.#spec.select();
+        else void this.#openSource();
+      },
+      { class: "source", "data-spec": spec },
     );
-    button.addEventListener("click", () => {
-      if (this.#busy) return;
-      this.#spec.value = spec;
-      // A word in capitals stands for something to be typed, as in video:LEFT,RIGHT.
-      if (PLACEHOLDER.test(spec)) this.#spec.select();
-      else void this.#openSource();
-    });
-    return button;
   }
 
   async #loadCalibrations() {

@@ -1,7 +1,8 @@
 /** Holding the depth of a place against a tape measure, and keeping what came of it. */
 
-import { ApiError, request } from "./api.js";
-import { h, setText } from "./dom.js";
+import { request } from "./api.js";
+import { button, h, setText } from "./dom.js";
+import { attemptIn } from "./notice.js";
 import { fixed } from "./words.js";
 
 /** @typedef {import("./types.js").Calibration} Calibration */
@@ -24,7 +25,7 @@ export class TapeCheck {
     step: "any",
     "aria-describedby": "tape-error",
   });
-  #check = h("button.button", { type: "button" }, "Compare");
+  #check = button("Compare", () => this.#compare());
   #error = h("p.field-error", { role: "alert", id: "tape-error" });
   #list = h("ul.plain-list");
   element = h("details.tape-check");
@@ -36,12 +37,11 @@ export class TapeCheck {
   constructor(calibration, canvas) {
     this.#path = `/calibrations/${encodeURIComponent(calibration.id)}`;
     this.#canvas = canvas;
-    const choose = h(
-      "button.button",
-      { type: "button", "aria-describedby": "tape-help" },
+    const choose = button(
       "Choose the middle",
+      () => this.#choose(canvas.width / 4, canvas.height / 2),
+      { "aria-describedby": "tape-help" },
     );
-    choose.addEventListener("click", () => void this.#choose(canvas.width / 4, canvas.height / 2));
     this.element.append(
       h("summary", "Check it with a tape measure"),
       h(
@@ -62,7 +62,6 @@ export class TapeCheck {
     );
     choose.addEventListener("keydown", (event) => this.#move(event));
     canvas.addEventListener("click", (event) => this.#clicked(event));
-    this.#check.addEventListener("click", () => void this.#compare());
     // Enter must not close the dialog in place of comparing.
     this.#measured.addEventListener("keydown", (event) => {
       if (event.key !== "Enter") return;
@@ -103,14 +102,11 @@ export class TapeCheck {
     ]);
     this.element.open = true;
     this.#drawMark();
-    try {
+    await attemptIn(this.#words, async () => {
       /** @type {{range_m: number}} */
       const { range_m } = await request("GET", `${this.#path}/depth?u=${place[0]}&v=${place[1]}`);
       if (this.#place === place) setText(this.#words, `The cameras say ${fixed(range_m, 3)} m.`);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#words, error.message);
-    }
+    });
   }
 
   #drawMark() {
@@ -132,12 +128,9 @@ export class TapeCheck {
     if (!(measured_m > 0))
       return setText(this.#error, "Enter the measured distance in metres, as in 2.04.");
     const [u, v] = this.#place;
-    try {
+    await attemptIn(this.#error, async () => {
       this.#show(await request("POST", `${this.#path}/tape-checks`, { u, v, measured_m }));
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
-    }
+    });
   }
 
   /** @param {Calibration} calibration */

@@ -1,8 +1,8 @@
 /** The first step: which board, printed how large, before which cameras. */
 
-import { ApiError, request, requestImage } from "../api.js";
-import { field, h, icon, setAttribute, setText } from "../dom.js";
-import { confirmed } from "../notice.js";
+import { request, requestImage } from "../api.js";
+import { button, field, h, icon, onSubmit, setAttribute, setText } from "../dom.js";
+import { attemptIn, confirmed } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed } from "../words.js";
 
@@ -52,8 +52,8 @@ export class BoardStep extends Part {
     autocomplete: "off",
     spellcheck: "false",
   });
-  #svg = h("button.button", { type: "button" }, icon("download"), "Board as SVG");
-  #pdf = h("button.button", { type: "button" }, icon("download"), "Board as PDF");
+  #svg = button([icon("download"), "Board as SVG"], () => this.#download("svg"));
+  #pdf = button([icon("download"), "Board as PDF"], () => this.#download("pdf"));
   #printing = h("p.field-error", { role: "alert" });
   #scaled = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert", id: "board-error" });
@@ -136,12 +136,7 @@ export class BoardStep extends Part {
     this.append(form);
     this.#fill();
     form.addEventListener("input", () => this.#changed());
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#begin();
-    });
-    this.#svg.addEventListener("click", () => void this.#download("svg"));
-    this.#pdf.addEventListener("click", () => void this.#download("pdf"));
+    onSubmit(form, () => this.#begin());
     this.#zip.addEventListener("change", () => void this.#sendImages());
     this.hear("status", () => this.#suggest());
     this.hear("calibrate", () => {
@@ -208,7 +203,7 @@ export class BoardStep extends Part {
       paper: c.paper,
     });
     setText(this.#printing, "");
-    try {
+    await attemptIn(this.#printing, async () => {
       const { blob } = await requestImage(`/boards/${c.kind}.${format}?${query}`);
       const href = URL.createObjectURL(blob);
       h("a", {
@@ -216,10 +211,7 @@ export class BoardStep extends Part {
         download: `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`,
       }).click();
       setTimeout(() => URL.revokeObjectURL(href), 60_000);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#printing, error.message);
-    }
+    });
   }
 
   async #begin() {
@@ -273,10 +265,9 @@ export class BoardStep extends Part {
     // Not disabled: that would take the focus away.
     setAttribute(this.#start, "aria-disabled", "true");
     try {
-      this.begun((await action()).calibrating);
-    } catch (refusal) {
-      if (!(refusal instanceof ApiError)) throw refusal;
-      setText(error, refusal.message);
+      await attemptIn(error, async () => {
+        this.begun((await action()).calibrating);
+      });
     } finally {
       this.#busy = false;
       setAttribute(this.#start, "aria-disabled", null);

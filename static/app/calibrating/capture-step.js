@@ -1,10 +1,10 @@
 /** The second step: the board is moved, and its views are captured. */
 
 import { request } from "../api.js";
-import { h, icon, setAttribute, setText } from "../dom.js";
+import { button, h, icon, setAttribute, setText } from "../dom.js";
 import { KeptList, passFocus } from "../focus-place.js";
 import { LiveView } from "../live-view.js";
-import { notify, notifyError } from "../notice.js";
+import { attempt, notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
 import { CoverQuestion } from "./cover-question.js";
 
@@ -34,11 +34,11 @@ export class CaptureStep extends Part {
   #cameras = h("div.capture-cameras");
   #bars = new Map(BARS.map(([name, words]) => [name, bar(words)]));
   #covered = h("div.stack", h("h3", "What is covered"), h("dl.coverage", ...this.#bars.values()));
-  #capture = h("button.button", { type: "button" }, "Capture now");
-  #undo = h("button.button", { type: "button" }, icon("undo"), "Undo");
+  #capture = button("Capture now", () => this.#change({ capture: true }));
+  #undo = button([icon("undo"), "Undo"], () => this.#change({ undo: true }));
   #automatic = h("input", { type: "checkbox", id: "capture-automatic" });
-  #compute = h("button.button.primary", { type: "button" }, "Compute the calibration");
-  #cancel = h("button.button", { type: "button" }, "Cancel");
+  #compute = button("Compute the calibration", () => this.compute(), { class: "button primary" });
+  #cancel = button("Cancel", () => this.#end());
   #progress = h("progress", { max: 1, "aria-label": "Computing" });
   #progressWords = h("span", { role: "status" });
   #computing = h("div.row", { hidden: true }, this.#progress, this.#progressWords, this.#cancel);
@@ -82,14 +82,10 @@ export class CaptureStep extends Part {
         this.#refused,
       ),
     );
-    this.#capture.addEventListener("click", () => void this.#change({ capture: true }));
-    this.#undo.addEventListener("click", () => void this.#change({ undo: true }));
     this.#automatic.addEventListener(
       "change",
       () => void this.#change({ automatic: this.#automatic.checked }),
     );
-    this.#compute.addEventListener("click", () => this.compute());
-    this.#cancel.addEventListener("click", () => void this.#end());
     this.hear("status", () => this.#render());
   }
 
@@ -198,12 +194,11 @@ export class CaptureStep extends Part {
 
   /** @param {import("../types.js").CapturedView} view */
   #item(view) {
-    const remove = h(
-      "button.quiet",
-      { type: "button", "aria-label": `Remove view ${view.name}`, title: "Remove" },
-      icon("close"),
-    );
-    remove.addEventListener("click", () => void this.#change({ remove: view.name }));
+    const remove = button(icon("close"), () => this.#change({ remove: view.name }), {
+      class: "quiet",
+      "aria-label": `Remove view ${view.name}`,
+      title: "Remove",
+    });
     const path = `/api/calibrating/views/${encodeURIComponent(view.name)}`;
     const picture = view.picture ? h("img", { src: `${path}/left.jpg`, alt: "", width: 80 }) : null;
     const seen = view.left && view.right ? "" : view.left ? "left only" : "right only";
@@ -212,12 +207,10 @@ export class CaptureStep extends Part {
 
   async #end() {
     this.cancelled = true;
-    try {
+    await attempt(async () => {
       await request("POST", "/calibrating/cancel");
       notify("Computing was ended; the views stay.");
-    } catch (error) {
-      notifyError(error);
-    }
+    });
   }
 
   /** @param {Record<string, unknown>} change */

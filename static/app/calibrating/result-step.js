@@ -1,10 +1,10 @@
 /** The third step: what came of the views, how good it is, and keeping it. */
 
-import { ApiError, request } from "../api.js";
+import { request } from "../api.js";
 import { paintPreview } from "../calibration-preview.js";
-import { h, setText } from "../dom.js";
+import { button, h, onSubmit, setText } from "../dom.js";
 import { passFocus } from "../focus-place.js";
-import { notify, notifyError } from "../notice.js";
+import { attempt, attemptIn, notify } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed } from "../words.js";
 import { verdictTable, viewChart } from "./report-parts.js";
@@ -39,10 +39,10 @@ export class ResultStep extends Part {
   });
   #error = h("p.field-error", { role: "alert" });
   #use = h("button.button.primary", { type: "submit" }, "Save and use");
-  #keep = h("button.button", { type: "button" }, "Save for later");
-  #again = h("button.button", { type: "button" }, "Capture more");
-  #recompute = h("button.button", { type: "button", hidden: true }, "Compute again");
-  #refresh = h("button.button", { type: "button" }, "Newest pair");
+  #keep = button("Save for later", () => this.#save(false));
+  #again = button("Capture more", () => this.again());
+  #recompute = button("Compute again", () => this.compute(), { hidden: true });
+  #refresh = button("Newest pair", () => this.#paint());
   #rectified = h(
     "div.stack",
     h("h3", "Rectified"),
@@ -82,14 +82,7 @@ export class ResultStep extends Part {
       h("h3", "Keep it"),
       form,
     );
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#save(true);
-    });
-    this.#keep.addEventListener("click", () => void this.#save(false));
-    this.#again.addEventListener("click", () => this.again());
-    this.#recompute.addEventListener("click", () => this.compute());
-    this.#refresh.addEventListener("click", () => void this.#paint());
+    onSubmit(form, () => this.#save(true));
     this.hear("status", () => void this.#load());
   }
 
@@ -178,15 +171,12 @@ export class ResultStep extends Part {
 
   /** @param {{name: string, reason: string | null}} view @param {Set<string>} present */
   #badView(view, present) {
-    const remove = h("button.button", { type: "button" }, `Remove view ${view.name}`);
-    remove.addEventListener("click", async () => {
-      try {
+    const remove = button(`Remove view ${view.name}`, async () => {
+      await attempt(async () => {
         await request("PATCH", "/calibrating", { remove: view.name });
         passFocus(remove, this.#again);
         remove.replaceWith("Removed.");
-      } catch (error) {
-        notifyError(error);
-      }
+      });
     });
     return h(
       "li.row",
@@ -213,19 +203,18 @@ export class ResultStep extends Part {
     const before = button.textContent ?? "";
     setText(button, activate ? "Saving and opening…" : "Saving…");
     try {
-      /** @type {import("../types.js").Calibration} */
-      const saved = await request("POST", "/calibrating/save", {
-        name: this.#name.value.trim(),
-        activate,
+      await attemptIn(this.#error, async () => {
+        /** @type {import("../types.js").Calibration} */
+        const saved = await request("POST", "/calibrating/save", {
+          name: this.#name.value.trim(),
+          activate,
+        });
+        notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
+        this.hub.tell("calibrations");
+        if (!activate) return;
+        this.#read = this.#name.value = "";
+        this.saved();
       });
-      notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
-      this.hub.tell("calibrations");
-      if (!activate) return;
-      this.#read = this.#name.value = "";
-      this.saved();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
     } finally {
       this.#saving = false;
       setText(button, before);

@@ -1,8 +1,8 @@
 /** Making a calibration, step by step: a board, its views, what came of them. */
 
-import { ApiError, request } from "../api.js";
-import { h, setAttribute, setText } from "../dom.js";
-import { confirmed, notify, notifyError } from "../notice.js";
+import { request } from "../api.js";
+import { button, h, setAttribute, setText } from "../dom.js";
+import { attempt, confirmed, notify } from "../notice.js";
 import { Part } from "../part.js";
 import { BoardStep } from "./board-step.js";
 import { CaptureStep } from "./capture-step.js";
@@ -20,9 +20,9 @@ const STEPS = [
 /** Takes the place of the scene and the live views while something is calibrated. */
 class CalibrationWizard extends Part {
   #steps = new Map(
-    STEPS.map(([step, text]) => [step, h("button.wizard-step", { type: "button" }, text)]),
+    STEPS.map(([step, text]) => [step, button(text, null, { class: "wizard-step" })]),
   );
-  #close = h("button.button", { type: "button" }, "Leave");
+  #close = button("Leave", () => this.#leave());
   #title = h("h2", { tabindex: "-1", id: "wizard-title" }, "Calibrate");
   #board = new BoardStep();
   #views = new CaptureStep();
@@ -51,7 +51,6 @@ class CalibrationWizard extends Part {
     for (const [step, button] of this.#steps)
       button.addEventListener("click", () => this.#go(step));
     for (const part of [this.#board, this.#views, this.#result]) part.attach(this.hub);
-    this.#close.addEventListener("click", () => void this.#leave());
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "wizard-title");
     const steps = h(
@@ -146,11 +145,7 @@ class CalibrationWizard extends Part {
 
   async #compute() {
     this.#views.cancelled = false;
-    try {
-      await request("POST", "/calibrating/compute", this.#board.computation());
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() => request("POST", "/calibrating/compute", this.#board.computation()));
   }
 
   async #leave() {
@@ -160,14 +155,11 @@ class CalibrationWizard extends Part {
     const question = "Leave without saving?";
     const consequence = `${views} captured view${views === 1 ? "" : "s"} and what was computed of them would be forgotten.`;
     if (views > 0 && !(await confirmed(question, consequence, "Leave"))) return;
-    try {
+    await attempt(async () => {
       this.hub.takeStatus(await request("DELETE", "/calibrating"));
       notify("Calibrating ended; nothing was changed.");
       this.#go(null);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      notifyError(error);
-    }
+    });
   }
 }
 

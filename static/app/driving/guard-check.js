@@ -1,12 +1,11 @@
 /** The guided check: what to do at each step, what was measured, and the records of earlier ones. */
 
 import { request } from "../api.js";
-import { field, h, icon, setAttribute, setText } from "../dom.js";
+import { button, field, h, icon, onSubmit, setAttribute, setText } from "../dom.js";
 import { KeptList, passFocus } from "../focus-place.js";
-import { confirmed } from "../notice.js";
+import { confirmed, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed, sentence, when } from "../words.js";
-import { oneAtATime } from "./one-at-a-time.js";
 import { ROLE_WORDS, stopInWords } from "./robot-words.js";
 
 /** @typedef {import("./types.js").Check} Check */
@@ -37,8 +36,10 @@ class GuardCheck extends Part {
   #title = h("p.figure");
   #instruction = h("p.check-instruction", { role: "status" });
   #told = h("p.check-told", { role: "status" });
-  #skip = h("button.button", { type: "button" }, "Skip step");
-  #giveUp = h("button.button", { type: "button" }, "Give up");
+  #skip = button("Skip step", () =>
+    this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })),
+  );
+  #giveUp = button("Give up", () => this.#do(() => this.#leave()));
   #now = h(
     "div.check-now",
     { hidden: true },
@@ -49,7 +50,7 @@ class GuardCheck extends Part {
   );
   #outcome = h("p", { role: "status" });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
-  #keep = h("button.button", { type: "button", hidden: true }, "Keep the record");
+  #keep = button("Keep the record", () => this.#do(() => this.#end()), { hidden: true });
   #stepList = h("ul.item-list.check-steps", { "aria-label": "Steps of the check" });
   #steps = new KeptList(this.#stepList, (/** @type {CheckStep} */ step) => stepItem(step));
   #recordList = h("ul.item-list.check-records", { "aria-label": "Records of checks" });
@@ -77,16 +78,7 @@ class GuardCheck extends Part {
     );
     this.#earlier.append(h("h4", "Earlier checks"), this.#none, this.#recordList);
     this.append(this.#whole);
-    this.#form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#do(() => this.#begin());
-    });
-    this.#skip.addEventListener(
-      "click",
-      () => void this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })),
-    );
-    this.#giveUp.addEventListener("click", () => void this.#do(() => this.#leave()));
-    this.#keep.addEventListener("click", () => void this.#do(() => this.#end()));
+    onSubmit(this.#form, () => this.#do(() => this.#begin()));
     this.#whole.addEventListener("toggle", () => this.#render());
     this.hear("robots", () => this.#render());
     this.hear("change", () => this.#render(), this.hub.driver);

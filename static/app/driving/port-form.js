@@ -1,10 +1,9 @@
 /** Where a role's robot is reached, and as which model it is driven. */
 
 import { ApiError, request } from "../api.js";
-import { field, h, setAttribute, setText } from "../dom.js";
-import { notify } from "../notice.js";
+import { button, field, h, onSubmit, setAttribute, setText } from "../dom.js";
+import { notify, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
-import { oneAtATime } from "./one-at-a-time.js";
 
 /** @typedef {import("./types.js").Role} Role */
 
@@ -36,7 +35,7 @@ export class PortForm extends Part {
   #ports = h("datalist", { id: "robot-ports" });
   #found = h("p.hint", { role: "status" });
   #troubles = h("ul.plain-list.warnings");
-  #again = h("button.button", { type: "button" }, "Look for ports");
+  #again = button("Look for ports", () => this.#look());
   #model = h(
     "select",
     { id: "robot-model" },
@@ -44,7 +43,7 @@ export class PortForm extends Part {
   );
   #error = h("p.field-error", { role: "alert", id: "robot-port-error" });
   #connect = h("button.button.primary", { type: "submit" }, "Connect");
-  #forget = h("button.button", { type: "button" }, "Forget");
+  #forget = button("Forget", () => this.#do(() => this.#drop()));
   #own = h("p.hint");
   /** @type {Role} */
   #role = "observer";
@@ -71,15 +70,10 @@ export class PortForm extends Part {
       this.#own,
     );
     this.append(form);
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#save();
-    });
+    onSubmit(form, () => this.#save());
     form.addEventListener("input", () => {
       this.#changed = true;
     });
-    this.#forget.addEventListener("click", () => void this.#do(() => this.#drop()));
-    this.#again.addEventListener("click", () => void this.#look());
     this.hear("reconnected", () => void this.#look());
     this.hear("change", () => this.#render(), this.hub.driver);
     this.hear("robots", () => this.#render());

@@ -1,12 +1,11 @@
 /** Programmes: timed velocities that are played while their operator stays present. */
 
-import { ApiError, request } from "../api.js";
-import { field, h, icon, setText } from "../dom.js";
+import { request } from "../api.js";
+import { button, field, h, icon, iconButton, onSubmit, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
-import { confirmed, notify } from "../notice.js";
+import { attemptIn, confirmed, notify, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
-import { oneAtATime } from "./one-at-a-time.js";
 import { clock, incidentInWords, lastsInWords, ROLE_WORDS } from "./robot-words.js";
 import { isArmed } from "./types.js";
 
@@ -31,7 +30,9 @@ class Programmes extends Part {
   #running = h("div.programme-running", { hidden: true });
   #words = h("p.figure");
   #progress = h("progress", { max: "1", value: "0", "aria-label": "How far the programme is" });
-  #stop = h("button.button", { type: "button" }, icon("stop"), "Stop programme");
+  #stop = button([icon("stop"), "Stop programme"], () =>
+    this.#do(() => request("DELETE", "/robots/programme")),
+  );
   #text = h("textarea", {
     id: "programme-text",
     rows: "8",
@@ -82,15 +83,8 @@ class Programmes extends Part {
       this.#list,
       this.#own,
     );
-    this.#stop.addEventListener(
-      "click",
-      () => void this.#do(() => request("DELETE", "/robots/programme")),
-    );
     this.#file.addEventListener("change", () => void this.#readFile());
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#keep();
-    });
+    onSubmit(form, () => this.#keep());
     this.hear("robots", () => {
       this.#tellEnd();
       this.#render();
@@ -175,35 +169,19 @@ class Programmes extends Part {
   /** @param {ProgrammeEntry} entry */
   #item(entry) {
     const { name, title, help, roles, duration_s, own } = entry;
-    const start = h(
-      "button.button.start",
-      { type: "button", "aria-label": `Start ${title}` },
-      icon("play"),
-      "Start",
-    );
-    start.addEventListener("click", () => void this.#do(() => this.#begin(entry)));
-    const copy = h(
-      "button.button",
-      {
-        type: "button",
-        "aria-label": `Copy ${title}`,
-        title: "Copy its text into the field below",
-      },
-      "Copy",
-    );
-    copy.addEventListener("click", () => void this.#do(() => this.#copy(name)));
+    const start = button([icon("play"), "Start"], () => this.#do(() => this.#begin(entry)), {
+      class: "button start",
+      "aria-label": `Start ${title}`,
+    });
+    const copy = button("Copy", () => this.#do(() => this.#copy(name)), {
+      "aria-label": `Copy ${title}`,
+      title: "Copy its text into the field below",
+    });
     const buttons = [start, copy];
     if (own) {
-      const remove = h(
-        "button.button.icon-button",
-        {
-          type: "button",
-          "aria-label": `Delete ${title}`,
-          title: "Delete",
-        },
-        icon("trash"),
-      );
-      remove.addEventListener("click", () => void this.#remove(entry));
+      const remove = iconButton("trash", `Delete ${title}`, () => this.#remove(entry), {
+        title: "Delete",
+      });
       buttons.push(remove);
     }
     const who = roles.map((role) => ROLE_WORDS[role]).join(" and ");
@@ -252,15 +230,12 @@ class Programmes extends Part {
 
   async #keep() {
     setText(this.#error, "");
-    try {
+    await attemptIn(this.#error, async () => {
       await request("POST", "/programmes", { text: this.#text.value });
       this.#file.value = "";
       notify("The programme is kept.");
       await this.#load();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
-    }
+    });
   }
 
   /** @param {ProgrammeEntry} entry */

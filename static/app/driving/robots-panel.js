@@ -1,12 +1,12 @@
 /** Both robots: how they are, who drives them, and driving the chosen one. */
 
 import { request } from "../api.js";
-import { field, fillList, h, setAttribute, setText } from "../dom.js";
+import { button, field, fillList, h, setAttribute, setText } from "../dom.js";
 import { passFocus } from "../focus-place.js";
+import { oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
 import { DrivePad } from "./drive-pad.js";
-import { oneAtATime } from "./one-at-a-time.js";
 import { PortForm } from "./port-form.js";
 import {
   batteryInWords,
@@ -24,14 +24,12 @@ import { isArmed, ROLES } from "./types.js";
 class RobotsPanel extends Part {
   #cards = new Map(ROLES.map((role) => [role, makeCard(role)]));
   #why = h("p.robot-why", { role: "status" });
-  #arm = h("button.button.primary", { type: "button" }, "Arm");
-  #disarm = h("button.button", { type: "button" }, "Disarm");
-  #takeOver = h("button.button", { type: "button" }, "Take over");
-  #giveBack = h(
-    "button.button",
-    { type: "button", title: "It is stopped and disarmed; others may drive it" },
-    "Give back",
-  );
+  #arm = button("Arm", null, { class: "button primary" });
+  #disarm = button("Disarm", null);
+  #takeOver = button("Take over", null);
+  #giveBack = button("Give back", null, {
+    title: "It is stopped and disarmed; others may drive it",
+  });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
   #warnings = h("ul.plain-list.warnings", { "aria-label": "Warnings" });
   #figures = h("dl.figures");

@@ -1,7 +1,7 @@
 /** Laying truth over a run: with which file, how well, and which track is which body. */
 
 import { ApiError, request } from "../api.js";
-import { field, fillList, h, setAttribute, setText } from "../dom.js";
+import { button, field, fillList, h, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { fixed, sentence } from "../words.js";
 import { CameraOnBody, placeInWords } from "./camera-on-body.js";
@@ -27,7 +27,7 @@ export class AlignmentPanel extends Part {
   #camera = new CameraOnBody();
   #compared = h("div.chips", { role: "group", "aria-label": "Bodies that are compared" });
   #bodies = h("div.stack");
-  #align = h("button.button.primary", { type: "button" }, "Align");
+  #align = button("Align", () => this.#alignAnew(), { class: "button primary" });
   #state = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert" });
   #another = h("details", h("summary", "Lay truth over this run"));
@@ -56,7 +56,6 @@ export class AlignmentPanel extends Part {
     this.#matches.corrected = (key, body) => void this.#correct(key, body);
     this.#picker.chosen = (chosen) => this.#renderBodies(chosen);
     this.#picker.attach(this.hub);
-    this.#align.addEventListener("click", () => void this.#alignAnew());
   }
 
   /** Another run is shown, and nothing is known of it yet. */

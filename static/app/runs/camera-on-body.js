@@ -1,6 +1,6 @@
 /** Where the camera sits on the observer's body of motion capture: typed in, or left to be found out. */
 
-import { h } from "../dom.js";
+import { button, h } from "../dom.js";
 import { fixed } from "../words.js";
 
 /** @typedef {import("./types.js").CameraPlace} CameraPlace */
@@ -29,8 +29,8 @@ export class CameraOnBody extends HTMLElement {
       }),
     ]),
   );
-  #fill = h("button.button", { type: "button" }, "Fill in what was found");
-  #empty = h("button.button", { type: "button" }, "Leave it to be found out");
+  #fill = button("Fill in what was found", () => this.#write(this.#found));
+  #empty = button("Leave it to be found out", () => this.#write(null));
   #details = h("details", h("summary", "Where the camera sits on that body"));
   /** @type {CameraPlace | null} */
   #found = null;
@@ -59,8 +59,6 @@ export class CameraOnBody extends HTMLElement {
       ),
     );
     this.append(this.#details);
-    this.#fill.addEventListener("click", () => this.#write(this.#found));
-    this.#empty.addEventListener("click", () => this.#write(null));
   }
 
   /** Another run is shown. @param {CameraPlace | null} said what a person typed in for its alignment */

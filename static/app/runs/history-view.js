@@ -1,6 +1,6 @@
 /** The history: runs found again, looked at, compared. It takes the place of the live parts. */
 
-import { h, setAttribute } from "../dom.js";
+import { button, h, setAttribute } from "../dom.js";
 import { Part } from "../part.js";
 import { CompareView } from "./compare-view.js";
 import { RingList } from "./ring-list.js";
@@ -14,7 +14,7 @@ class HistoryView extends Part {
   #rings = new RingList();
   #run = new RunView();
   #compare = new CompareView();
-  #leave = h("button.button", { type: "button" }, "Back to live");
+  #leave = button("Back to live", () => this.#close(true));
   #title = h("h2", { id: "history-title", tabindex: "-1" }, "Runs");
   #all = h("a.button", { href: "#history" }, "All runs");
   #shown = "";
@@ -31,7 +31,6 @@ class HistoryView extends Part {
       this.#run,
       this.#compare,
     );
-    this.#leave.addEventListener("click", () => this.#close(true));
     for (const part of [this.#search, this.#rings, this.#run, this.#compare]) part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
     this.#run.left = this.#rings.left = () => this.#close(true);

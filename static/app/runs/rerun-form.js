@@ -1,7 +1,8 @@
 /** Observing a run's recording once more with other parameters. */
 
-import { ApiError, request } from "../api.js";
-import { field, fillList, h, setAttribute, setText } from "../dom.js";
+import { request } from "../api.js";
+import { field, fillList, h, onSubmit, setAttribute, setText } from "../dom.js";
+import { attemptIn } from "../notice.js";
 import { ParameterGroups } from "../parameter-groups.js";
 import { Part } from "../part.js";
 import { compareHref, counted, hasImages, runHref } from "./run-words.js";
@@ -95,10 +96,7 @@ export class RerunForm extends Part {
       h("div.row", this.#start),
     );
     this.append(h("h3", "Run again"), this.#without, this.#form, this.#progress);
-    this.#form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#begin();
-    });
+    onSubmit(this.#form, () => this.#begin());
     this.#preset.addEventListener("change", () => void this.#draft.change(this.#startingValues()));
     this.#search.addEventListener("input", () =>
       this.#groups.filter(this.#search.value.trim().toLowerCase()),
@@ -184,16 +182,15 @@ export class RerunForm extends Part {
       Object.entries(this.#draft.values).filter(([each, value]) => begin[each] !== value),
     );
     try {
-      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
-        ...(name ? { name } : {}),
-        ...(preset ? { preset } : {}),
-        parameters,
+      await attemptIn(this.#error, async () => {
+        this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
+          ...(name ? { name } : {}),
+          ...(preset ? { preset } : {}),
+          parameters,
+        });
+        this.hub.tell("runs");
+        this.#renderProgress();
       });
-      this.hub.tell("runs");
-      this.#renderProgress();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
     } finally {
       this.#busy = false;
       setAttribute(this.#start, "aria-disabled", null);

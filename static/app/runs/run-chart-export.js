@@ -1,8 +1,8 @@
 /** CSV, PNG, SVG and PDF of what is seen of a chart: one click opens, the second takes. */
 
 import { requestImage } from "../api.js";
-import { h, icon } from "../dom.js";
-import { notifyError } from "../notice.js";
+import { button, h, icon } from "../dom.js";
+import { attempt } from "../notice.js";
 import { fixed } from "../words.js";
 
 /**
@@ -44,11 +44,10 @@ export function ofRun({ id, name }, range) {
 }
 
 export class ChartExport extends HTMLElement {
-  #open = h(
-    "button.button",
-    { type: "button", "aria-expanded": "false" },
-    icon("download"),
-    "Export",
+  #open = button(
+    [icon("download"), "Export"],
+    () => this.#toggle(this.#box.hidden && !this.#busy),
+    { "aria-expanded": "false" },
   );
   #box = h("div.menu-box", {
     role: "group",
@@ -62,7 +61,6 @@ export class ChartExport extends HTMLElement {
   constructor(offers = () => []) {
     super();
     this.#offers = offers;
-    this.#open.addEventListener("click", () => this.#toggle(this.#box.hidden && !this.#busy));
     this.addEventListener("keydown", (event) => {
       if (event.key !== "Escape" || this.#box.hidden) return;
       event.stopPropagation();
@@ -100,13 +98,10 @@ export class ChartExport extends HTMLElement {
   #entry({ words, files }) {
     const buttons = files.map(({ format, title, make }) => {
       const name = format.toUpperCase();
-      const button = h(
-        "button.button",
-        { type: "button", title, "aria-label": `${name}. ${words}` },
-        name,
-      );
-      button.addEventListener("click", () => void this.#save(make));
-      return button;
+      return button(name, () => this.#save(make), {
+        title,
+        "aria-label": `${name}. ${words}`,
+      });
     });
     return h("div.stack", h("p.hint", words), h("div.row", ...buttons));
   }
@@ -117,16 +112,13 @@ export class ChartExport extends HTMLElement {
     this.#open.focus();
     // Figures take seconds to draw: meanwhile the page says so, and tells what went wrong.
     this.#work(true);
-    try {
+    await attempt(async () => {
       const { blob, name } = await make();
       const href = URL.createObjectURL(blob);
       h("a", { href, download: name }).click();
       setTimeout(() => URL.revokeObjectURL(href), 60_000);
-    } catch (error) {
-      notifyError(error);
-    } finally {
-      this.#work(false);
-    }
+    });
+    this.#work(false);
   }
 
   /** @param {boolean} busy */

@@ -5,7 +5,7 @@
  * stand beside each other is the element's own.
  */
 
-import { h, setText } from "../dom.js";
+import { button, h, setText } from "../dom.js";
 import { fixed } from "../words.js";
 import { extentOf, originsOf, panelsOf, runColour, sameRecording } from "./run-chart-data.js";
 import { errorSection } from "./run-chart-errors.js";
@@ -91,20 +91,19 @@ export class RunChart extends HTMLElement {
   }
 
   #build() {
-    const zoomOut = h(
-      "button.button.icon-button",
-      { type: "button", "aria-label": "Zoom out", title: "Zoom out" },
-      "−",
-    );
-    const zoomIn = h(
-      "button.button.icon-button",
-      { type: "button", "aria-label": "Zoom in", title: "Zoom in" },
-      "+",
-    );
-    const all = h("button.button", { type: "button", title: "Show all (double click)" }, "All");
-    zoomOut.addEventListener("click", () => this.#zoomBy(ZOOM));
-    zoomIn.addEventListener("click", () => this.#zoomBy(1 / ZOOM));
-    all.addEventListener("click", () => this.#zoom(...this.#extent));
+    const zoomOut = button("−", () => this.#zoomBy(ZOOM), {
+      class: "button icon-button",
+      "aria-label": "Zoom out",
+      title: "Zoom out",
+    });
+    const zoomIn = button("+", () => this.#zoomBy(1 / ZOOM), {
+      class: "button icon-button",
+      "aria-label": "Zoom in",
+      title: "Zoom in",
+    });
+    const all = button("All", () => this.#zoom(...this.#extent), {
+      title: "Show all (double click)",
+    });
     this.#begin.addEventListener("change", () =>
       this.#typed(this.#begin.valueAsNumber, this.#range[1]),
     );

@@ -1,7 +1,7 @@
 /** A run as files: the report, and what other tools read. */
 
 import { ApiError, requestImage } from "../api.js";
-import { field, h, icon, setAttribute, setText } from "../dom.js";
+import { button, field, h, icon, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { size } from "./run-words.js";
 
@@ -48,7 +48,7 @@ export class RunFiles extends Part {
   );
   #open = h("a", { target: "_blank", rel: "noopener" }, "Open the report in a new tab");
   #state = h("p", { role: "status" });
-  #cancel = h("button.button", { type: "button", hidden: true }, "Cancel");
+  #cancel = button("Cancel", () => this.#making?.abort(), { hidden: true });
   #error = h("p.field-error", { role: "alert" });
   #without = h("p.hint");
   #recording = h("a.button", { download: true }, icon("download"), "Recording, MCAP");
@@ -61,20 +61,15 @@ export class RunFiles extends Part {
 
   build() {
     for (const [path, ending, words, help] of FILES) {
-      const button = h(
-        "button.button",
-        { type: "button", "aria-describedby": `file-${ending}` },
-        icon("download"),
-        words,
-      );
-      button.addEventListener("click", () => void this.#make(path, ending, words));
-      this.#list.append(h("li", button, h("span.hint", { id: `file-${ending}` }, help)));
+      const make = button([icon("download"), words], () => this.#make(path, ending, words), {
+        "aria-describedby": `file-${ending}`,
+      });
+      this.#list.append(h("li", make, h("span.hint", { id: `file-${ending}` }, help)));
     }
     this.#more.append(
       field("Table of CSV and Parquet", this.#table),
       h("p", this.#open, h("span.hint", " (up to a minute)")),
     );
-    this.#cancel.addEventListener("click", () => this.#making?.abort());
     this.append(
       h("h3", "Report and files"),
       this.#without,

@@ -1,7 +1,7 @@
 /** A run's name, tags and notes, by which it is found again; kept as they are changed. */
 
 import { ApiError, request } from "../api.js";
-import { field, h, icon, setText } from "../dom.js";
+import { button, field, h, icon, onSubmit, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
 import { Part } from "../part.js";
 
@@ -55,10 +55,7 @@ export class RunLabels extends Part {
       else if (this.#run) this.#name.value = this.#run.name;
     });
     this.#notes.addEventListener("change", () => void this.#keep({ notes: this.#notes.value }));
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#addTags();
-    });
+    onSubmit(form, () => this.#addTags());
     this.#add.addEventListener("focus", () => void this.#suggest());
   }
 
@@ -83,14 +80,10 @@ export class RunLabels extends Part {
 
   /** @param {string} tag */
   #tag(tag) {
-    const remove = h(
-      "button.quiet",
-      { type: "button", "aria-label": `Remove tag ${tag}` },
+    const remove = button(
       icon("close"),
-    );
-    remove.addEventListener(
-      "click",
-      () => void this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }),
+      () => this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }),
+      { class: "quiet", "aria-label": `Remove tag ${tag}` },
     );
     return h("li.tag-chip.plain", tag, remove);
   }

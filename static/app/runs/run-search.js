@@ -1,9 +1,9 @@
 /** Finding runs: by words, by tags; choosing some to compare; deleting and bringing back. */
 
-import { ApiError, request } from "../api.js";
-import { h, icon, setAttribute, setText } from "../dom.js";
+import { request } from "../api.js";
+import { button, h, icon, iconButton, setAttribute, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
-import { notify, notifyError } from "../notice.js";
+import { attempt, attemptIn, notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence, when } from "../words.js";
 import { compareHref, counted, facts, runHref, size } from "./run-words.js";
@@ -32,14 +32,17 @@ export class RunSearch extends Part {
   #deleted = h("input", { type: "checkbox", id: "history-deleted" });
   #found = h("p.hint", { role: "status" });
   #disk = h("p.hint");
-  #compare = h("button.button", { type: "button" }, "Compare");
+  #compare = button("Compare", () => this.#goCompare());
   #list = h("ul.run-rows");
   #rows = new KeptList(
     this.#list,
     (/** @type {Run} */ run) => this.#row(run),
     () => this.#words,
   );
-  #more = h("button.button", { type: "button" }, "Show more");
+  #more = button("Show more", () => {
+    this.#limit += PAGE;
+    void this.#load();
+  });
   #empty = h("p.empty");
   #shown = false;
   /** Only runs with all of these are shown. @type {Set<string>} */
@@ -70,11 +73,6 @@ export class RunSearch extends Part {
     );
     this.#words.addEventListener("input", () => this.#soon());
     this.#deleted.addEventListener("change", () => void this.#load());
-    this.#more.addEventListener("click", () => {
-      this.#limit += PAGE;
-      void this.#load();
-    });
-    this.#compare.addEventListener("click", () => this.#goCompare());
     this.hear("runs", () => void this.#load());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => {
@@ -108,15 +106,12 @@ export class RunSearch extends Part {
     if (this.#words.value.trim()) query.set("text", this.#words.value.trim());
     for (const tag of this.#wantedTags) query.append("tag", tag);
     if (this.#deleted.checked) query.set("deleted", "true");
-    try {
+    await attemptIn(this.#found, async () => {
       /** @type {History} */
       const found = await request("GET", `/history?${query}`);
       // An answer that was overtaken by the next question is of no use.
       if (asked === this.#asked) this.#take(found);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#found, error.message);
-    }
+    });
   }
 
   /** @param {History} found */
@@ -155,19 +150,15 @@ export class RunSearch extends Part {
    * @param {number} count
    */
   #tag(tag, count) {
-    const button = h(
-      "button.tag-chip",
-      { type: "button", "aria-pressed": String(this.#wantedTags.has(tag)) },
-      tag,
-      " ",
-      h("span.figure", count),
+    return button(
+      [tag, " ", h("span.figure", count)],
+      () => {
+        if (!this.#wantedTags.delete(tag)) this.#wantedTags.add(tag);
+        this.#limit = PAGE;
+        void this.#load();
+      },
+      { class: "tag-chip", "aria-pressed": String(this.#wantedTags.has(tag)) },
     );
-    button.addEventListener("click", () => {
-      if (!this.#wantedTags.delete(tag)) this.#wantedTags.add(tag);
-      this.#limit = PAGE;
-      void this.#load();
-    });
-    return button;
   }
 
   /** @param {Run} run */
@@ -212,30 +203,17 @@ export class RunSearch extends Part {
 
   /** @param {Run} run */
   #remover(run) {
-    const button = h(
-      "button.button.icon-button",
-      {
-        type: "button",
-        disabled: run.state === "running",
-        "aria-label": `Delete run ${run.name}`,
-        title: "Delete",
-      },
-      icon("trash"),
-    );
-    button.addEventListener("click", () => void this.#remove(run));
-    return button;
+    return iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
+      disabled: run.state === "running",
+      title: "Delete",
+    });
   }
 
   /** @param {Run} run */
   #bringBack(run) {
-    const button = h(
-      "button.button",
-      { type: "button", "aria-label": `Bring back run ${run.name}` },
-      icon("undo"),
-      "Bring back",
-    );
-    button.addEventListener("click", () => void recover(this.hub, run));
-    return button;
+    return button([icon("undo"), "Bring back"], () => recover(this.hub, run), {
+      "aria-label": `Bring back run ${run.name}`,
+    });
   }
 
   /** @param {Run} run */
@@ -290,12 +268,10 @@ export async function removeRun(hub, run) {
  * @param {Run} run
  */
 async function recover(hub, run) {
-  try {
+  await attempt(async () => {
     await request("POST", `/runs/${encodeURIComponent(run.id)}/recover`);
     notify(`Run ${run.name} is back.`);
-  } catch (error) {
-    notifyError(error);
-  }
+  });
   hub.tell("runs");
 }
 

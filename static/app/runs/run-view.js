@@ -1,8 +1,8 @@
 /** One run: its speeds against truth, what is known of it, and what can be made of it. */
 
 import { ApiError, request } from "../api.js";
-import { h, icon, setText } from "../dom.js";
-import { notify, notifyError } from "../notice.js";
+import { button, h, icon, setText } from "../dom.js";
+import { attempt, notify } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
 import { AlignmentPanel } from "./alignment-panel.js";
@@ -28,8 +28,8 @@ export class RunView extends Part {
   #state = h("span.state-chip");
   #reason = h("p.hint");
   #original = h("a", "Compare with the run it was made from");
-  #play = h("button.button", { type: "button" }, icon("play"), "Play recording");
-  #remove = h("button.button", { type: "button" }, icon("trash"), "Delete run");
+  #play = button([icon("play"), "Play recording"], () => this.#open());
+  #remove = button([icon("trash"), "Delete run"], () => this.#delete());
   #error = h("p.field-error", { role: "alert" });
   #waiting = h("p.empty", { role: "status" });
   #chart = new RunChart();
@@ -73,8 +73,6 @@ export class RunView extends Part {
     for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
     this.#labels.changed = (run) => this.#takeRun(run);
     this.#truth.aligned = () => void this.#load();
-    this.#play.addEventListener("click", () => void this.#open());
-    this.#remove.addEventListener("click", () => void this.#delete());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => {
       const id = this.hub.status?.run?.id ?? null;
@@ -157,15 +155,12 @@ export class RunView extends Part {
     const run = this.#run;
     if (!run || this.#play.getAttribute("aria-disabled")) return;
     this.#play.setAttribute("aria-disabled", "true");
-    try {
+    await attempt(async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
       notify(`The recording of ${run.name} is open and plays.`);
       this.left();
-    } catch (error) {
-      notifyError(error);
-    } finally {
-      this.#play.removeAttribute("aria-disabled");
-    }
+    });
+    this.#play.removeAttribute("aria-disabled");
   }
 
   async #delete() {

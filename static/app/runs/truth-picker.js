@@ -1,8 +1,8 @@
 /** Files of motion capture: send one in, see what was understood of it, choose one. */
 
 import { ApiError, request } from "../api.js";
-import { field, h, icon, setText } from "../dom.js";
-import { confirmed, notifyError } from "../notice.js";
+import { button, field, h, icon, iconButton, setText } from "../dom.js";
+import { attempt, confirmed } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed, sentence, when } from "../words.js";
 import { counted } from "./run-words.js";
@@ -32,15 +32,7 @@ export class TruthPicker extends Part {
   });
   #drop = h("div.drop");
   #select = h("select", { id: "truth-select" });
-  #remove = h(
-    "button.button.icon-button",
-    {
-      type: "button",
-      "aria-label": "Delete this truth file",
-      title: "Delete this truth file",
-    },
-    icon("trash"),
-  );
+  #remove = iconButton("trash", "Delete this truth file", () => this.#delete());
   #choice = h("div.field");
   #sending = h("p.hint", { role: "status" });
   #error = h("p.field-error", { id: "truth-error", role: "alert" });
@@ -61,10 +53,10 @@ export class TruthPicker extends Part {
       h("label", { for: "truth-select" }, "Truth"),
       h("div.row", this.#select, this.#remove),
     );
-    const helical = h("button.button", { type: "button" }, "Helical, as Tracker writes them");
-    const euler = h("button.button", { type: "button" }, "Euler angles XYZ");
-    helical.addEventListener("click", () => void this.#send(this.#unclear, "helical"));
-    euler.addEventListener("click", () => void this.#send(this.#unclear, "euler_xyz"));
+    const helical = button("Helical, as Tracker writes them", () =>
+      this.#send(this.#unclear, "helical"),
+    );
+    const euler = button("Euler angles XYZ", () => this.#send(this.#unclear, "euler_xyz"));
     this.#angles.append(helical, euler);
     this.#drop.append(
       h(
@@ -87,7 +79,6 @@ export class TruthPicker extends Part {
     this.append(this.#choice, this.#understood, this.#drop);
     this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0] ?? null));
     this.#select.addEventListener("change", () => this.#tell());
-    this.#remove.addEventListener("click", () => void this.#delete());
     this.#listenForDrop();
   }
 
@@ -198,11 +189,7 @@ export class TruthPicker extends Part {
       ))
     )
       return;
-    try {
-      await request("DELETE", `/truth/${encodeURIComponent(file.id)}`);
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() => request("DELETE", `/truth/${encodeURIComponent(file.id)}`));
     this.#select.focus();
     await this.#load("");
   }
