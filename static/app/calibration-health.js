@@ -2,7 +2,7 @@
 
 import { request } from "./api.js";
 import { previewed } from "./calibration-preview.js";
-import { button, h, setAttribute, setText } from "./dom.js";
+import { button, h, setAttribute, setText, svg } from "./dom.js";
 import { attempt, notify } from "./notice.js";
 import { Part } from "./part.js";
 import { fixed, sentence } from "./words.js";
@@ -12,23 +12,19 @@ import { fixed, sentence } from "./words.js";
 const ALLOWED_PX = 0.5;
 const WIDTH = 240;
 const HEIGHT = 48;
-const SVG = "http://www.w3.org/2000/svg";
 
 class CalibrationHealth extends Part {
   #words = h("p.verdict");
   // The number changes all the time; only a warning is spoken.
   #spoken = h("p.visually-hidden", { role: "status" });
   #trend = h("p.hint");
-  #chart = document.createElementNS(SVG, "svg");
+  #chart = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "drift-chart", role: "img" });
   #vergence = h("p.hint");
   #refine = button("Refine from the scene", () => this.#refineRows());
   #drawn = "";
   #refining = false;
 
   build() {
-    this.#chart.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
-    this.#chart.setAttribute("class", "drift-chart");
-    this.#chart.setAttribute("role", "img");
     this.append(
       h("h3", "How it holds"),
       this.#words,
@@ -83,18 +79,11 @@ class CalibrationHealth extends Part {
       ([time, px]) =>
         `${(((time - first) / Math.max(1, last - first)) * WIDTH).toFixed(1)},${y(px).toFixed(1)}`,
     );
-    const allowed = document.createElementNS(SVG, "line");
-    for (const [name, value] of Object.entries({
-      x1: 0,
-      x2: WIDTH,
-      y1: y(ALLOWED_PX),
-      y2: y(ALLOWED_PX),
-      class: "allowed",
-    }))
-      allowed.setAttribute(name, String(value));
-    const line = document.createElementNS(SVG, "polyline");
-    line.setAttribute("points", points.join(" "));
-    this.#chart.replaceChildren(allowed, line);
+    const limit = y(ALLOWED_PX);
+    this.#chart.replaceChildren(
+      svg("line", { x1: 0, x2: WIDTH, y1: limit, y2: limit, class: "allowed" }),
+      svg("polyline", { points: points.join(" ") }),
+    );
     this.#chart.setAttribute(
       "aria-label",
       `Row error over ${fixed((last - first) / 60, 0)} minutes, now ${fixed(history.at(-1)?.[1], 2)} px, ${ALLOWED_PX} px allowed`,

@@ -2,7 +2,18 @@
 
 import { ApiError, request } from "./api.js";
 import { compared, describe, previewed } from "./calibration-preview.js";
-import { button, field, h, icon, iconButton, setText } from "./dom.js";
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  iconButton,
+  onDrop,
+  select,
+  setText,
+  textInput,
+} from "./dom.js";
 import { KeptList, passFocus } from "./focus-place.js";
 import { answered, attempt, confirmed, notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -32,22 +43,9 @@ class CalibrationPanel extends Part {
     accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat",
     "aria-describedby": "calibration-help calibration-error",
   });
-  #size = h("input", {
-    type: "text",
-    id: "calibration-size",
-    placeholder: "as in 1280x720",
-    autocomplete: "off",
-  });
-  #unit = h(
-    "select",
-    { id: "calibration-unit" },
-    ...UNITS.map(([value, text]) => h("option", { value }, text)),
-  );
-  #cameras = h(
-    "select",
-    { id: "calibration-cameras" },
-    ...CAMERAS.map(([value, text]) => h("option", { value }, text)),
-  );
+  #size = textInput("calibration-size", { placeholder: "as in 1280x720" });
+  #unit = select({ id: "calibration-unit" }, UNITS);
+  #cameras = select({ id: "calibration-cameras" }, CAMERAS);
   #drop = h("div.drop");
   #error = h("p.field-error", { id: "calibration-error", role: "alert" });
   #list = h("ul.item-list");
@@ -80,9 +78,8 @@ class CalibrationPanel extends Part {
         { id: "calibration-help" },
         "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
       ),
-      h(
-        "details",
-        h("summary", "Where the files leave something open"),
+      details(
+        "Where the files leave something open",
         h(
           "div.stack",
           field("Image size, where no file tells it", this.#size),
@@ -93,7 +90,7 @@ class CalibrationPanel extends Part {
       this.#error,
     );
     this.#file.addEventListener("change", () => void this.#send([...(this.#file.files ?? [])]));
-    this.#listenForDrop();
+    onDrop(this.#drop, (files) => this.#send(files));
     this.append(
       h("h2", "Calibration"),
       h("p.hint", "With a printed board it takes about five minutes."),
@@ -114,21 +111,6 @@ class CalibrationPanel extends Part {
       this.#renderList();
     });
     void this.#load();
-  }
-
-  #listenForDrop() {
-    for (const type of ["dragenter", "dragover"]) {
-      this.#drop.addEventListener(type, (event) => {
-        event.preventDefault();
-        this.#drop.toggleAttribute("data-over", true);
-      });
-    }
-    this.#drop.addEventListener("dragleave", () => this.#drop.removeAttribute("data-over"));
-    this.#drop.addEventListener("drop", (event) => {
-      event.preventDefault();
-      this.#drop.removeAttribute("data-over");
-      void this.#send([...(event.dataTransfer?.files ?? [])]);
-    });
   }
 
   async #load() {

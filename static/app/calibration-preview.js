@@ -2,8 +2,9 @@
 
 import { requestImage } from "./api.js";
 import { verdictTable, viewChart } from "./calibrating/report-parts.js";
-import { h, setText } from "./dom.js";
+import { details, h, setText, table, tableRow } from "./dom.js";
 import { showModal } from "./driving/modal.js";
+import { figure } from "./figure-list.js";
 import { TapeCheck } from "./tape-check.js";
 import { fixed, sentence } from "./words.js";
 
@@ -19,7 +20,7 @@ const POOR_PX = 1.5;
  * @param {boolean} active whether it is in use already
  * @returns {Promise<boolean>} whether to use it
  */
-export function previewed(calibration, active) {
+export async function previewed(calibration, active) {
   const canvas = h("canvas", {
     width: 4,
     height: 1,
@@ -47,9 +48,8 @@ export function previewed(calibration, active) {
       h("dl.figures", ...understood(calibration)),
       report?.verdict ? h("p.verdict", report.verdict.sentence) : null,
       report
-        ? h(
-            "details",
-            h("summary", "How good it is"),
+        ? details(
+            "How good it is",
             report.verdict ? verdictTable(report.verdict) : null,
             viewChart(report.views),
           )
@@ -62,20 +62,14 @@ export function previewed(calibration, active) {
       h("div.row.end", h("button.button", { value: "close" }, "Close"), use),
     ),
   );
-  document.body.append(dialog);
-  showModal(dialog);
+  const closed = showModal(dialog);
   void paintPreview(
     `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
     canvas,
     verdict,
     report,
   );
-  return new Promise((resolve) => {
-    dialog.addEventListener("close", () => {
-      dialog.remove();
-      resolve(dialog.returnValue === "use");
-    });
-  });
+  return (await closed) === "use";
 }
 
 /** @param {Calibration} c @returns {string} its facts in one line */
@@ -115,7 +109,8 @@ export async function paintPreview(path, canvas, verdict, report) {
  * @param {Calibration[]} calibrations
  */
 export function compared(calibrations) {
-  /** @type {[string, (c: Calibration) => string][]} */
+  const now = new Map(calibrations.map((calibration) => [calibration, h("span", "…")]));
+  /** @type {[string, (c: Calibration) => string | HTMLElement | undefined][]} */
   const rows = [
     ["From", (c) => c.origin ?? "uploaded"],
     ["Made", (c) => c.created_at.slice(0, 10)],
@@ -130,8 +125,8 @@ export function compared(calibrations) {
           ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ${fixed(c.report.held_out.p95_px, 2)} px`
           : "–",
     ],
-    ["Depth error at 3 m", (c) => depthAt3m(c)],
-    ["Rows now", () => "…"],
+    ["Depth error at 3 m", depthAt3m],
+    ["Rows now", (c) => now.get(c)],
     [
       "Tape checks",
       (c) =>
@@ -140,12 +135,6 @@ export function compared(calibrations) {
           .join(", ") || "–",
     ],
   ];
-  const body = h(
-    "tbody",
-    ...rows.map(([term, value]) =>
-      h("tr", h("th", { scope: "row" }, term), ...calibrations.map((c) => h("td", value(c)))),
-    ),
-  );
   const dialog = h(
     "dialog.preview",
     { "aria-labelledby": "compare-title" },
@@ -155,27 +144,19 @@ export function compared(calibrations) {
       h("h2", { id: "compare-title" }, "Calibrations compared"),
       h(
         "div.scroll-x",
-        h(
-          "table.verdict-table",
-          h(
-            "thead",
-            h("tr", h("th"), ...calibrations.map((c) => h("th", { scope: "col" }, c.name))),
-          ),
-          body,
+        table(
+          "verdict-table",
+          [null, ...calibrations.map(({ name }) => name)],
+          rows.map(([term, value]) => tableRow(term, ...calibrations.map(value))),
         ),
       ),
       h("p.hint", "“Rows now” is measured in the newest pair of the open source."),
       h("div.row.end", h("button.button", { value: "close" }, "Close")),
     ),
   );
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  showModal(dialog);
-  const cells = body.rows[rows.findIndex(([term]) => term === "Rows now")]?.cells;
-  for (const [place, calibration] of calibrations.entries()) {
-    const cell = cells?.[place + 1];
-    if (cell) void rowsNow(calibration).then((text) => setText(cell, text));
-  }
+  void showModal(dialog);
+  for (const [calibration, place] of now)
+    void rowsNow(calibration).then((text) => setText(place, text));
 }
 
 /** @param {Calibration} calibration */
@@ -234,7 +215,7 @@ function understood(c) {
     ["Images", c.rectified ? "rectified already" : "rectified by it"],
   ];
   if (c.devices.length) facts.push(["Cameras", c.devices.join(", ")]);
-  return facts.map(([term, value]) => h("div", h("dt", term), h("dd.figure", value)));
+  return facts.map(([term, text]) => figure({ term, text }));
 }
 
 /**

@@ -1,7 +1,7 @@
 /** The cameras that are plugged in: which is left, which right, and how they are set. */
 
 import { request } from "./api.js";
-import { button, field, h, onSubmit, setText } from "./dom.js";
+import { button, details, field, h, onSubmit, select, setText, textInput } from "./dom.js";
 import { Part } from "./part.js";
 
 /** @typedef {{pixel_format: string, width: number, height: number, rates: number[]}} Mode */
@@ -23,26 +23,14 @@ export class CameraPicker extends Part {
   #left = h("select", { id: "camera-left" });
   #right = h("select", { id: "camera-right" });
   #mode = h("select", { id: "camera-mode" });
-  #line = h(
-    "select",
-    { id: "camera-line" },
-    ...[
-      ["", "As it is"],
-      ["50", "50 Hz"],
-      ["60", "60 Hz"],
-      ["auto", "Automatic"],
-    ].map(([value, text]) => h("option", { value }, text)),
-  );
+  #line = select({ id: "camera-line" }, [
+    ["", "As it is"],
+    ["50", "50 Hz"],
+    ["60", "60 Hz"],
+    ["auto", "Automatic"],
+  ]);
   #settings = new Map(
-    SETTINGS.map(([key]) => [
-      key,
-      h("input", {
-        type: "text",
-        id: `camera-${key}`,
-        autocomplete: "off",
-        placeholder: "as it is",
-      }),
-    ]),
+    SETTINGS.map(([key]) => [key, textInput(`camera-${key}`, { placeholder: "as it is" })]),
   );
   #form = h("form.stack", { hidden: true });
   #again = button("Look again", () => this.#load());
@@ -58,9 +46,8 @@ export class CameraPicker extends Part {
       field("Left camera", this.#left),
       field("Right camera", this.#right),
       field("Size, format and rate", this.#mode),
-      h(
-        "details",
-        h("summary", "Exposure, gain, focus"),
+      details(
+        "Exposure, gain, focus",
         h(
           "div.stack",
           h(

@@ -118,23 +118,21 @@ export function details(words, ...children) {
 }
 
 /**
- * Make a table with a row of headings, in a frame that scrolls where it is too wide.
+ * Make a table.
  *
- * @param {Record<string, unknown>} attributes
- * @param {Child[]} headings
+ * @param {string} name its class
+ * @param {Child[]} headings of its columns; an empty one heads the column of the rows' own headings
  * @param {HTMLElement[]} rows
  * @param {string} [caption]
  */
-export function table(attributes, headings, rows, caption) {
+export function table(name, headings, rows, caption) {
+  const heads = headings.map((words) => (words ? h("th", { scope: "col" }, words) : h("td")));
   return h(
-    "div.scroll-x",
-    h(
-      "table",
-      attributes,
-      caption === undefined ? null : h("caption", caption),
-      h("thead", h("tr", ...headings.map((words) => h("th", { scope: "col" }, words)))),
-      h("tbody", ...rows),
-    ),
+    "table",
+    { class: name || null },
+    caption === undefined ? null : h("caption", caption),
+    heads.length > 0 ? h("thead", h("tr", ...heads)) : null,
+    h("tbody", ...rows),
   );
 }
 

@@ -1,6 +1,7 @@
 /** How the cameras of a live source are: what they accepted, how far apart in time, what is wrong. */
 
 import { h, setText } from "./dom.js";
+import { figure } from "./figure-list.js";
 import { Part } from "./part.js";
 import { fixed } from "./words.js";
 
@@ -54,12 +55,7 @@ function camera({ side, device, state, trouble, settings, refused }) {
     "div.live-camera",
     h("p", h("b", SIDES[side]), ` ${STATES[state]}`, h("br"), h("code", device)),
     trouble ? h("p.field-error", trouble) : null,
-    h(
-      "dl.figures",
-      ...Object.entries(settings).map(([name, value]) =>
-        h("div", h("dt", name), h("dd.figure", value)),
-      ),
-    ),
+    h("dl.figures", ...Object.entries(settings).map(([term, text]) => figure({ term, text }))),
     refused.length
       ? h("ul.plain-list.warnings", ...refused.map((reason) => h("li", reason)))
       : null,

@@ -1,7 +1,7 @@
 /** Live motion capture: what is listened to, what comes from it, and how it is aligned. */
 
 import { ApiError, request } from "./api.js";
-import { button, field, h, onSubmit, setAttribute, setText } from "./dom.js";
+import { button, field, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
 import { KeptList } from "./focus-place.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -17,10 +17,7 @@ const STATES = {
 };
 
 class LiveTruthForm extends Part {
-  #spec = h("input", {
-    type: "text",
-    id: "live-truth-spec",
-    autocomplete: "off",
+  #spec = textInput("live-truth-spec", {
     spellcheck: "false",
     required: true,
     placeholder: "vrpn:HOST",

@@ -1,6 +1,6 @@
 /** Presets: choose one, keep the present values as one. */
 
-import { h, iconButton, onSubmit, setText } from "./dom.js";
+import { h, iconButton, onSubmit, setText, textInput } from "./dom.js";
 import { attempt, attemptIn, confirmed, notify } from "./notice.js";
 
 /** @typedef {import("./parameter-store.js").ParameterStore} ParameterStore */
@@ -8,11 +8,8 @@ import { attempt, attemptIn, confirmed, notify } from "./notice.js";
 export class PresetPicker extends HTMLElement {
   #select = h("select", { id: "preset", "aria-describedby": "preset-help" });
   #help = h("p.hint", { id: "preset-help" });
-  #name = h("input", {
-    type: "text",
-    id: "preset-name",
+  #name = textInput("preset-name", {
     maxlength: 60,
-    autocomplete: "off",
     "aria-describedby": "preset-error",
     required: true,
   });

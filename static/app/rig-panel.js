@@ -1,7 +1,7 @@
 /** How the cameras stand on their robot: typed in, or estimated from the floor. */
 
 import { ApiError, request } from "./api.js";
-import { button, h, onSubmit, setAttribute, setText } from "./dom.js";
+import { button, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
 import { attempt, notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { fixed } from "./words.js";
@@ -27,11 +27,8 @@ class RigPanel extends Part {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
-      h("input", {
-        type: "text",
+      textInput(`rig-${key}`, {
         inputmode: "decimal",
-        id: `rig-${key}`,
-        autocomplete: "off",
         placeholder: "unknown",
         "aria-describedby": `rig-help-${key} rig-error`,
       }),

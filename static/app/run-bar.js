@@ -1,7 +1,7 @@
 /** Start and stop of a run, and what the server is doing. */
 
 import { ApiError, request } from "./api.js";
-import { button, h, icon, onSubmit, setAttribute, setText } from "./dom.js";
+import { button, h, icon, onSubmit, select, setAttribute, setText, textInput } from "./dom.js";
 import { notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { size } from "./runs/run-words.js";
@@ -25,21 +25,14 @@ const RECORDS = [
 
 class RunBar extends Part {
   #state = h("span.state-chip");
-  #name = h("input", {
-    type: "text",
-    id: "run-name",
-    maxlength: 80,
-    placeholder: "Run name (optional)",
-    autocomplete: "off",
-  });
-  #record = h(
-    "select",
+  #name = textInput("run-name", { maxlength: 80, placeholder: "Run name (optional)" });
+  #record = select(
     {
       id: "run-record",
       "aria-label": "Images in the recording",
       title: "All else is recorded in any case",
     },
-    ...RECORDS.map(([value, words]) => h("option", { value }, words)),
+    RECORDS,
   );
   #recording = h("span.record-chip.figure", { hidden: true });
   #start = h("button.button.primary", { type: "submit" }, icon("record"), "Start run");

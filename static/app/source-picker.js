@@ -2,7 +2,7 @@
 
 import { ApiError, request } from "./api.js";
 import { CameraPicker } from "./camera-picker.js";
-import { button, h, onSubmit, setAttribute, setText } from "./dom.js";
+import { button, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
 import { KeptList } from "./focus-place.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -14,10 +14,7 @@ class SourcePicker extends Part {
   #choices = new KeptList(this.#list, (/** @type {import("./types.js").SourceChoice} */ choice) =>
     this.#choice(choice),
   );
-  #spec = h("input", {
-    type: "text",
-    id: "source-spec",
-    autocomplete: "off",
+  #spec = textInput("source-spec", {
     spellcheck: "false",
     "aria-describedby": "source-help source-error",
     required: true,

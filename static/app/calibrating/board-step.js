@@ -1,7 +1,18 @@
 /** The first step: which board, printed how large, before which cameras. */
 
 import { request, requestImage } from "../api.js";
-import { button, field, h, icon, onSubmit, setAttribute, setText } from "../dom.js";
+import {
+  button,
+  download,
+  field,
+  h,
+  icon,
+  onSubmit,
+  select,
+  setAttribute,
+  setText,
+  textInput,
+} from "../dom.js";
 import { attemptIn, confirmed } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed } from "../words.js";
@@ -29,29 +40,24 @@ export class BoardStep extends Part {
    */
   begun = () => {};
 
-  #kind = select("board-kind", [
+  #kind = select({ id: "board-kind" }, [
     ["chessboard", "Chessboard"],
     ["charuco", "ChArUco (may be seen in part)"],
   ]);
   #columns = number("board-columns", 3, 30, 1);
   #rows = number("board-rows", 3, 30, 1);
   #square = number("board-square", 2, 500, "any");
-  #paper = select("board-paper", [
+  #paper = select({ id: "board-paper" }, [
     ["A4", "A4"],
     ["A3", "A3"],
     ["Letter", "US Letter"],
   ]);
   #bar = number("board-bar", 20, 300, "any");
-  #lens = select("board-lens", [
+  #lens = select({ id: "board-lens" }, [
     ["radtan", "Usual lens"],
     ["equidistant", "Fisheye lens"],
   ]);
-  #source = h("input", {
-    type: "text",
-    id: "board-source",
-    autocomplete: "off",
-    spellcheck: "false",
-  });
+  #source = textInput("board-source", { spellcheck: "false" });
   #svg = button([icon("download"), "Board as SVG"], () => this.#download("svg"));
   #pdf = button([icon("download"), "Board as PDF"], () => this.#download("pdf"));
   #printing = h("p.field-error", { role: "alert" });
@@ -205,12 +211,7 @@ export class BoardStep extends Part {
     setText(this.#printing, "");
     await attemptIn(this.#printing, async () => {
       const { blob } = await requestImage(`/boards/${c.kind}.${format}?${query}`);
-      const href = URL.createObjectURL(blob);
-      h("a", {
-        href,
-        download: `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`,
-      }).click();
-      setTimeout(() => URL.revokeObjectURL(href), 60_000);
+      download(blob, `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`);
     });
   }
 
@@ -288,11 +289,6 @@ function remembered() {
   } catch {
     return {};
   }
-}
-
-/** @param {string} id @param {[string, string][]} options */
-function select(id, options) {
-  return h("select", { id }, ...options.map(([value, text]) => h("option", { value }, text)));
 }
 
 /** @param {string} id @param {number} min @param {number} max @param {number | "any"} step */

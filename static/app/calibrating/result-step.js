@@ -2,7 +2,8 @@
 
 import { request } from "../api.js";
 import { paintPreview } from "../calibration-preview.js";
-import { button, h, onSubmit, setText } from "../dom.js";
+import { button, h, onSubmit, setText, textInput } from "../dom.js";
+import { figure } from "../figure-list.js";
 import { passFocus } from "../focus-place.js";
 import { attempt, attemptIn, notify } from "../notice.js";
 import { Part } from "../part.js";
@@ -30,13 +31,7 @@ export class ResultStep extends Part {
     "aria-label": "The rectified pair, left and right, with level lines across both",
   });
   #rows = h("p.verdict", { role: "status" });
-  #name = h("input", {
-    type: "text",
-    id: "result-name",
-    maxlength: 100,
-    required: true,
-    autocomplete: "off",
-  });
+  #name = textInput("result-name", { maxlength: 100, required: true });
   #error = h("p.field-error", { role: "alert" });
   #use = h("button.button.primary", { type: "submit" }, "Save and use");
   #keep = button("Save for later", () => this.#save(false));
@@ -157,9 +152,7 @@ export class ResultStep extends Part {
       ["Vergence", `± ${fixed(uncertainty.vergence_deg, 3)}°`],
       ["Views", `${report.pairs} pairs`],
     ];
-    this.#figures.replaceChildren(
-      ...facts.map(([term, value]) => h("div", h("dt", term), h("dd.figure", value))),
-    );
+    this.#figures.replaceChildren(...facts.map(([term, text]) => figure({ term, text })));
     this.#chart.replaceChildren(viewChart(report.views));
     const bad = report.views.filter((/** @type {{used: boolean}} */ view) => !view.used);
     this.#refused.replaceChildren(

@@ -1,7 +1,17 @@
 /** The guided check: what to do at each step, what was measured, and the records of earlier ones. */
 
 import { request } from "../api.js";
-import { button, field, h, icon, onSubmit, setAttribute, setText } from "../dom.js";
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  onSubmit,
+  setAttribute,
+  setText,
+  textInput,
+} from "../dom.js";
 import { KeptList, passFocus } from "../focus-place.js";
 import { confirmed, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
@@ -24,13 +34,13 @@ const STATES = {
 };
 
 class GuardCheck extends Part {
-  #whole = h("details", h("summary", "Check the guard"));
+  #whole = details("Check the guard");
   #what = h(
     "p.hint",
     "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server.",
   );
   #advice = h("p.check-advice");
-  #note = h("input", { type: "text", id: "check-note", maxlength: "500", autocomplete: "off" });
+  #note = textInput("check-note", { maxlength: "500" });
   #start = h("button.button.primary", { type: "submit" }, "Start check");
   #form = h("form.stack", field("Note for the record", this.#note), h("div.row", this.#start));
   #title = h("p.figure");

@@ -1,7 +1,7 @@
 /** Where a role's robot is reached, and as which model it is driven. */
 
 import { ApiError, request } from "../api.js";
-import { button, field, h, onSubmit, setAttribute, setText } from "../dom.js";
+import { button, field, h, onSubmit, select, setAttribute, setText, textInput } from "../dom.js";
 import { notify, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
 
@@ -23,11 +23,8 @@ const ELSEWHERE = [
 /** @typedef {{path: string, by_id: string | null, description: string | null, usable: boolean, trouble: string | null}} SerialPort */
 
 export class PortForm extends Part {
-  #port = h("input", {
-    type: "text",
-    id: "robot-port",
+  #port = textInput("robot-port", {
     list: "robot-ports",
-    autocomplete: "off",
     spellcheck: "false",
     required: true,
     "aria-describedby": "robot-port-error",
@@ -36,11 +33,7 @@ export class PortForm extends Part {
   #found = h("p.hint", { role: "status" });
   #troubles = h("ul.plain-list.warnings");
   #again = button("Look for ports", () => this.#look());
-  #model = h(
-    "select",
-    { id: "robot-model" },
-    ...MODELS.map(([value, words]) => h("option", { value }, words ?? "")),
-  );
+  #model = select({ id: "robot-model" }, MODELS);
   #error = h("p.field-error", { role: "alert", id: "robot-port-error" });
   #connect = h("button.button.primary", { type: "submit" }, "Connect");
   #forget = button("Forget", () => this.#do(() => this.#drop()));

@@ -1,7 +1,7 @@
 /** Programmes: timed velocities that are played while their operator stays present. */
 
 import { request } from "../api.js";
-import { button, field, h, icon, iconButton, onSubmit, setText } from "../dom.js";
+import { button, details, field, h, icon, iconButton, onSubmit, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
 import { attemptIn, confirmed, notify, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
@@ -41,7 +41,7 @@ class Programmes extends Part {
   });
   #file = h("input", { type: "file", id: "programme-file", accept: ".yaml,.yml,text/yaml" });
   #error = h("p.field-error", { id: "programme-error", role: "alert" });
-  #own = h("details", h("summary", "A programme of your own"));
+  #own = details("A programme of your own");
   /** How one ended before its time; empty where none did. */
   #ended = h("p.programme-ended", { role: "status", hidden: true });
   #runs = false;

@@ -1,7 +1,8 @@
 /** Both robots: how they are, who drives them, and driving the chosen one. */
 
 import { request } from "../api.js";
-import { button, field, fillList, h, setAttribute, setText } from "../dom.js";
+import { button, details, field, fillList, h, setAttribute, setText } from "../dom.js";
+import { fillFigures } from "../figure-list.js";
 import { passFocus } from "../focus-place.js";
 import { oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
@@ -42,7 +43,7 @@ class RobotsPanel extends Part {
     this.#incidents,
   );
   #port = new PortForm();
-  #place = h("details", h("summary", "Port and model"), this.#port);
+  #place = details("Port and model", this.#port);
   #name = h("input", {
     type: "text",
     id: "operator-name",
@@ -69,11 +70,10 @@ class RobotsPanel extends Part {
         h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
       ),
       this.#pad,
-      h("details", h("summary", "Everything it tells"), this.#figures),
+      details("Everything it tells", this.#figures),
       this.#happened,
-      h(
-        "details",
-        h("summary", "Your name"),
+      details(
+        "Your name",
         field("What others see while you drive", this.#name, "From the next connection on."),
       ),
       this.#place,
@@ -171,17 +171,10 @@ class RobotsPanel extends Part {
   /** @param {import("./types.js").RobotFacts | null} robot */
   #renderFigures(robot) {
     const figures = robot ? figuresOf(robot) : [];
-    if (this.#figures.childElementCount !== figures.length) {
-      this.#figures.replaceChildren(
-        ...figures.map(([term, , help]) =>
-          h("div", { title: help }, h("dt", term), h("dd.figure")),
-        ),
-      );
-    }
-    figures.forEach(([, value], index) => {
-      const node = this.#figures.children[index]?.lastElementChild;
-      if (node) setText(node, value);
-    });
+    fillFigures(
+      this.#figures,
+      figures.map(([term, text, help]) => ({ term, text, help })),
+    );
   }
 }
 

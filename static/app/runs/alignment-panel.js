@@ -1,7 +1,7 @@
 /** Laying truth over a run: with which file, how well, and which track is which body. */
 
 import { ApiError, request } from "../api.js";
-import { button, field, fillList, h, setAttribute, setText } from "../dom.js";
+import { button, details, field, fillList, h, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { fixed, sentence } from "../words.js";
 import { CameraOnBody, placeInWords } from "./camera-on-body.js";
@@ -30,7 +30,7 @@ export class AlignmentPanel extends Part {
   #align = button("Align", () => this.#alignAnew(), { class: "button primary" });
   #state = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert" });
-  #another = h("details", h("summary", "Lay truth over this run"));
+  #another = details("Lay truth over this run");
   /** @type {Chart | null} */
   #chart = null;
   #busy = false;

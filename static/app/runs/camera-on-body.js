@@ -1,6 +1,6 @@
 /** Where the camera sits on the observer's body of motion capture: typed in, or left to be found out. */
 
-import { button, h } from "../dom.js";
+import { button, details, h, textInput } from "../dom.js";
 import { fixed } from "../words.js";
 
 /** @typedef {import("./types.js").CameraPlace} CameraPlace */
@@ -19,11 +19,8 @@ export class CameraOnBody extends HTMLElement {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
-      h("input", {
-        type: "text",
+      textInput(`camera-on-body-${key}`, {
         inputmode: "decimal",
-        id: `camera-on-body-${key}`,
-        autocomplete: "off",
         placeholder: "found out",
         "aria-describedby": `camera-on-body-help-${key}`,
       }),
@@ -31,7 +28,7 @@ export class CameraOnBody extends HTMLElement {
   );
   #fill = button("Fill in what was found", () => this.#write(this.#found));
   #empty = button("Leave it to be found out", () => this.#write(null));
-  #details = h("details", h("summary", "Where the camera sits on that body"));
+  #details = details("Where the camera sits on that body");
   /** @type {CameraPlace | null} */
   #found = null;
 

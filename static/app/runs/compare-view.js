@@ -1,7 +1,7 @@
 /** Several runs side by side: their speeds, their errors, and what was set otherwise. */
 
 import { ApiError, request } from "../api.js";
-import { h, setText } from "../dom.js";
+import { h, setText, table, tableRow } from "../dom.js";
 import { Part } from "../part.js";
 import { duration, when } from "../words.js";
 import { RunChart } from "./run-chart.js";
@@ -106,30 +106,13 @@ function settingsTable(charts) {
         ]),
     ),
   ];
-  return h(
-    "table.compared",
-    h(
-      "caption",
-      differing.length === 0
-        ? "All parameters are the same."
-        : "Parameters that differ, and what is known of each run.",
-    ),
-    h(
-      "thead",
-      h(
-        "tr",
-        h("td"),
-        ...runs.map((run) =>
-          h("th", { scope: "col" }, h("a", { href: runHref(run.id) }, run.name)),
-        ),
-      ),
-    ),
-    h(
-      "tbody",
-      ...rows.map(([name, text]) =>
-        h("tr", h("th", { scope: "row" }, name), ...charts.map((chart) => h("td", text(chart)))),
-      ),
-    ),
+  return table(
+    "compared",
+    [null, ...runs.map((run) => h("a", { href: runHref(run.id) }, run.name))],
+    rows.map(([name, text]) => tableRow(name, ...charts.map(text))),
+    differing.length === 0
+      ? "All parameters are the same."
+      : "Parameters that differ, and what is known of each run.",
   );
 }
 

@@ -1,6 +1,6 @@
 /** Which body each track is, to be corrected by a click. */
 
-import { h, setAttribute } from "../dom.js";
+import { h, setAttribute, table } from "../dom.js";
 import { fixed, trackColour } from "../words.js";
 
 /** @typedef {import("./types.js").Alignment} Alignment */
@@ -32,17 +32,11 @@ export class MatchTable extends HTMLElement {
     this.replaceChildren(
       h(
         "div.scroll-x",
-        h(
-          "table.matches",
-          h("caption", "Which body each track is; choose another to correct it."),
-          h(
-            "thead",
-            h(
-              "tr",
-              ...["Track", "Seen", "Body", "Found"].map((text) => h("th", { scope: "col" }, text)),
-            ),
-          ),
-          h("tbody", ...keys.map((key) => this.#row(key, alignment, bodies, curves))),
+        table(
+          "matches",
+          ["Track", "Seen", "Body", "Found"],
+          keys.map((key) => this.#row(key, alignment, bodies, curves)),
+          "Which body each track is; choose another to correct it.",
         ),
       ),
     );

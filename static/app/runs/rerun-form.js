@@ -1,7 +1,7 @@
 /** Observing a run's recording once more with other parameters. */
 
 import { request } from "../api.js";
-import { field, fillList, h, onSubmit, setAttribute, setText } from "../dom.js";
+import { details, field, fillList, h, onSubmit, setAttribute, setText, textInput } from "../dom.js";
 import { attemptIn } from "../notice.js";
 import { ParameterGroups } from "../parameter-groups.js";
 import { Part } from "../part.js";
@@ -42,13 +42,7 @@ class Draft extends EventTarget {
 export class RerunForm extends Part {
   #draft = new Draft();
   #groups = new ParameterGroups("rerun");
-  #name = h("input", {
-    type: "text",
-    id: "rerun-name",
-    maxlength: 100,
-    autocomplete: "off",
-    placeholder: "optional",
-  });
+  #name = textInput("rerun-name", { maxlength: 100, placeholder: "optional" });
   #preset = h("select", { id: "rerun-preset" });
   #search = h("input", {
     type: "search",
@@ -80,9 +74,8 @@ export class RerunForm extends Part {
         "The recording is observed once through, as fast as it goes. What is open now is closed for it, the robots stand meanwhile, and its parameters stay in force.",
       ),
       h("div.rerun-fields", field("Name", this.#name), field("Begin with", this.#preset)),
-      h(
-        "details",
-        h("summary", "Other parameters"),
+      details(
+        "Other parameters",
         h(
           "div.stack",
           h("label.visually-hidden", { for: "rerun-search" }, "Find a parameter"),

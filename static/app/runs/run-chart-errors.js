@@ -1,6 +1,6 @@
 /** The table of a run's speed errors, or of several runs beside each other. */
 
-import { h } from "../dom.js";
+import { details, h } from "../dom.js";
 import { fixed } from "../words.js";
 import { runColour } from "./run-chart-data.js";
 
@@ -57,9 +57,8 @@ function ofOne(errors) {
     "div.stack",
     table(["", ...COLUMNS], rows(errors.filter(({ group }) => group !== "track"))),
     tracks.length
-      ? h(
-          "details",
-          h("summary", tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`),
+      ? details(
+          tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`,
           table(["", ...COLUMNS], rows(tracks)),
         )
       : null,

@@ -1,7 +1,7 @@
 /** CSV, PNG, SVG and PDF of what is seen of a chart: one click opens, the second takes. */
 
 import { requestImage } from "../api.js";
-import { button, h, icon } from "../dom.js";
+import { button, download, h, icon } from "../dom.js";
 import { attempt } from "../notice.js";
 import { fixed } from "../words.js";
 
@@ -114,9 +114,7 @@ export class ChartExport extends HTMLElement {
     this.#work(true);
     await attempt(async () => {
       const { blob, name } = await make();
-      const href = URL.createObjectURL(blob);
-      h("a", { href, download: name }).click();
-      setTimeout(() => URL.revokeObjectURL(href), 60_000);
+      download(blob, name);
     });
     this.#work(false);
   }

@@ -1,7 +1,7 @@
 /** A run as files: the report, and what other tools read. */
 
 import { ApiError, requestImage } from "../api.js";
-import { button, field, h, icon, setAttribute, setText } from "../dom.js";
+import { button, download, field, h, icon, select, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { size } from "./run-words.js";
 
@@ -41,11 +41,7 @@ const TABLES = [
 
 export class RunFiles extends Part {
   #list = h("ul.file-list");
-  #table = h(
-    "select",
-    { id: "file-table" },
-    ...TABLES.map(([value, words]) => h("option", { value }, words)),
-  );
+  #table = select({ id: "file-table" }, TABLES);
   #open = h("a", { target: "_blank", rel: "noopener" }, "Open the report in a new tab");
   #state = h("p", { role: "status" });
   #cancel = button("Cancel", () => this.#making?.abort(), { hidden: true });
@@ -134,7 +130,8 @@ export class RunFiles extends Part {
         `/runs/${encodeURIComponent(run.id)}/${path}${table ? `&table=${table}` : ""}`,
         making.signal,
       );
-      save(blob, `${run.name}${table ? ` ${table}` : ""}.${ending}`);
+      const name = `${run.name}${table ? ` ${table}` : ""}.${ending}`;
+      download(blob, name.replace(/[\\/:]/g, "_"));
       end = `${words} is made: ${size(blob.size)}.`;
     } catch (error) {
       if (making.signal.aborted) end = `${words} was cancelled.`;
@@ -147,16 +144,6 @@ export class RunFiles extends Part {
       if (run.id === this.#run?.id) setText(this.#state, end);
     }
   }
-}
-
-/**
- * @param {Blob} blob
- * @param {string} name
- */
-function save(blob, name) {
-  const href = URL.createObjectURL(blob);
-  h("a", { href, download: name.replace(/[\\/:]/g, "_") }).click();
-  setTimeout(() => URL.revokeObjectURL(href), 60_000);
 }
 
 customElements.define("observer-run-files", RunFiles);

@@ -1,7 +1,7 @@
 /** A run's name, tags and notes, by which it is found again; kept as they are changed. */
 
 import { ApiError, request } from "../api.js";
-import { button, field, h, icon, onSubmit, setText } from "../dom.js";
+import { button, field, h, icon, onSubmit, setText, textInput } from "../dom.js";
 import { KeptList } from "../focus-place.js";
 import { Part } from "../part.js";
 
@@ -11,7 +11,7 @@ export class RunLabels extends Part {
   /** Called with the run as it is kept now. @type {(run: Run) => void} */
   changed = () => {};
 
-  #name = h("input", { type: "text", id: "run-label-name", maxlength: 100, autocomplete: "off" });
+  #name = textInput("run-label-name", { maxlength: 100 });
   #notes = h("textarea", { id: "run-label-notes", rows: 4, maxlength: 20000 });
   #list = h("ul.tag-list", { "aria-label": "Tags" });
   #tags = new KeptList(
@@ -19,12 +19,9 @@ export class RunLabels extends Part {
     (/** @type {string} */ tag) => this.#tag(tag),
     () => this.#add,
   );
-  #add = h("input", {
-    type: "text",
-    id: "run-label-tag",
+  #add = textInput("run-label-tag", {
     list: "run-label-tags",
     maxlength: 300,
-    autocomplete: "off",
     placeholder: "Add a tag",
   });
   #known = h("datalist", { id: "run-label-tags" });

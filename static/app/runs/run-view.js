@@ -1,7 +1,7 @@
 /** One run: its speeds against truth, what is known of it, and what can be made of it. */
 
 import { ApiError, request } from "../api.js";
-import { button, h, icon, setText } from "../dom.js";
+import { button, details, h, icon, setText, table, tableRow } from "../dom.js";
 import { attempt, notify } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
@@ -178,23 +178,16 @@ function settingsOf(run) {
     ["Recorded images", record ?? "no recording"],
     ...Object.entries(versions),
   ];
-  const table = (/** @type {[string, string][]} */ rows) =>
-    h(
-      "table.settings",
-      h(
-        "tbody",
-        ...rows.map(([name, value]) => h("tr", h("th", { scope: "row" }, name), h("td", value))),
-      ),
-    );
-  return h(
-    "details",
-    h("summary", "Settings of this run"),
-    h("div.scroll-x", table(lines)),
+  const listed = (/** @type {[string, unknown][]} */ rows) =>
     h(
       "div.scroll-x",
-      table(Object.entries(parameters).map(([name, value]) => [name, String(value)])),
-    ),
-  );
+      table(
+        "settings",
+        [],
+        rows.map(([name, value]) => tableRow(name, String(value))),
+      ),
+    );
+  return details("Settings of this run", listed(lines), listed(Object.entries(parameters)));
 }
 
 customElements.define("observer-run", RunView);

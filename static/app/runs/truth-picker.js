@@ -1,7 +1,18 @@
 /** Files of motion capture: send one in, see what was understood of it, choose one. */
 
 import { ApiError, request } from "../api.js";
-import { button, field, h, icon, iconButton, setText } from "../dom.js";
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  iconButton,
+  onDrop,
+  setText,
+  table,
+  tableRow,
+} from "../dom.js";
 import { attempt, confirmed } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed, sentence, when } from "../words.js";
@@ -71,7 +82,7 @@ export class TruthPicker extends Part {
         { id: "truth-help" },
         "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content.",
       ),
-      h("details", h("summary", "Where the file tells no rate"), field("Rate, Hz", this.#rate)),
+      details("Where the file tells no rate", field("Rate, Hz", this.#rate)),
       this.#error,
       this.#angles,
       this.#sending,
@@ -79,7 +90,7 @@ export class TruthPicker extends Part {
     this.append(this.#choice, this.#understood, this.#drop);
     this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0] ?? null));
     this.#select.addEventListener("change", () => this.#tell());
-    this.#listenForDrop();
+    onDrop(this.#drop, ([file]) => this.#send(file ?? null));
   }
 
   /** @returns {TruthFile | null} */
@@ -106,21 +117,6 @@ export class TruthPicker extends Part {
   #choose(id) {
     this.#select.value = id === LIVE || this.find(id) ? (id ?? "") : "";
     this.#tell();
-  }
-
-  #listenForDrop() {
-    for (const type of ["dragenter", "dragover"]) {
-      this.#drop.addEventListener(type, (event) => {
-        event.preventDefault();
-        this.#drop.toggleAttribute("data-over", true);
-      });
-    }
-    this.#drop.addEventListener("dragleave", () => this.#drop.removeAttribute("data-over"));
-    this.#drop.addEventListener("drop", (event) => {
-      event.preventDefault();
-      this.#drop.removeAttribute("data-over");
-      void this.#send(event.dataTransfer?.files[0] ?? null);
-    });
   }
 
   async #load(chosen = this.#select.value) {
@@ -217,33 +213,22 @@ function understood({ format, info }) {
     seconds === null ? null : `${fixed(seconds, 1)} s`,
     counted(bodies.length, "body").replace("bodys", "bodies"),
   ];
-  const heads = ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"];
   return [
     h("p", "Understood as ", h("b", facts.filter(Boolean).join(", ")), "."),
     h(
       "div.scroll-x",
       { role: "region", "aria-label": "What the file holds", tabindex: "0" },
-      h(
-        "table",
-        h("thead", h("tr", ...heads.map((text) => h("th", { scope: "col" }, text)))),
-        h(
-          "tbody",
-          ...bodies.map((body) =>
-            h(
-              "tr",
-              h("th", { scope: "row" }, body.name),
-              h("td", body.has_orientation ? "known" : "not known"),
-              h(
-                "td",
-                body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
-              ),
-              h("td", body.gaps),
-              h(
-                "td",
-                body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
-              ),
-              h("td", fixed(body.highest_speed_mps, 2)),
-            ),
+      table(
+        "",
+        ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"],
+        bodies.map((body) =>
+          tableRow(
+            body.name,
+            body.has_orientation ? "known" : "not known",
+            body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
+            body.gaps,
+            body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
+            fixed(body.highest_speed_mps, 2),
           ),
         ),
       ),
