@@ -1,4 +1,4 @@
-/** How the calibration in use holds: the rows over time, the vergence, and a click to refine. */
+/** Ageing of the calibration in use: epipolar error over time, vergence, and a click to refine. */
 
 import { request } from "./api.js";
 import { previewed } from "./calibration-preview.js";

@@ -7,7 +7,7 @@ import { Part } from "./part.js";
 /** @typedef {{pixel_format: string, width: number, height: number, rates: number[]}} Mode */
 /** @typedef {{path: string, by_path: string | null, card: string | null, trouble: string | null, modes: Mode[]}} Camera */
 
-/** What may be set on a camera, by the key it has in a source's text. @type {[string, string, string][]} */
+/** Settings of a camera, by their keys in a source's text. @type {[string, string, string][]} */
 const SETTINGS = [
   ["exposure", "Exposure, 100 µs", "auto, or a number such as 156"],
   ["gain", "Gain", "auto or a number"],
@@ -37,7 +37,7 @@ export class CameraPicker extends Part {
   #troubles = h("ul.plain-list.warnings");
   /** @type {Camera[]} */
   #cameras = [];
-  /** Whether cameras were there to be chosen when it was looked last. */
+  /** True where there were cameras to choose from at the last look. */
   #known = false;
 
   build() {
@@ -146,7 +146,7 @@ export class CameraPicker extends Part {
 }
 
 /**
- * What was chosen before stays chosen, where it is still there.
+ * Keep the choice where it is still there.
  *
  * @param {HTMLSelectElement} select
  * @param {string | undefined} value

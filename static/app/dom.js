@@ -142,6 +142,18 @@ export function tableRow(heading, ...values) {
 }
 
 /**
+ * Make the short line that tells a curve's colour and dashes.
+ *
+ * @param {string} kind of the curve
+ * @param {string} colour its name in tokens.css
+ */
+export function swatch(kind, colour) {
+  const line = h("span.swatch.line", { "data-kind": kind, "aria-hidden": "true" });
+  line.style.setProperty("--swatch", `var(${colour})`);
+  return line;
+}
+
+/**
  * Act in place of the browser where a form is sent.
  *
  * @param {HTMLFormElement} form

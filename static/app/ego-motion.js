@@ -1,4 +1,4 @@
-/** How the camera itself moved: what is taken out of the images before anything counts as moving. */
+/** Ego-motion: taken out of the images before anything counts as moving. */
 
 import { h, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";

@@ -10,7 +10,7 @@ import { fixed } from "./words.js";
  * @property {string} [help]
  */
 
-/** What the server calls its figures -> name for people, unit, digits after the point. */
+/** Server's name of a figure -> name for people, unit, digits after the point. */
 /** @type {Record<string, [string, string, number]>} */
 const NAMES = {
   residual_px: ["Residual motion", " px", 2],

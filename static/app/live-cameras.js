@@ -1,9 +1,9 @@
-/** How the cameras of a live source are: what they accepted, how far apart in time, what is wrong. */
+/** State of a live source's cameras: accepted settings, time skew, troubles. */
 
 import { h, setText } from "./dom.js";
 import { figure } from "./figure-list.js";
 import { Part } from "./part.js";
-import { fixed } from "./words.js";
+import { counted, fixed } from "./words.js";
 
 /** @typedef {import("./types.js").Live} Live */
 /** @typedef {import("./types.js").LiveCamera} LiveCamera */
@@ -39,7 +39,7 @@ class LiveCameras extends Part {
     setText(this.#skew, skewWords(live));
     setText(
       this.#counts,
-      `${live.pairs} ${live.pairs === 1 ? "pair" : "pairs"}, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`,
+      `${counted(live.pairs, "pair")}, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`,
     );
     const drawn = JSON.stringify([live.cameras, live.hints]);
     if (drawn === this.#drawn) return;

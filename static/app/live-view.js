@@ -79,7 +79,7 @@ export class LiveView extends Part {
     this.#socket?.close();
   }
 
-  /** Where nobody looks, no images are asked for, so that none are drawn for it. */
+  /** Ask for no images where nobody looks, so that the server draws none. */
   #visibilityChanged() {
     if (document.hidden || document.body.hasAttribute("data-history")) this.#socket?.close();
     else this.#socket?.open();

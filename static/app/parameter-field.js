@@ -5,7 +5,7 @@ import { button, h, icon, setText } from "./dom.js";
 /** @typedef {import("./types.js").ParameterEntry} ParameterEntry */
 /** @typedef {import("./types.js").ParameterValue} ParameterValue */
 /**
- * Where values come from and go to: the server's, or a draft.
+ * Source and target of values: the server's store, or a draft.
  *
  * @typedef {Pick<import("./parameter-store.js").ParameterStore, "defaults" | "change" | "changeUndoably">} ValueStore
  */
@@ -91,7 +91,7 @@ export class ParameterField extends HTMLElement {
     }
   }
 
-  /** Whether the text field holds an edit that has not been sent: then Ctrl+Z is the text's. */
+  /** True while the text field holds an unsent edit: then Ctrl+Z is the text's. */
   get isEdited() {
     const text = this.querySelector('input[type="number"]');
     return text instanceof HTMLInputElement && text.value !== tidy(this.#shown);
@@ -220,7 +220,7 @@ export class ParameterField extends HTMLElement {
 }
 
 /**
- * How a slider's places and a parameter's values belong together.
+ * Map a slider's places to a parameter's values and back.
  *
  * @param {ParameterEntry} entry
  */

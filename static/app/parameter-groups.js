@@ -25,7 +25,7 @@ export class ParameterGroups extends HTMLElement {
     this.#openAtStart = openAtStart;
   }
 
-  /** How many there are. */
+  /** Number of fields. */
   get count() {
     return this.#fields.size;
   }

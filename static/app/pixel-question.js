@@ -194,7 +194,7 @@ export class PixelQuestion extends Part {
     this.#close();
   }
 
-  /** What was answered of one source says nothing of another. */
+  /** Close the answer where another source is open: it says nothing of that one. */
   #sourceChanged() {
     const spec = this.hub.status?.source?.spec ?? null;
     if (!this.#card.hidden && spec !== this.#source) {

@@ -149,7 +149,7 @@ class PlaybackBar extends Part {
 }
 
 /**
- * Where the computer does not keep up, frames are played slower than asked; none is left out.
+ * Say how fast it plays where the computer does not keep up; no frame is left out.
  *
  * @param {import("./types.js").Playback} playback
  */

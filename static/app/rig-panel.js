@@ -1,4 +1,4 @@
-/** How the cameras stand on their robot: typed in, or estimated from the floor. */
+/** Camera extrinsics on the robot: typed in, or estimated from the ground. */
 
 import { ApiError, request } from "./api.js";
 import { button, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
@@ -46,9 +46,9 @@ class RigPanel extends Part {
   /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
   #estimated = new Map();
   #looking = false;
-  /** Whether the form holds something that is not in use yet. */
+  /** True while the form holds something that is not in use yet. */
   #changed = false;
-  /** What was filled in by a drive. @type {Set<string>} */
+  /** Keys that a drive filled in. @type {Set<string>} */
   #driven = new Set();
 
   build() {

@@ -16,7 +16,7 @@ const STATES = {
   failed: "Failed",
 };
 
-/** Which images a run's recording keeps. @type {[string, string][]} */
+/** Choices of the images that a recording keeps. @type {[string, string][]} */
 const RECORDS = [
   ["jpeg", "Record JPEG"],
   ["lossless", "Record lossless"],

@@ -1,4 +1,4 @@
-/** What frames come from: the sources the server offers, and any other by its spec. */
+/** Choice of the source: those the server offers, and any other by its spec. */
 
 import { ApiError, request } from "./api.js";
 import { CameraPicker } from "./camera-picker.js";

@@ -134,7 +134,7 @@ class SpeedChart extends Part {
     this.#export.hidden = this.#curves.length === 0 && !this.#last;
   }
 
-  /** What is seen now, made in the page, and all of the newest run once it has ended. */
+  /** Offer the curves seen now, made in the page, and all of the newest run once it has ended. */
   #offers() {
     const { status } = this.hub;
     const last = status?.run || this.#last?.state === "running" ? null : this.#last;

@@ -1,4 +1,4 @@
-/** How the server does: rates, latency, time of each stage, what was dropped and why. */
+/** State of the server: rates, latency, time of each stage, dropped frames and why. */
 
 import { fillList, h, setText } from "./dom.js";
 import { Part } from "./part.js";

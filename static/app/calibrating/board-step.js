@@ -15,14 +15,14 @@ import {
 } from "../dom.js";
 import { attemptIn, confirmed } from "../notice.js";
 import { Part } from "../part.js";
-import { fixed } from "../words.js";
+import { counted, fixed } from "../words.js";
 
 const BAR_MM = 100;
 const KEY = "dynamic-observer.board";
 
 /** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
 
-/** What fits on A4 with the white margin that detection needs. @type {BoardChoice} */
+/** A board that fits on A4 with the white margin that detection needs. @type {BoardChoice} */
 const USUAL = {
   kind: "chessboard",
   columns: 9,
@@ -151,7 +151,7 @@ export class BoardStep extends Part {
     this.#changed();
   }
 
-  /** What a computation needs to know of the choices made here. */
+  /** Return the choices made here that the computation needs. */
   computation() {
     return { distortion_model: this.#lens.value };
   }
@@ -166,7 +166,7 @@ export class BoardStep extends Part {
     this.#bar.value = String(choice.bar_mm);
   }
 
-  /** What is open is the first guess, until something else is typed. */
+  /** Suggest the open source until something else is typed. */
   #suggest() {
     const open = this.hub.status?.source?.spec ?? "";
     if (open === this.#suggested || document.activeElement === this.#source) return;
@@ -220,7 +220,7 @@ export class BoardStep extends Part {
     const square_mm = squareOf({ kind, columns, rows, ...rest });
     const source = this.#source.value.trim() || null;
     const views = this.hub.status?.calibrating?.views.length ?? 0;
-    const consequence = `${views} captured view${views === 1 ? "" : "s"} would be forgotten.`;
+    const consequence = `${counted(views, "captured view")} would be forgotten.`;
     if (views > 0 && !(await confirmed("Begin anew?", consequence, "Begin anew"))) return;
     await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
       /** @type {{calibrating: import("../types.js").Calibrating}} */

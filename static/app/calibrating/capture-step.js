@@ -6,6 +6,7 @@ import { KeptList, passFocus } from "../focus-place.js";
 import { LiveView } from "../live-view.js";
 import { attempt, notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
+import { counted } from "../words.js";
 import { CoverQuestion } from "./cover-question.js";
 
 /** @type {[string, string][]} names of the bars and what fills them */
@@ -25,7 +26,7 @@ const SPOKEN_EVERY_MS = 6000;
 export class CaptureStep extends Part {
   /** Called when the views shall be computed. */
   compute = () => {};
-  /** Whether the last computation was ended from this page. */
+  /** True where the last computation was cancelled from this page. */
   cancelled = false;
 
   #words = h("p.capture-words");
@@ -180,7 +181,7 @@ export class CaptureStep extends Part {
   /** @param {import("../types.js").Calibrating} now */
   #renderViews(now) {
     const count = now.views.length;
-    setText(this.#count, count === 0 ? "No views yet" : count === 1 ? "1 view" : `${count} views`);
+    setText(this.#count, count === 0 ? "No views yet" : counted(count, "view"));
     this.#items.show(now.views, (view) => view.name);
     const refusals = JSON.stringify(now.refused);
     if (refusals === this.#refusals) return;

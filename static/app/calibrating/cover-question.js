@@ -1,4 +1,4 @@
-/** Which camera is the left one: a person covers its lens, and the page says what went dark. */
+/** Check of the cameras' order: a person covers one lens, and the page says which image went dark. */
 
 import { request } from "../api.js";
 import { button, h, setText } from "../dom.js";

@@ -1,4 +1,4 @@
-/** What a calibration's report says, as tables and charts; used while and after it is made. */
+/** Tables and charts of a calibration's report, shown while and after it is made. */
 
 import { h, svg, table, tableRow } from "../dom.js";
 import { fixed } from "../words.js";

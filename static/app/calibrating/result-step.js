@@ -7,7 +7,7 @@ import { figure } from "../figure-list.js";
 import { passFocus } from "../focus-place.js";
 import { attempt, attemptIn, notify } from "../notice.js";
 import { Part } from "../part.js";
-import { fixed } from "../words.js";
+import { counted, fixed } from "../words.js";
 import { verdictTable, viewChart } from "./report-parts.js";
 
 export class ResultStep extends Part {
@@ -99,11 +99,7 @@ export class ResultStep extends Part {
     const same = !now || names === now.views.map((view) => view.name).join("|");
     if (same) passFocus(this.#recompute, this.#again);
     this.#recompute.hidden = same || !now.views.length;
-    if (!same)
-      setText(
-        this.#recompute,
-        `Compute again with ${now.views.length} ${now.views.length === 1 ? "view" : "views"}`,
-      );
+    if (!same) setText(this.#recompute, `Compute again with ${counted(now.views.length, "view")}`);
     if (!this.#shown || !names || names === this.#read) return;
     this.#read = names;
     const { report } = /** @type {{report: Record<string, any>}} */ (

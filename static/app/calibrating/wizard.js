@@ -2,8 +2,10 @@
 
 import { request } from "../api.js";
 import { button, h, setAttribute, setText } from "../dom.js";
+import { giveBackFocus } from "../focus-place.js";
 import { attempt, confirmed, notify } from "../notice.js";
 import { Part } from "../part.js";
+import { counted } from "../words.js";
 import { BoardStep } from "./board-step.js";
 import { CaptureStep } from "./capture-step.js";
 import { ResultStep } from "./result-step.js";
@@ -31,7 +33,7 @@ class CalibrationWizard extends Part {
   #step = null;
   #computed = "";
   #computing = false;
-  /** What had the focus when the wizard was called. @type {Element | null} */
+  /** The element that had the focus when the wizard was called. @type {Element | null} */
   #caller = null;
 
   build() {
@@ -71,7 +73,7 @@ class CalibrationWizard extends Part {
     this.#render();
   }
 
-  /** What is calibrated may have been begun, or ended, by another page. */
+  /** Follow a calibration that another page may have begun or ended. */
   #follow() {
     const { calibrating } = this.hub.status ?? {};
     if (calibrating && this.#step === null) this.#go("views", false);
@@ -104,18 +106,7 @@ class CalibrationWizard extends Part {
     if (!moved || away) return;
     // The keyboard goes on where the eye does.
     if (step !== null) this.#title.focus();
-    else this.#giveBack();
-  }
-
-  /** Focus returns to what called the wizard, or to the side panel's tab. */
-  #giveBack() {
-    const caller = this.#caller;
-    this.#caller = null;
-    const there =
-      caller instanceof HTMLElement && caller !== document.body && caller.checkVisibility();
-    const tab = document.querySelector('[role="tab"][aria-selected="true"]');
-    const next = there ? caller : tab;
-    if (next instanceof HTMLElement) next.focus();
+    else giveBackFocus(this.#caller);
   }
 
   async #saved() {
@@ -153,7 +144,7 @@ class CalibrationWizard extends Part {
     if (!calibrating) return this.#go(null);
     const views = calibrating.views.length;
     const question = "Leave without saving?";
-    const consequence = `${views} captured view${views === 1 ? "" : "s"} and what was computed of them would be forgotten.`;
+    const consequence = `${counted(views, "captured view")} and what was computed of them would be forgotten.`;
     if (views > 0 && !(await confirmed(question, consequence, "Leave"))) return;
     await attempt(async () => {
       this.hub.takeStatus(await request("DELETE", "/calibrating"));

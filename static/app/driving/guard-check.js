@@ -99,7 +99,7 @@ class GuardCheck extends Part {
     this.#render();
   }
 
-  /** What others read of who asks; null where nobody gave a name. */
+  /** The name that others read; null where none was given. */
   get #own() {
     return this.hub.driver.link.name || null;
   }

@@ -1,4 +1,4 @@
-/** Where a role's robot is reached, and as which model it is driven. */
+/** Port and model of a role's robot. */
 
 import { ApiError, request } from "../api.js";
 import { button, field, h, onSubmit, select, setAttribute, setText, textInput } from "../dom.js";
@@ -41,7 +41,7 @@ export class PortForm extends Part {
   /** @type {Role} */
   #role = "observer";
   #shown = "";
-  /** Whether it holds something that is not in use yet. */
+  /** True while the form holds something that is not in use yet. */
   #changed = false;
   #do = oneAtATime();
 

@@ -42,10 +42,10 @@ class Programmes extends Part {
   #file = h("input", { type: "file", id: "programme-file", accept: ".yaml,.yml,text/yaml" });
   #error = h("p.field-error", { id: "programme-error", role: "alert" });
   #own = details("A programme of your own");
-  /** How one ended before its time; empty where none did. */
+  /** The reason why a programme ended early; empty where none did. */
   #ended = h("p.programme-ended", { role: "status", hidden: true });
   #runs = false;
-  /** When the last one had ended early as the newest began. */
+  /** Time of the last early end as the newest programme began. */
   #endedBefore = "";
   #do = oneAtATime();
   #loaded = false;
@@ -152,7 +152,7 @@ class Programmes extends Part {
     }
   }
 
-  /** What must be done before it can be started. @param {ProgrammeEntry} entry */
+  /** Say what must be done before it can be started. @param {ProgrammeEntry} entry */
   #missing({ roles }) {
     const { driver, robots } = this.hub;
     if (robots?.stopped) return "Everything is stopped: reset it first.";

@@ -98,7 +98,7 @@ export class SonarRing {
 }
 
 /**
- * How near the nearest echo is, in words.
+ * Say how near the nearest echo is.
  *
  * @param {RobotFacts | null} robot
  */

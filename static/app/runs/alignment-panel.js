@@ -169,7 +169,7 @@ export class AlignmentPanel extends Part {
     this.#tell();
   }
 
-  /** How it fits, or why it does not, stands above and may be out of sight. */
+  /** Bring the result or the refusal, which stand above, into sight. */
   #tell() {
     (this.#error.textContent ? this.#error : this.#heading).scrollIntoView({ block: "nearest" });
   }

@@ -1,4 +1,4 @@
-/** Where the camera sits on the observer's body of motion capture: typed in, or left to be found out. */
+/** Camera extrinsics on the observer's motion-capture body: typed in, or left to be found out. */
 
 import { button, details, h, textInput } from "../dom.js";
 import { fixed } from "../words.js";
@@ -64,7 +64,7 @@ export class CameraOnBody extends HTMLElement {
     this.#write(said);
   }
 
-  /** What is typed in stays. @param {CameraPlace | null} found */
+  /** Offer what was found; typed values stay. @param {CameraPlace | null} found */
   set found(found) {
     this.#found = found;
     this.#fill.hidden = found === null;

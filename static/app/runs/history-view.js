@@ -1,6 +1,7 @@
 /** The history: runs found again, looked at, compared. It takes the place of the live parts. */
 
 import { button, h, setAttribute } from "../dom.js";
+import { giveBackFocus } from "../focus-place.js";
 import { Part } from "../part.js";
 import { CompareView } from "./compare-view.js";
 import { RingList } from "./ring-list.js";
@@ -8,7 +9,7 @@ import { RunSearch } from "./run-search.js";
 import { RunView } from "./run-view.js";
 import { placeOf } from "./run-words.js";
 
-/** What is shown stands in the page's address, so that it is kept, linked to and gone back from. */
+/** Shows what the page's address names, so that it is kept, linked to and gone back from. */
 class HistoryView extends Part {
   #search = new RunSearch();
   #rings = new RingList();
@@ -18,7 +19,7 @@ class HistoryView extends Part {
   #title = h("h2", { id: "history-title", tabindex: "-1" }, "Runs");
   #all = h("a.button", { href: "#history" }, "All runs");
   #shown = "";
-  /** What had the focus when the history was called. @type {Element | null} */
+  /** The element that had the focus when the history was called. @type {Element | null} */
   #caller = null;
 
   build() {
@@ -68,19 +69,7 @@ class HistoryView extends Part {
     this.closest("main")?.scrollTo({ top: 0 });
     // The keyboard goes on where the eye does.
     if (view !== "none") this.#title.focus();
-    else this.#giveBack();
-  }
-
-  #giveBack() {
-    const caller = this.#caller;
-    this.#caller = null;
-    const there =
-      caller instanceof HTMLElement &&
-      caller !== document.body &&
-      caller.isConnected &&
-      caller.checkVisibility();
-    const next = there ? caller : document.querySelector('[role="tab"][aria-selected="true"]');
-    if (next instanceof HTMLElement) next.focus();
+    else giveBackFocus(this.#caller);
   }
 
   /** @param {string} words */

@@ -1,4 +1,4 @@
-/** Which body each track is, to be corrected by a click. */
+/** Table of the body that each track is, corrected by a click. */
 
 import { h, setAttribute, table } from "../dom.js";
 import { fixed, trackColour } from "../words.js";
@@ -6,7 +6,7 @@ import { fixed, trackColour } from "../words.js";
 /** @typedef {import("./types.js").Alignment} Alignment */
 /** @typedef {import("./types.js").Curve} Curve */
 
-/** How it was found which body a track is. @type {Record<string, string>} */
+/** Ways in which a track's body was found. @type {Record<string, string>} */
 const BY = { position: "by position", speed: "by speed", person: "as you said" };
 const NONE = "none of them";
 const MOST_BUTTONS = 5;

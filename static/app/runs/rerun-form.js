@@ -5,7 +5,8 @@ import { details, field, fillList, h, onSubmit, setAttribute, setText, textInput
 import { attemptIn } from "../notice.js";
 import { ParameterGroups } from "../parameter-groups.js";
 import { Part } from "../part.js";
-import { compareHref, counted, hasImages, runHref } from "./run-words.js";
+import { counted } from "../words.js";
+import { compareHref, hasImages, runHref } from "./run-words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 /** @typedef {import("../types.js").ParameterEntry} ParameterEntry */
@@ -16,7 +17,7 @@ import { compareHref, counted, hasImages, runHref } from "./run-words.js";
 class Draft extends EventTarget {
   /** @type {Values} */
   values = {};
-  /** What reset goes to. @type {Values} */
+  /** Values that reset goes to. @type {Values} */
   defaults = {};
 
   /** @param {Values} changes */
@@ -31,7 +32,7 @@ class Draft extends EventTarget {
     await this.change(changes);
   }
 
-  /** What differs from where it began. @returns {Values} */
+  /** Values that differ from the defaults. @returns {Values} */
   get differing() {
     return Object.fromEntries(
       Object.entries(this.values).filter(([name, value]) => this.defaults[name] !== value),

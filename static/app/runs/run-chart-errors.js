@@ -1,6 +1,6 @@
 /** The table of a run's speed errors, or of several runs beside each other. */
 
-import { details, h } from "../dom.js";
+import { details, h, swatch } from "../dom.js";
 import { fixed } from "../words.js";
 import { runColour } from "./run-chart-data.js";
 
@@ -82,16 +82,15 @@ function comparison(charts, coloured) {
     return h(
       "tbody",
       ...charts.map(({ run }, at) => {
-        const swatch = h("span.swatch.line", {
-          "data-kind": "estimate",
-          "aria-hidden": "true",
-        });
-        swatch.style.setProperty("--swatch", `var(${runColour(at)})`);
         const each = found[at];
         return h(
           "tr",
           at === 0 ? h("th", { scope: "rowgroup", rowspan: charts.length }, words) : null,
-          h("th", { scope: "row" }, h("span.of-run", coloured ? swatch : null, run.name)),
+          h(
+            "th",
+            { scope: "row" },
+            h("span.of-run", coloured ? swatch("estimate", runColour(at)) : null, run.name),
+          ),
           ...(each
             ? cells(each, charts.length > 1 && each.rmse_mps === best)
             : COLUMNS.map(() => h("td.number", "–"))),

@@ -19,7 +19,7 @@ const FORMATS = {
 };
 
 /**
- * What the server makes of a stored run.
+ * Offer the files that the server makes of a stored run.
  *
  * @param {{id: string, name: string}} run
  * @param {{begin: number, end: number} | null} range seconds on the source's clock; null: all

@@ -1,6 +1,6 @@
 /** One chart of stored runs: its curves, what the pointer or the keys read of them, and in words. */
 
-import { h, setAttribute, setText } from "../dom.js";
+import { h, setAttribute, setText, swatch } from "../dom.js";
 import { withBand } from "../speed-curves.js";
 import { SpeedPlot } from "../speed-plot.js";
 import { fixed, sentence } from "../words.js";
@@ -11,7 +11,7 @@ import { readingsAt } from "./run-chart-data.js";
 /** @typedef {import("./run-chart-data.js").StoredChart} StoredChart */
 
 /**
- * What all panels of a comparison have in common; seconds as in their curves.
+ * State shared by all panels of a comparison; seconds as in their curves.
  *
  * @typedef {object} Shared
  * @property {() => [number, number]} range that is seen
@@ -94,7 +94,7 @@ export class ChartPanel {
     this.renderReading(this.#time);
   }
 
-  /** What is seen has changed. */
+  /** Follow a change of the shared range. */
   rescale() {
     this.#plot.rescale();
     const [begin, end] = this.shared.range();
@@ -122,11 +122,9 @@ export class ChartPanel {
     if (time === null) return this.#reading.replaceChildren(READING);
     const [begin, end] = this.shared.range();
     const read = readingsAt(this.#shown, time, Math.max(REACH * (end - begin), 0.05)).reverse();
-    const values = read.map(({ label, colour, kind, speed, std }) => {
-      const swatch = h("span.swatch.line", { "data-kind": kind, "aria-hidden": "true" });
-      swatch.style.setProperty("--swatch", `var(${colour})`);
-      return h("span", swatch, ` ${label} ${withBand({ speed, std })}`);
-    });
+    const values = read.map(({ label, colour, kind, speed, std }) =>
+      h("span", swatch(kind, colour), ` ${label} ${withBand({ speed, std })}`),
+    );
     this.#reading.replaceChildren(
       h("b", `${fixed(time, 2)} s`),
       ...(values.length ? values : [h("span", "nothing measured")]),
@@ -178,7 +176,7 @@ export class ChartPanel {
   }
 }
 
-/** Why there is no truth to compare with. @param {StoredChart} chart @param {boolean} named */
+/** Say why there is no truth to compare with. @param {StoredChart} chart @param {boolean} named */
 function noteOf({ run, aligned, sentence: told }, named) {
   if (aligned || !told) return null;
   return h("p.chart-note", named ? `${run.name}: ${sentence(told)}` : sentence(told));

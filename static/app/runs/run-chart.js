@@ -5,7 +5,7 @@
  * stand beside each other is the element's own.
  */
 
-import { button, h, setText } from "../dom.js";
+import { button, h, setText, swatch } from "../dom.js";
 import { fixed } from "../words.js";
 import { extentOf, originsOf, panelsOf, runColour, sameRecording } from "./run-chart-data.js";
 import { errorSection } from "./run-chart-errors.js";
@@ -277,7 +277,7 @@ export class RunChart extends HTMLElement {
     for (const panel of this.#panels) panel.rescale();
   }
 
-  /** What is seen of each run, on its own clock. */
+  /** Offer the seen stretch of each run, on its own clock. */
   #offers() {
     const origins = originsOf(this.#charts);
     const [begin, end] = this.#range;
@@ -287,13 +287,6 @@ export class RunChart extends HTMLElement {
       return ofRun(run, all ? null : { begin: begin + origin, end: end + origin });
     });
   }
-}
-
-/** @param {string} kind @param {string} colour */
-function swatch(kind, colour) {
-  const line = h("span.swatch.line", { "data-kind": kind, "aria-hidden": "true" });
-  line.style.setProperty("--swatch", `var(${colour})`);
-  return line;
 }
 
 customElements.define("observer-run-chart", RunChart);

@@ -52,7 +52,7 @@ export class RunFiles extends Part {
   #more = h("div.stack");
   /** @type {Run | null} */
   #run = null;
-  /** What is being made. @type {AbortController | null} */
+  /** The file that is being made. @type {AbortController | null} */
   #making = null;
 
   build() {

@@ -5,8 +5,8 @@ import { button, h, icon, iconButton, setAttribute, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
 import { attempt, attemptIn, notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
-import { sentence, when } from "../words.js";
-import { compareHref, counted, facts, runHref, size } from "./run-words.js";
+import { counted, sentence, when } from "../words.js";
+import { compareHref, facts, runHref, size } from "./run-words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 /** @typedef {import("./types.js").History} History */

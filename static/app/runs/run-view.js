@@ -150,7 +150,7 @@ export class RunView extends Part {
     if (other) this.#settings.replaceChildren(settingsOf(run));
   }
 
-  /** As a source, with a slider for every frame. */
+  /** Open the recording as a source, with a slider for every frame. */
   async #open() {
     const run = this.#run;
     if (!run || this.#play.getAttribute("aria-disabled")) return;

@@ -15,8 +15,7 @@ import {
 } from "../dom.js";
 import { attempt, confirmed } from "../notice.js";
 import { Part } from "../part.js";
-import { fixed, sentence, when } from "../words.js";
-import { counted } from "./run-words.js";
+import { counted, fixed, sentence, when } from "../words.js";
 
 /** @typedef {import("./types.js").TruthFile} TruthFile */
 
@@ -55,7 +54,7 @@ export class TruthPicker extends Part {
   #understood = h("div.stack.understood");
   /** @type {TruthFile[]} */
   #all = [];
-  /** What was sent and was not clear. @type {File | null} */
+  /** The file whose angles were not clear. @type {File | null} */
   #unclear = null;
   #busy = false;
 
@@ -98,7 +97,7 @@ export class TruthPicker extends Part {
     return this.find(this.#select.value);
   }
 
-  /** Whether the motion capture that the run's own recording holds is chosen. */
+  /** True where the motion capture in the run's own recording is chosen. */
   get live() {
     return this.#select.value === LIVE;
   }
@@ -201,7 +200,7 @@ function naming(message, name) {
 }
 
 /**
- * What the file was taken for, for a person to see whether that is right.
+ * Show how the file was understood, for a person to see whether that is right.
  *
  * @param {TruthFile} file
  */
