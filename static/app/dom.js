@@ -93,13 +93,8 @@ export function iconButton(name, label, pressed, attributes) {
  * @param {Record<string, unknown>} attributes
  * @param {(readonly string[])[]} choices value and words of each
  */
-export function select(attributes, choices = []) {
-  return h("select", attributes, ...options(choices));
-}
-
-/** @param {(readonly string[])[]} choices value and words of each */
-export function options(choices) {
-  return choices.map(([value, words]) => h("option", { value }, words));
+export function select(attributes, choices) {
+  return h("select", attributes, ...choices.map(([value, words]) => h("option", { value }, words)));
 }
 
 /**

@@ -2,7 +2,7 @@
 
 import { ApiError, request } from "./api.js";
 import { CameraPicker } from "./camera-picker.js";
-import { button, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
+import { button, field, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
 import { KeptList } from "./focus-place.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -44,7 +44,7 @@ class SourcePicker extends Part {
           "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.",
         ),
       ),
-      h("div.field", h("label", { for: "source-calibration" }, "Calibration"), this.#calibration),
+      field("Calibration", this.#calibration),
       h("div.row", this.#open, this.#calibrate, this.#inRun),
     );
     onSubmit(form, () => this.#openSource());

@@ -2,7 +2,7 @@
 
 import { request } from "../api.js";
 import { paintPreview } from "../calibration-preview.js";
-import { button, h, onSubmit, setText, textInput } from "../dom.js";
+import { button, field, h, onSubmit, setText, textInput } from "../dom.js";
 import { figure } from "../figure-list.js";
 import { passFocus } from "../focus-place.js";
 import { attempt, attemptIn, notify } from "../notice.js";
@@ -55,7 +55,7 @@ export class ResultStep extends Part {
   build() {
     const form = h(
       "form.stack",
-      h("div.field", h("label", { for: "result-name" }, "Name"), this.#name),
+      field("Name", this.#name),
       this.#error,
       h("div.row", this.#use, this.#keep, this.#again),
     );
