@@ -1,9 +1,9 @@
-/** How the calibration in use holds: the rows over time, the vergence, and a click to refine. */
+/** Ageing of the calibration in use: epipolar error over time, vergence, and a click to refine. */
 
 import { request } from "./api.js";
 import { previewed } from "./calibration-preview.js";
-import { h, setAttribute, setText } from "./dom.js";
-import { notify, notifyError } from "./notice.js";
+import { button, h, setAttribute, setText, svg } from "./dom.js";
+import { attempt, notify } from "./notice.js";
 import { Part } from "./part.js";
 import { fixed, sentence } from "./words.js";
 
@@ -12,37 +12,31 @@ import { fixed, sentence } from "./words.js";
 const ALLOWED_PX = 0.5;
 const WIDTH = 240;
 const HEIGHT = 48;
-const SVG = "http://www.w3.org/2000/svg";
 
 class CalibrationHealth extends Part {
-  #words = h("p", { class: "verdict" });
+  #words = h("p.verdict");
   // The number changes all the time; only a warning is spoken.
-  #spoken = h("p", { class: "visually-hidden", role: "status" });
-  #trend = h("p", { class: "hint" });
-  #chart = document.createElementNS(SVG, "svg");
-  #vergence = h("p", { class: "hint" });
-  #refine = h("button", { type: "button", class: "button" }, "Refine from the scene");
+  #spoken = h("p.visually-hidden", { role: "status" });
+  #trend = h("p.hint");
+  #chart = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "drift-chart", role: "img" });
+  #vergence = h("p.hint");
+  #refine = button("Refine from the scene", () => this.#refineRows());
   #drawn = "";
   #refining = false;
 
   build() {
-    this.#chart.setAttribute("viewBox", `0 0 ${WIDTH} ${HEIGHT}`);
-    this.#chart.setAttribute("class", "drift-chart");
-    this.#chart.setAttribute("role", "img");
-    this.#refine.addEventListener("click", () => void this.#refineRows());
     this.append(
-      h("h3", {}, "How it holds"),
+      h("h3", "How it holds"),
       this.#words,
       this.#spoken,
       this.#chart,
       this.#trend,
       this.#vergence,
       h(
-        "p",
-        { class: "hint" },
+        "p.hint",
         "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay.",
       ),
-      h("div", { class: "row" }, this.#refine),
+      h("div.row", this.#refine),
     );
     this.hear("status", () => this.#render());
   }
@@ -85,18 +79,11 @@ class CalibrationHealth extends Part {
       ([time, px]) =>
         `${(((time - first) / Math.max(1, last - first)) * WIDTH).toFixed(1)},${y(px).toFixed(1)}`,
     );
-    const allowed = document.createElementNS(SVG, "line");
-    for (const [name, value] of Object.entries({
-      x1: 0,
-      x2: WIDTH,
-      y1: y(ALLOWED_PX),
-      y2: y(ALLOWED_PX),
-      class: "allowed",
-    }))
-      allowed.setAttribute(name, String(value));
-    const line = document.createElementNS(SVG, "polyline");
-    line.setAttribute("points", points.join(" "));
-    this.#chart.replaceChildren(allowed, line);
+    const limit = y(ALLOWED_PX);
+    this.#chart.replaceChildren(
+      svg("line", { x1: 0, x2: WIDTH, y1: limit, y2: limit, class: "allowed" }),
+      svg("polyline", { points: points.join(" ") }),
+    );
     this.#chart.setAttribute(
       "aria-label",
       `Row error over ${fixed((last - first) / 60, 0)} minutes, now ${fixed(history.at(-1)?.[1], 2)} px, ${ALLOWED_PX} px allowed`,
@@ -107,7 +94,7 @@ class CalibrationHealth extends Part {
     if (this.#refining) return;
     this.#refining = true;
     setText(this.#refine, "Refining…");
-    try {
+    await attempt(async () => {
       /** @type {import("./types.js").Calibration} */
       const refined = await request("POST", "/calibrations/refine");
       this.hub.tell("calibrations");
@@ -118,12 +105,9 @@ class CalibrationHealth extends Part {
       );
       notify(`${refined.name} is in use.`);
       this.hub.tell("calibrations");
-    } catch (error) {
-      notifyError(error);
-    } finally {
-      this.#refining = false;
-      setText(this.#refine, "Refine from the scene");
-    }
+    });
+    this.#refining = false;
+    setText(this.#refine, "Refine from the scene");
   }
 }
 

@@ -2,9 +2,20 @@
 
 import { ApiError, request } from "./api.js";
 import { compared, describe, previewed } from "./calibration-preview.js";
-import { field, h, icon, setText } from "./dom.js";
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  iconButton,
+  onDrop,
+  select,
+  setText,
+  textInput,
+} from "./dom.js";
 import { KeptList, passFocus } from "./focus-place.js";
-import { answered, confirmed, notify, notifyError } from "./notice.js";
+import { answered, attempt, confirmed, notify } from "./notice.js";
 import { Part } from "./part.js";
 
 /** @typedef {import("./types.js").Calibration} Calibration */
@@ -32,34 +43,23 @@ class CalibrationPanel extends Part {
     accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat",
     "aria-describedby": "calibration-help calibration-error",
   });
-  #size = h("input", {
-    type: "text",
-    id: "calibration-size",
-    placeholder: "as in 1280x720",
-    autocomplete: "off",
-  });
-  #unit = h(
-    "select",
-    { id: "calibration-unit" },
-    ...UNITS.map(([value, text]) => h("option", { value }, text)),
-  );
-  #cameras = h(
-    "select",
-    { id: "calibration-cameras" },
-    ...CAMERAS.map(([value, text]) => h("option", { value }, text)),
-  );
-  #drop = h("div", { class: "drop" });
-  #error = h("p", { class: "field-error", id: "calibration-error", role: "alert" });
-  #list = h("ul", { class: "item-list" });
+  #size = textInput("calibration-size", { placeholder: "as in 1280x720" });
+  #unit = select({ id: "calibration-unit" }, UNITS);
+  #cameras = select({ id: "calibration-cameras" }, CAMERAS);
+  #drop = h("div.drop");
+  #error = h("p.field-error", { id: "calibration-error", role: "alert" });
+  #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
     (/** @type {Calibration} */ calibration) => this.#item(calibration),
     () => this.#make,
   );
-  #make = h("button", { class: "button primary", type: "button" }, "Calibrate cameras");
-  #empty = h("p", { class: "empty" }, "None yet; the source's own calibration is in use.");
-  #compare = h("button", { class: "button", type: "button", hidden: true }, "Compare");
-  #own = h("button", { class: "button", type: "button" }, "Back to the source's own");
+  #make = button("Calibrate cameras", () => this.hub.tell("calibrate"), {
+    class: "button primary",
+  });
+  #empty = h("p.empty", "None yet; the source's own calibration is in use.");
+  #compare = button("Compare", () => compared(this.#all.slice(0, 4)), { hidden: true });
+  #own = button("Back to the source's own", () => this.#deactivate());
   /** @type {Calibration[]} */
   #all = [];
   #active = "";
@@ -74,17 +74,14 @@ class CalibrationPanel extends Part {
       ),
       this.#file,
       h(
-        "p",
-        { class: "hint", id: "calibration-help" },
+        "p.hint",
+        { id: "calibration-help" },
         "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
       ),
-      h(
-        "details",
-        {},
-        h("summary", {}, "Where the files leave something open"),
+      details(
+        "Where the files leave something open",
         h(
-          "div",
-          { class: "stack" },
+          "div.stack",
           field("Image size, where no file tells it", this.#size),
           field("Lengths are in", this.#unit),
           field("Cameras", this.#cameras),
@@ -93,21 +90,18 @@ class CalibrationPanel extends Part {
       this.#error,
     );
     this.#file.addEventListener("change", () => void this.#send([...(this.#file.files ?? [])]));
-    this.#own.addEventListener("click", () => void this.#deactivate());
-    this.#listenForDrop();
-    this.#make.addEventListener("click", () => this.hub.tell("calibrate"));
+    onDrop(this.#drop, (files) => this.#send(files));
     this.append(
-      h("h2", {}, "Calibration"),
-      h("p", { class: "hint" }, "With a printed board it takes about five minutes."),
-      h("div", { class: "row" }, this.#make),
-      h("h3", {}, "Bring your own"),
+      h("h2", "Calibration"),
+      h("p.hint", "With a printed board it takes about five minutes."),
+      h("div.row", this.#make),
+      h("h3", "Bring your own"),
       this.#drop,
-      h("h3", {}, "Kept calibrations"),
+      h("h3", "Kept calibrations"),
       this.#empty,
       this.#list,
-      h("div", { class: "row" }, this.#compare, this.#own),
+      h("div.row", this.#compare, this.#own),
     );
-    this.#compare.addEventListener("click", () => compared(this.#all.slice(0, 4)));
     this.hear("reconnected", () => void this.#load());
     this.hear("calibrations", () => void this.#load());
     this.hear("status", () => {
@@ -117,21 +111,6 @@ class CalibrationPanel extends Part {
       this.#renderList();
     });
     void this.#load();
-  }
-
-  #listenForDrop() {
-    for (const type of ["dragenter", "dragover"]) {
-      this.#drop.addEventListener(type, (event) => {
-        event.preventDefault();
-        this.#drop.toggleAttribute("data-over", true);
-      });
-    }
-    this.#drop.addEventListener("dragleave", () => this.#drop.removeAttribute("data-over"));
-    this.#drop.addEventListener("drop", (event) => {
-      event.preventDefault();
-      this.#drop.removeAttribute("data-over");
-      void this.#send([...(event.dataTransfer?.files ?? [])]);
-    });
   }
 
   async #load() {
@@ -161,46 +140,31 @@ class CalibrationPanel extends Part {
   /** @param {Calibration} calibration */
   #item(calibration) {
     const active = calibration.id === this.#active;
-    const remove = h(
-      "button",
-      {
-        type: "button",
-        class: "button icon-button",
-        disabled: active,
-        "aria-label": `Delete calibration ${calibration.name}`,
-        title: active ? "In use" : "Delete",
-      },
-      icon("trash"),
+    const remove = iconButton(
+      "trash",
+      `Delete calibration ${calibration.name}`,
+      () => this.#remove(calibration),
+      { disabled: active, title: active ? "In use" : "Delete" },
     );
-    const name = h(
-      "button",
-      { type: "button", class: "button", "aria-label": `Rename calibration ${calibration.name}` },
-      "Rename",
-    );
-    name.addEventListener("click", () => void this.#rename(calibration));
-    const look = h(
-      "button",
-      { type: "button", class: "button", "aria-label": `Look at calibration ${calibration.name}` },
-      "Look",
-    );
-    remove.addEventListener("click", () => void this.#remove(calibration));
-    look.addEventListener("click", () => void this.#look(calibration));
+    const name = button("Rename", () => this.#rename(calibration), {
+      "aria-label": `Rename calibration ${calibration.name}`,
+    });
+    const look = button("Look", () => this.#look(calibration), {
+      "aria-label": `Look at calibration ${calibration.name}`,
+    });
     return h(
       "li",
-      {},
       h(
-        "div",
-        { class: "item-words" },
+        "div.item-words",
         h(
           "p",
-          {},
-          h("b", {}, calibration.name),
+          h("b", calibration.name),
           " ",
-          active ? h("span", { class: "state-chip", "data-state": "running" }, "in use") : null,
+          active ? h("span.state-chip", { "data-state": "running" }, "in use") : null,
         ),
-        h("p", { class: "hint" }, describe(calibration)),
+        h("p.hint", describe(calibration)),
       ),
-      h("div", { class: "row" }, look, name, remove),
+      h("div.row", look, name, remove),
     );
   }
 
@@ -246,11 +210,9 @@ class CalibrationPanel extends Part {
   async #rename(calibration) {
     const name = await answered("What shall this calibration be called?", "Name", calibration.name);
     if (!name || name === calibration.name) return;
-    try {
-      await request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name });
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() =>
+      request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name }),
+    );
     this.hub.tell("calibrations");
   }
 
@@ -263,15 +225,13 @@ class CalibrationPanel extends Part {
    * @param {string} done
    */
   async #change(path, done) {
-    try {
+    await attempt(async () => {
       /** @type {import("./types.js").Status} */
       const status = await request("POST", path);
       this.hub.takeStatus(status);
       notify(done);
       this.hub.tell("calibrations");
-    } catch (error) {
-      notifyError(error);
-    }
+    });
   }
 
   /** @param {Calibration} calibration */
@@ -282,12 +242,10 @@ class CalibrationPanel extends Part {
       "Delete calibration",
     );
     if (!sure) return;
-    try {
+    await attempt(async () => {
       await request("DELETE", `/calibrations/${encodeURIComponent(calibration.id)}`);
       notify(`Calibration ${calibration.name} deleted.`);
-    } catch (error) {
-      notifyError(error);
-    }
+    });
     this.hub.tell("calibrations");
   }
 }

@@ -2,8 +2,9 @@
 
 import { requestImage } from "./api.js";
 import { verdictTable, viewChart } from "./calibrating/report-parts.js";
-import { h, setText } from "./dom.js";
+import { details, h, setText, table, tableRow } from "./dom.js";
 import { showModal } from "./driving/modal.js";
+import { figure } from "./figure-list.js";
 import { TapeCheck } from "./tape-check.js";
 import { fixed, sentence } from "./words.js";
 
@@ -19,73 +20,56 @@ const POOR_PX = 1.5;
  * @param {boolean} active whether it is in use already
  * @returns {Promise<boolean>} whether to use it
  */
-export function previewed(calibration, active) {
+export async function previewed(calibration, active) {
   const canvas = h("canvas", {
     width: 4,
     height: 1,
     role: "img",
     "aria-label": "The rectified pair, left and right, with level lines across both",
   });
-  const verdict = h("p", { class: "verdict", role: "status" }, "Rectifying the newest pair…");
+  const verdict = h("p.verdict", { role: "status" }, "Rectifying the newest pair…");
   const use = h(
-    "button",
-    { value: "use", class: "button primary", disabled: active },
+    "button.button.primary",
+    { value: "use", disabled: active },
     active ? "In use" : "Use this calibration",
   );
   const tape = new TapeCheck(calibration, canvas);
   const report = calibration.report;
   const dialog = h(
-    "dialog",
-    { class: "preview", "aria-labelledby": "preview-title" },
+    "dialog.preview",
+    { "aria-labelledby": "preview-title" },
     h(
       "form",
       // The tape's number, half typed, must not keep the dialog open.
       { method: "dialog", novalidate: true },
       h("h2", { id: "preview-title" }, calibration.name),
-      calibration.origin ? h("p", {}, sentence(calibration.origin)) : null,
+      calibration.origin ? h("p", sentence(calibration.origin)) : null,
       notes(calibration.notes),
-      h("dl", { class: "figures" }, ...understood(calibration)),
-      report?.verdict ? h("p", { class: "verdict" }, report.verdict.sentence) : null,
+      h("dl.figures", ...understood(calibration)),
+      report?.verdict ? h("p.verdict", report.verdict.sentence) : null,
       report
-        ? h(
-            "details",
-            {},
-            h("summary", {}, "How good it is"),
+        ? details(
+            "How good it is",
             report.verdict ? verdictTable(report.verdict) : null,
             viewChart(report.views),
           )
         : null,
       canvas,
-      h(
-        "p",
-        { class: "hint" },
-        "A point of the left image must lie on the same level line in the right one.",
-      ),
+      h("p.hint", "A point of the left image must lie on the same level line in the right one."),
       verdict,
       tape.element,
-      h("div", { class: "row" }, ...exports(calibration)),
-      h(
-        "div",
-        { class: "row end" },
-        h("button", { value: "close", class: "button" }, "Close"),
-        use,
-      ),
+      h("div.row", ...exports(calibration)),
+      h("div.row.end", h("button.button", { value: "close" }, "Close"), use),
     ),
   );
-  document.body.append(dialog);
-  showModal(dialog);
+  const closed = showModal(dialog);
   void paintPreview(
     `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
     canvas,
     verdict,
     report,
   );
-  return new Promise((resolve) => {
-    dialog.addEventListener("close", () => {
-      dialog.remove();
-      resolve(dialog.returnValue === "use");
-    });
-  });
+  return (await closed) === "use";
 }
 
 /** @param {Calibration} c @returns {string} its facts in one line */
@@ -125,7 +109,8 @@ export async function paintPreview(path, canvas, verdict, report) {
  * @param {Calibration[]} calibrations
  */
 export function compared(calibrations) {
-  /** @type {[string, (c: Calibration) => string][]} */
+  const now = new Map(calibrations.map((calibration) => [calibration, h("span", "…")]));
+  /** @type {[string, (c: Calibration) => string | HTMLElement | undefined][]} */
   const rows = [
     ["From", (c) => c.origin ?? "uploaded"],
     ["Made", (c) => c.created_at.slice(0, 10)],
@@ -140,8 +125,8 @@ export function compared(calibrations) {
           ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ${fixed(c.report.held_out.p95_px, 2)} px`
           : "–",
     ],
-    ["Depth error at 3 m", (c) => depthAt3m(c)],
-    ["Rows now", () => "…"],
+    ["Depth error at 3 m", depthAt3m],
+    ["Rows now", (c) => now.get(c)],
     [
       "Tape checks",
       (c) =>
@@ -150,51 +135,28 @@ export function compared(calibrations) {
           .join(", ") || "–",
     ],
   ];
-  const body = h(
-    "tbody",
-    {},
-    ...rows.map(([term, value]) =>
-      h(
-        "tr",
-        {},
-        h("th", { scope: "row" }, term),
-        ...calibrations.map((c) => h("td", {}, value(c))),
-      ),
-    ),
-  );
   const dialog = h(
-    "dialog",
-    { class: "preview", "aria-labelledby": "compare-title" },
+    "dialog.preview",
+    { "aria-labelledby": "compare-title" },
     h(
       "form",
       { method: "dialog" },
       h("h2", { id: "compare-title" }, "Calibrations compared"),
       h(
-        "div",
-        { class: "scroll-x" },
-        h(
-          "table",
-          { class: "verdict-table" },
-          h(
-            "thead",
-            {},
-            h("tr", {}, h("th", {}), ...calibrations.map((c) => h("th", { scope: "col" }, c.name))),
-          ),
-          body,
+        "div.scroll-x",
+        table(
+          "verdict-table",
+          [null, ...calibrations.map(({ name }) => name)],
+          rows.map(([term, value]) => tableRow(term, ...calibrations.map(value))),
         ),
       ),
-      h("p", { class: "hint" }, "“Rows now” is measured in the newest pair of the open source."),
-      h("div", { class: "row end" }, h("button", { value: "close", class: "button" }, "Close")),
+      h("p.hint", "“Rows now” is measured in the newest pair of the open source."),
+      h("div.row.end", h("button.button", { value: "close" }, "Close")),
     ),
   );
-  dialog.addEventListener("close", () => dialog.remove());
-  document.body.append(dialog);
-  showModal(dialog);
-  const cells = body.rows[rows.findIndex(([term]) => term === "Rows now")]?.cells;
-  for (const [place, calibration] of calibrations.entries()) {
-    const cell = cells?.[place + 1];
-    if (cell) void rowsNow(calibration).then((text) => setText(cell, text));
-  }
+  void showModal(dialog);
+  for (const [calibration, place] of now)
+    void rowsNow(calibration).then((text) => setText(place, text));
 }
 
 /** @param {Calibration} calibration */
@@ -224,8 +186,8 @@ function notes(list) {
   return h(
     "details",
     { open: true },
-    h("summary", {}, "What was understood"),
-    h("ul", { class: "plain-list" }, ...list.map((note) => h("li", {}, sentence(note)))),
+    h("summary", "What was understood"),
+    h("ul.plain-list", ...list.map((note) => h("li", sentence(note)))),
   );
 }
 
@@ -239,11 +201,7 @@ function exports(c) {
     ["kalibr", "Kalibr"],
   ];
   return kinds.map(([kind, words]) =>
-    h(
-      "a",
-      { class: "button", href: `${path}/export/${kind}`, download: "" },
-      `Download for ${words}`,
-    ),
+    h("a.button", { href: `${path}/export/${kind}`, download: "" }, `Download for ${words}`),
   );
 }
 
@@ -257,9 +215,7 @@ function understood(c) {
     ["Images", c.rectified ? "rectified already" : "rectified by it"],
   ];
   if (c.devices.length) facts.push(["Cameras", c.devices.join(", ")]);
-  return facts.map(([term, value]) =>
-    h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)),
-  );
+  return facts.map(([term, text]) => figure({ term, text }));
 }
 
 /**

@@ -1,13 +1,13 @@
 /** The cameras that are plugged in: which is left, which right, and how they are set. */
 
 import { request } from "./api.js";
-import { field, h, setText } from "./dom.js";
+import { button, details, field, h, onSubmit, select, setText, textInput } from "./dom.js";
 import { Part } from "./part.js";
 
 /** @typedef {{pixel_format: string, width: number, height: number, rates: number[]}} Mode */
 /** @typedef {{path: string, by_path: string | null, card: string | null, trouble: string | null, modes: Mode[]}} Camera */
 
-/** What may be set on a camera, by the key it has in a source's text. @type {[string, string, string][]} */
+/** Settings of a camera, by their keys in a source's text. @type {[string, string, string][]} */
 const SETTINGS = [
   ["exposure", "Exposure, 100 µs", "auto, or a number such as 156"],
   ["gain", "Gain", "auto or a number"],
@@ -19,55 +19,39 @@ export class CameraPicker extends Part {
   /** Called with the text that names the chosen cameras. @type {(spec: string) => void} */
   chosen = () => {};
 
-  #words = h("p", { class: "hint", role: "status" });
+  #words = h("p.hint", { role: "status" });
   #left = h("select", { id: "camera-left" });
   #right = h("select", { id: "camera-right" });
   #mode = h("select", { id: "camera-mode" });
-  #line = h(
-    "select",
-    { id: "camera-line" },
-    ...[
-      ["", "As it is"],
-      ["50", "50 Hz"],
-      ["60", "60 Hz"],
-      ["auto", "Automatic"],
-    ].map(([value, text]) => h("option", { value }, text)),
-  );
+  #line = select({ id: "camera-line" }, [
+    ["", "As it is"],
+    ["50", "50 Hz"],
+    ["60", "60 Hz"],
+    ["auto", "Automatic"],
+  ]);
   #settings = new Map(
-    SETTINGS.map(([key]) => [
-      key,
-      h("input", {
-        type: "text",
-        id: `camera-${key}`,
-        autocomplete: "off",
-        placeholder: "as it is",
-      }),
-    ]),
+    SETTINGS.map(([key]) => [key, textInput(`camera-${key}`, { placeholder: "as it is" })]),
   );
-  #form = h("form", { class: "stack", hidden: true });
-  #again = h("button", { type: "button", class: "button" }, "Look again");
-  #troubles = h("ul", { class: "plain-list warnings" });
+  #form = h("form.stack", { hidden: true });
+  #again = button("Look again", () => this.#load());
+  #troubles = h("ul.plain-list.warnings");
   /** @type {Camera[]} */
   #cameras = [];
-  /** Whether cameras were there to be chosen when it was looked last. */
+  /** True where there were cameras to choose from at the last look. */
   #known = false;
 
   build() {
-    const use = h("button", { type: "submit", class: "button primary" }, "Open these cameras");
+    const use = h("button.button.primary", { type: "submit" }, "Open these cameras");
     this.#form.append(
       field("Left camera", this.#left),
       field("Right camera", this.#right),
       field("Size, format and rate", this.#mode),
-      h(
-        "details",
-        {},
-        h("summary", {}, "Exposure, gain, focus"),
+      details(
+        "Exposure, gain, focus",
         h(
-          "div",
-          { class: "stack" },
+          "div.stack",
           h(
-            "p",
-            { class: "hint" },
+            "p.hint",
             "A number switches the automatic off and locks it. Both cameras get the same.",
           ),
           ...SETTINGS.map(([key, words, help]) => {
@@ -77,21 +61,17 @@ export class CameraPicker extends Part {
           field("Mains frequency of the light", this.#line),
         ),
       ),
-      h("div", { class: "row" }, use),
+      h("div.row", use),
     );
     this.append(
-      h("h3", {}, "Plugged in"),
+      h("h3", "Plugged in"),
       this.#words,
       this.#troubles,
       this.#form,
-      h("div", { class: "row" }, this.#again),
+      h("div.row", this.#again),
     );
     this.#left.addEventListener("change", () => this.#renderModes());
-    this.#again.addEventListener("click", () => void this.#load());
-    this.#form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      this.chosen(this.#spec());
-    });
+    onSubmit(this.#form, () => this.chosen(this.#spec()));
     this.hear("reconnected", () => void this.#load());
     void this.#load();
   }
@@ -113,7 +93,7 @@ export class CameraPicker extends Part {
           : `${count} cameras are plugged in.`,
     );
     const troubles = cameras.flatMap((camera) => camera.trouble ?? []);
-    this.#troubles.replaceChildren(...[...troubles, ...hints].map((text) => h("li", {}, text)));
+    this.#troubles.replaceChildren(...[...troubles, ...hints].map((text) => h("li", text)));
     this.#form.hidden = count === 0;
     const chosen = this.#known ? [this.#left.value, this.#right.value, this.#mode.value] : [];
     this.#left.replaceChildren(...this.#cameras.map(option));
@@ -166,7 +146,7 @@ export class CameraPicker extends Part {
 }
 
 /**
- * What was chosen before stays chosen, where it is still there.
+ * Keep the choice where it is still there.
  *
  * @param {HTMLSelectElement} select
  * @param {string | undefined} value

@@ -1,33 +1,192 @@
 /** Making and filling elements without a framework. */
 
 /** @typedef {Node | string | number | null | undefined | false} Child */
+/** @typedef {keyof HTMLElementTagNameMap} Tag */
+/** @template T @typedef {T extends `${infer K extends Tag}.${string}` ? K : T extends Tag ? T : never} TagOf */
 
 /**
- * An element with attributes, listeners and children.
+ * Make an element with attributes and children.
  *
- * Attributes are set by name; `class` and `for` are written as in HTML, `on` holds listeners,
+ * Its classes may stand behind the tag, as in "p.hint". Attributes are set by name, as in HTML;
  * `true` sets an empty attribute and `false`, `null` and `undefined` leave it out.
  *
- * @template {keyof HTMLElementTagNameMap} K
- * @param {K} tag
- * @param {Record<string, unknown>} [attributes]
- * @param {...Child} children
- * @returns {HTMLElementTagNameMap[K]}
+ * @template {Tag | `${Tag}.${string}`} T
+ * @param {T} tag
+ * @param {...(Child | Record<string, unknown>)} content attributes and children
+ * @returns {HTMLElementTagNameMap[TagOf<T>]}
  */
-export function h(tag, attributes = {}, ...children) {
-  const element = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) {
-    if (name === "on") {
-      const listeners = /** @type {Record<string, EventListener>} */ (value);
-      for (const [type, listener] of Object.entries(listeners)) {
-        element.addEventListener(type, listener);
-      }
-    } else if (value !== false && value !== null && value !== undefined) {
-      element.setAttribute(name, value === true ? "" : String(value));
-    }
+export function h(tag, ...content) {
+  const [name = "", ...classes] = tag.split(".");
+  const element = document.createElement(name);
+  if (classes.length > 0) element.className = classes.join(" ");
+  for (const each of content) {
+    if (each === null || each === undefined || each === false) continue;
+    if (typeof each !== "object") element.append(String(each));
+    else if (each instanceof Node) element.append(each);
+    else setAttributes(element, each);
   }
-  element.append(...children.filter(isShown).map(asNode));
+  return /** @type {HTMLElementTagNameMap[TagOf<T>]} */ (element);
+}
+
+/**
+ * Make an element of a drawing.
+ *
+ * @template {keyof SVGElementTagNameMap} K
+ * @param {K} tag
+ * @param {Record<string, unknown>} attributes
+ * @param {...(Node | string)} children
+ */
+export function svg(tag, attributes, ...children) {
+  const element = document.createElementNS("http://www.w3.org/2000/svg", tag);
+  setAttributes(element, attributes);
+  element.append(...children);
   return element;
+}
+
+/** @param {Element} element @param {Record<string, unknown>} attributes */
+function setAttributes(element, attributes) {
+  for (const [name, value] of Object.entries(attributes)) {
+    if (value === false || value === null || value === undefined) continue;
+    element.setAttribute(name, value === true ? "" : String(value));
+  }
+}
+
+/** @typedef {Child | Child[]} Words what a button says, an icon before it or alone */
+
+/**
+ * Make a button that submits nothing.
+ *
+ * @param {Words} words
+ * @param {(() => unknown) | null} pressed what it does; null: somebody else listens
+ * @param {Record<string, unknown>} [attributes]
+ */
+export function button(words, pressed, attributes) {
+  const element = h(
+    "button",
+    { type: "button", class: "button", ...attributes },
+    ...[words].flat(),
+  );
+  if (pressed) element.addEventListener("click", () => void pressed());
+  return element;
+}
+
+/**
+ * Make a button that shows an icon and says its name to who points at it or cannot see it.
+ *
+ * @param {keyof typeof ICONS} name
+ * @param {string} label
+ * @param {(() => unknown) | null} pressed
+ * @param {Record<string, unknown>} [attributes]
+ */
+export function iconButton(name, label, pressed, attributes) {
+  return button(icon(name), pressed, {
+    class: "button icon-button",
+    "aria-label": label,
+    title: label,
+    ...attributes,
+  });
+}
+
+/**
+ * Make a list to choose from.
+ *
+ * @param {Record<string, unknown>} attributes
+ * @param {(readonly string[])[]} choices value and words of each
+ */
+export function select(attributes, choices) {
+  return h("select", attributes, ...choices.map(([value, words]) => h("option", { value }, words)));
+}
+
+/**
+ * Make a line to type into that the browser completes nothing in.
+ *
+ * @param {string} id
+ * @param {Record<string, unknown>} [attributes]
+ */
+export function textInput(id, attributes) {
+  return h("input", { type: "text", id, autocomplete: "off", ...attributes });
+}
+
+/** @param {string} words @param {...Child} children what opens below them */
+export function details(words, ...children) {
+  return h("details", h("summary", words), ...children);
+}
+
+/**
+ * Make a table.
+ *
+ * @param {string} name its class
+ * @param {Child[]} headings of its columns; an empty one heads the column of the rows' own headings
+ * @param {HTMLElement[]} rows
+ * @param {string} [caption]
+ */
+export function table(name, headings, rows, caption) {
+  const heads = headings.map((words) => (words ? h("th", { scope: "col" }, words) : h("td")));
+  return h(
+    "table",
+    { class: name || null },
+    caption === undefined ? null : h("caption", caption),
+    heads.length > 0 ? h("thead", h("tr", ...heads)) : null,
+    h("tbody", ...rows),
+  );
+}
+
+/** @param {Child} heading @param {...Child} values */
+export function tableRow(heading, ...values) {
+  return h("tr", h("th", { scope: "row" }, heading), ...values.map((value) => h("td", value)));
+}
+
+/**
+ * Make the short line that tells a curve's colour and dashes.
+ *
+ * @param {string} kind of the curve
+ * @param {string} colour its name in tokens.css
+ */
+export function swatch(kind, colour) {
+  const line = h("span.swatch.line", { "data-kind": kind, "aria-hidden": "true" });
+  line.style.setProperty("--swatch", `var(${colour})`);
+  return line;
+}
+
+/**
+ * Act in place of the browser where a form is sent.
+ *
+ * @param {HTMLFormElement} form
+ * @param {() => unknown} act
+ */
+export function onSubmit(form, act) {
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    void act();
+  });
+}
+
+/**
+ * Take files that are dropped over an element.
+ *
+ * @param {HTMLElement} place
+ * @param {(files: File[]) => unknown} take
+ */
+export function onDrop(place, take) {
+  for (const type of ["dragenter", "dragover"]) {
+    place.addEventListener(type, (event) => {
+      event.preventDefault();
+      place.toggleAttribute("data-over", true);
+    });
+  }
+  place.addEventListener("dragleave", () => place.removeAttribute("data-over"));
+  place.addEventListener("drop", (event) => {
+    event.preventDefault();
+    place.removeAttribute("data-over");
+    void take([...(event.dataTransfer?.files ?? [])]);
+  });
+}
+
+/** @param {Blob} blob @param {string} name of the file that the browser saves it as */
+export function download(blob, name) {
+  const href = URL.createObjectURL(blob);
+  h("a", { href, download: name }).click();
+  setTimeout(() => URL.revokeObjectURL(href), 60_000);
 }
 
 /**
@@ -39,11 +198,10 @@ export function h(tag, attributes = {}, ...children) {
  */
 export function field(words, control, help) {
   return h(
-    "div",
-    { class: "field" },
+    "div.field",
     h("label", { for: control.id }, words),
     control,
-    help ? h("p", { class: "hint" }, help) : null,
+    help ? h("p.hint", help) : null,
   );
 }
 
@@ -76,7 +234,7 @@ export function setAttribute(element, name, value) {
 export function fillList(list, lines) {
   const shown = [...list.children].map(({ textContent }) => textContent);
   if (shown.length === lines.length && lines.every((line, at) => line === shown[at])) return;
-  list.replaceChildren(...lines.map((line) => h("li", {}, line)));
+  list.replaceChildren(...lines.map((line) => h("li", line)));
 }
 
 /**
@@ -85,14 +243,11 @@ export function fillList(list, lines) {
  * @param {keyof typeof ICONS} name
  */
 export function icon(name) {
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  svg.setAttribute("viewBox", "0 0 16 16");
-  svg.setAttribute("class", "icon");
-  svg.setAttribute("aria-hidden", "true");
-  const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
-  path.setAttribute("d", ICONS[name]);
-  svg.append(path);
-  return svg;
+  return svg(
+    "svg",
+    { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true" },
+    svg("path", { d: ICONS[name] }),
+  );
 }
 
 const ICONS = {
@@ -114,13 +269,3 @@ const ICONS = {
   moon: "M6.2 1.8A6.5 6.5 0 1 0 14.3 10 5.3 5.3 0 0 1 6.2 1.8z",
   auto: "M8 1.5a6.5 6.5 0 1 0 0 13zM8 1.5v1.3a5.2 5.2 0 0 1 0 10.4v1.3a6.5 6.5 0 0 0 0-13z",
 };
-
-/** @param {Child} child @returns {child is Node | string | number} */
-function isShown(child) {
-  return child !== null && child !== undefined && child !== false;
-}
-
-/** @param {Node | string | number} child */
-function asNode(child) {
-  return child instanceof Node ? child : String(child);
-}

@@ -1,4 +1,4 @@
-/** How the camera itself moved: what is taken out of the images before anything counts as moving. */
+/** Ego-motion: taken out of the images before anything counts as moving. */
 
 import { h, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";
@@ -11,16 +11,16 @@ import { fixed } from "./words.js";
 const DEG = 180 / Math.PI;
 
 class EgoMotionPanel extends Part {
-  #about = h("p", { class: "hint" });
-  #image = h("div", { class: "stack" }, h("h4", {}, "Of the image"));
-  #imageFigures = h("dl", { class: "figures" });
-  #camera = h("div", { class: "stack" }, h("h4", {}, "Of the camera: right, down, forward"));
-  #cameraFigures = h("dl", { class: "figures" });
+  #about = h("p.hint");
+  #image = h("div.stack", h("h4", "Of the image"));
+  #imageFigures = h("dl.figures");
+  #camera = h("div.stack", h("h4", "Of the camera: right, down, forward"));
+  #cameraFigures = h("dl.figures");
 
   build() {
     this.#image.append(this.#imageFigures);
     this.#camera.append(this.#cameraFigures);
-    this.append(h("h3", {}, "Camera motion"), this.#about, this.#image, this.#camera);
+    this.append(h("h3", "Camera motion"), this.#about, this.#image, this.#camera);
     this.hear("status", () => this.#render());
     this.#render();
   }

@@ -7,9 +7,10 @@ import { fixed } from "./words.js";
  * @typedef {object} Figure
  * @property {string} term
  * @property {string} text with its unit
+ * @property {string} [help]
  */
 
-/** What the server calls its figures -> name for people, unit, digits after the point. */
+/** Server's name of a figure -> name for people, unit, digits after the point. */
 /** @type {Record<string, [string, string, number]>} */
 const NAMES = {
   residual_px: ["Residual motion", " px", 2],
@@ -57,11 +58,16 @@ export function figuresOf(numbers) {
  */
 export function fillFigures(list, figures) {
   if (list.childElementCount !== figures.length) {
-    list.replaceChildren(...figures.map(() => h("div", {}, h("dt"), h("dd", { class: "figure" }))));
+    list.replaceChildren(...figures.map(figure));
   }
   figures.forEach(({ term, text }, index) => {
     const [name, value] = list.children[index]?.children ?? [];
     if (name) setText(name, term);
     if (value) setText(value, text);
   });
+}
+
+/** @param {Figure} figure */
+export function figure({ term, text, help }) {
+  return h("div", { title: help }, h("dt", term), h("dd.figure", text));
 }

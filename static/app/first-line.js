@@ -12,10 +12,10 @@ class FirstLine extends Part {
   #shownAt = 0;
   #spokenAt = 0;
   #tone = "";
-  #text = h("p", { class: "first-line-text" });
+  #text = h("p.first-line-text");
   // The words change several times a second; a screen reader hears them from here, less often.
-  #spoken = h("p", { class: "visually-hidden", role: "status", "aria-live": "polite" });
-  #context = h("p", { class: "first-line-context" });
+  #spoken = h("p.visually-hidden", { role: "status", "aria-live": "polite" });
+  #context = h("p.first-line-context");
 
   build() {
     this.append(this.#text, this.#context, this.#spoken);

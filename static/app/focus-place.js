@@ -17,6 +17,18 @@ export function passFocus(from, ...to) {
 }
 
 /**
+ * Give the focus back to what had it, or to the side panel's tab where that is gone.
+ *
+ * @param {Element | null} caller
+ */
+export function giveBackFocus(caller) {
+  const there =
+    caller instanceof HTMLElement && caller !== document.body && caller.checkVisibility();
+  const next = there ? caller : document.querySelector('[role="tab"][aria-selected="true"]');
+  if (next instanceof HTMLElement) next.focus();
+}
+
+/**
  * A list whose entries stay the same elements while what they show is the same, so that neither
  * the pointer nor the keyboard loses its place when the list is shown again.
  *

@@ -5,11 +5,11 @@ import { Part } from "./part.js";
 
 class FreshnessBanner extends Part {
   #text = h("span");
-  #age = h("span", { class: "figure", "aria-hidden": "true" });
+  #age = h("span.figure", { "aria-hidden": "true" });
 
   build() {
     setAttribute(this, "role", "status");
-    this.append(h("p", {}, this.#text, " ", this.#age));
+    this.append(h("p", this.#text, " ", this.#age));
     this.hear("freshness", () => this.#render());
     this.#render();
     setInterval(() => this.#renderAge(), 500);

@@ -1,4 +1,4 @@
-/** What the page knows of the server, and the events by which its parts hear of changes. */
+/** The page's knowledge of the server, and the events by which its parts hear of changes. */
 
 import { Driver } from "./driving/driver.js";
 import { LiveSocket } from "./live-socket.js";
@@ -135,7 +135,7 @@ export class Hub extends EventTarget {
 }
 
 /**
- * How old what is shown is, and why.
+ * Judge how old the shown data is, and why.
  *
  * @param {import("./types.js").Connection} connection
  * @param {Status | null} status

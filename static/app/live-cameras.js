@@ -1,8 +1,9 @@
-/** How the cameras of a live source are: what they accepted, how far apart in time, what is wrong. */
+/** State of a live source's cameras: accepted settings, time skew, troubles. */
 
 import { h, setText } from "./dom.js";
+import { figure } from "./figure-list.js";
 import { Part } from "./part.js";
-import { fixed } from "./words.js";
+import { counted, fixed } from "./words.js";
 
 /** @typedef {import("./types.js").Live} Live */
 /** @typedef {import("./types.js").LiveCamera} LiveCamera */
@@ -11,16 +12,16 @@ const SIDES = { left: "Left camera", right: "Right camera", both: "Camera" };
 const STATES = { open: "delivers", waiting: "is being opened again", failed: "cannot be opened" };
 
 class LiveCameras extends Part {
-  #trouble = h("p", { class: "field-error", role: "alert" });
-  #skew = h("p", {});
-  #counts = h("p", { class: "hint" });
-  #cameras = h("div", { class: "stack" });
-  #hints = h("ul", { class: "plain-list" });
+  #trouble = h("p.field-error", { role: "alert" });
+  #skew = h("p");
+  #counts = h("p.hint");
+  #cameras = h("div.stack");
+  #hints = h("ul.plain-list");
   #drawn = "";
 
   build() {
     this.append(
-      h("h3", {}, "Cameras"),
+      h("h3", "Cameras"),
       this.#trouble,
       this.#skew,
       this.#counts,
@@ -38,32 +39,25 @@ class LiveCameras extends Part {
     setText(this.#skew, skewWords(live));
     setText(
       this.#counts,
-      `${live.pairs} ${live.pairs === 1 ? "pair" : "pairs"}, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`,
+      `${counted(live.pairs, "pair")}, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`,
     );
     const drawn = JSON.stringify([live.cameras, live.hints]);
     if (drawn === this.#drawn) return;
     this.#drawn = drawn;
     this.#cameras.replaceChildren(...live.cameras.map(camera));
-    this.#hints.replaceChildren(...live.hints.map((hint) => h("li", {}, hint)));
+    this.#hints.replaceChildren(...live.hints.map((hint) => h("li", hint)));
   }
 }
 
 /** @param {LiveCamera} each */
 function camera({ side, device, state, trouble, settings, refused }) {
   return h(
-    "div",
-    { class: "live-camera" },
-    h("p", {}, h("b", {}, SIDES[side]), ` ${STATES[state]}`, h("br"), h("code", {}, device)),
-    trouble ? h("p", { class: "field-error" }, trouble) : null,
-    h(
-      "dl",
-      { class: "figures" },
-      ...Object.entries(settings).map(([name, value]) =>
-        h("div", {}, h("dt", {}, name), h("dd", { class: "figure" }, value)),
-      ),
-    ),
+    "div.live-camera",
+    h("p", h("b", SIDES[side]), ` ${STATES[state]}`, h("br"), h("code", device)),
+    trouble ? h("p.field-error", trouble) : null,
+    h("dl.figures", ...Object.entries(settings).map(([term, text]) => figure({ term, text }))),
     refused.length
-      ? h("ul", { class: "plain-list warnings" }, ...refused.map((reason) => h("li", {}, reason)))
+      ? h("ul.plain-list.warnings", ...refused.map((reason) => h("li", reason)))
       : null,
   );
 }

@@ -1,7 +1,7 @@
 /** Live motion capture: what is listened to, what comes from it, and how it is aligned. */
 
 import { ApiError, request } from "./api.js";
-import { field, h, setAttribute, setText } from "./dom.js";
+import { button, field, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
 import { KeptList } from "./focus-place.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -17,24 +17,21 @@ const STATES = {
 };
 
 class LiveTruthForm extends Part {
-  #spec = h("input", {
-    type: "text",
-    id: "live-truth-spec",
-    autocomplete: "off",
+  #spec = textInput("live-truth-spec", {
     spellcheck: "false",
     required: true,
     placeholder: "vrpn:HOST",
     "aria-describedby": "live-truth-help live-truth-error",
   });
-  #listen = h("button", { type: "submit", class: "button" }, "Listen");
-  #stop = h("button", { type: "button", class: "button", hidden: true }, "Stop listening");
-  #error = h("p", { class: "field-error", id: "live-truth-error", role: "alert" });
-  #state = h("span", { class: "state-chip" });
+  #listen = h("button.button", { type: "submit" }, "Listen");
+  #stop = button("Stop listening", () => this.#end(), { hidden: true });
+  #error = h("p.field-error", { id: "live-truth-error", role: "alert" });
+  #state = h("span.state-chip");
   #sentence = h("p", { role: "status" });
-  #trouble = h("p", { class: "warnings hint" });
-  #clock = h("p", { class: "hint figure" });
+  #trouble = h("p.warnings.hint");
+  #clock = h("p.hint.figure");
   #observer = h("select", { id: "live-truth-observer" });
-  #list = h("ul", { class: "live-bodies" });
+  #list = h("ul.live-bodies");
   #bodies = new KeptList(
     this.#list,
     (/** @type {string} */ name) => this.#body(name),
@@ -42,48 +39,38 @@ class LiveTruthForm extends Part {
   );
   /** @type {Map<string, HTMLElement>} */
   #rates = new Map();
-  #heard = h("div", { class: "stack", hidden: true });
+  #heard = h("div.stack", { hidden: true });
   #names = "";
   #followed = "";
   #busy = false;
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       h(
-        "div",
-        { class: "field" },
+        "div.field",
         h("label", { for: "live-truth-spec" }, "Listen to"),
         this.#spec,
         this.#error,
         h(
-          "p",
-          { class: "hint", id: "live-truth-help" },
+          "p.hint",
+          { id: "live-truth-help" },
           "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is aligned while both move, and recorded with every run.",
         ),
       ),
-      h("div", { class: "row" }, this.#listen, this.#stop),
+      h("div.row", this.#listen, this.#stop),
     );
     this.#heard.append(
-      h("p", { class: "row" }, this.#state),
+      h("p.row", this.#state),
       this.#trouble,
       this.#sentence,
       this.#clock,
       field("The observer is", this.#observer),
-      h(
-        "div",
-        { class: "named-part" },
-        h("span", { class: "field-name" }, "Compared bodies"),
-        this.#list,
-      ),
+      h("div.named-part", h("span.field-name", "Compared bodies"), this.#list),
     );
-    this.append(h("h3", {}, "Live motion capture"), form, this.#heard);
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#begin();
-    });
-    this.#stop.addEventListener("click", () => void this.#end());
+    this.append(h("h3", "Live motion capture"), form, this.#heard);
+    onSubmit(form, () => this.#begin());
     this.#observer.addEventListener("change", () => void this.#choose());
     this.hear("status", () => this.#render());
     this.#render();
@@ -143,9 +130,9 @@ class LiveTruthForm extends Part {
   #body(name) {
     const box = h("input", { type: "checkbox", value: name, checked: true });
     box.addEventListener("change", () => void this.#choose());
-    const rate = h("span", { class: "hint figure" });
+    const rate = h("span.hint.figure");
     this.#rates.set(name, rate);
-    return h("li", {}, h("label", { class: "check" }, box, name), rate);
+    return h("li", h("label.check", box, name), rate);
   }
 
   async #begin() {

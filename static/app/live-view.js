@@ -38,7 +38,7 @@ export const VIEWS = {
 
 export class LiveView extends Part {
   #canvas = h("canvas", { width: 512, height: 256, role: "img" });
-  #mark = h("span", { class: "stale-mark" }, "Waiting for an image");
+  #mark = h("span.stale-mark", "Waiting for an image");
   /** @type {ViewSocket | null} */
   #socket = null;
   #exposed = -Infinity;
@@ -59,9 +59,8 @@ export class LiveView extends Part {
     this.append(
       h(
         "figure",
-        {},
-        h("div", { class: "view-image" }, this.#canvas, this.#mark, question?.pick),
-        h("figcaption", {}, h("b", {}, title), " ", h("span", { id: helpId }, help)),
+        h("div.view-image", this.#canvas, this.#mark, question?.pick),
+        h("figcaption", h("b", title), " ", h("span", { id: helpId }, help)),
         question,
       ),
     );
@@ -80,7 +79,7 @@ export class LiveView extends Part {
     this.#socket?.close();
   }
 
-  /** Where nobody looks, no images are asked for, so that none are drawn for it. */
+  /** Ask for no images where nobody looks, so that the server draws none. */
   #visibilityChanged() {
     if (document.hidden || document.body.hasAttribute("data-history")) this.#socket?.close();
     else this.#socket?.open();

@@ -10,22 +10,13 @@ const FIRST_CHOICE = ["left", "residual"];
 const OFFERED = ["left", "warped", "disparity", "residual"];
 
 class LiveViews extends Part {
-  #grid = h("div", { class: "views-grid" });
-  #choice = h(
-    "fieldset",
-    { class: "chips" },
-    h("legend", { class: "visually-hidden" }, "Views shown"),
-  );
+  #grid = h("div.views-grid");
+  #choice = h("fieldset.chips", h("legend.visually-hidden", "Views shown"));
   /** @type {Map<string, LiveView>} */
   #shown = new Map();
 
   build() {
-    const heading = h(
-      "div",
-      { class: "pane-head" },
-      h("h2", { class: "visually-hidden" }, "Live views"),
-      this.#choice,
-    );
+    const heading = h("div.pane-head", h("h2.visually-hidden", "Live views"), this.#choice);
     this.append(heading, this.#grid);
     void this.#offer();
   }

@@ -1,6 +1,7 @@
 /** Short messages that pass, and the question before something is deleted. */
 
-import { h, icon } from "./dom.js";
+import { ApiError } from "./api.js";
+import { button, field, h, icon, setText, textInput } from "./dom.js";
 import { showModal } from "./driving/modal.js";
 
 const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
@@ -15,23 +16,23 @@ const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 export function notify(text, kind = "done", offer) {
   const host = document.querySelector("#notices");
   if (!host) return;
-  const notice = h("p", {
-    class: "notice",
+  const notice = h("p.notice", {
     "data-kind": kind,
     role: kind === "error" ? "alert" : "status",
   });
-  const close = h(
-    "button",
-    { class: "quiet", type: "button", "aria-label": "Close this message" },
-    icon("close"),
-  );
-  close.addEventListener("click", () => notice.remove());
-  const button = offer ? h("button", { class: "quiet offer", type: "button" }, offer.words) : null;
-  button?.addEventListener("click", () => {
+  const close = button(icon("close"), () => notice.remove(), {
+    class: "quiet",
+    "aria-label": "Close this message",
+  });
+  const taken = () => {
     notice.remove();
     offer?.act();
-  });
-  notice.append(h("span", {}, text), ...(button ? [button] : []), close);
+  };
+  notice.append(
+    h("span", text),
+    offer ? button(offer.words, taken, { class: "quiet offer" }) : "",
+    close,
+  );
   host.append(notice);
   setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);
 }
@@ -42,6 +43,58 @@ export function notifyError(error) {
 }
 
 /**
+ * Do something, and tell what went wrong.
+ *
+ * @param {() => unknown} action
+ * @returns {Promise<boolean>} whether it was done
+ */
+export async function attempt(action) {
+  try {
+    await action();
+    return true;
+  } catch (error) {
+    notifyError(error);
+    return false;
+  }
+}
+
+/**
+ * Do something; where the server refuses it, say why in a place of the page.
+ *
+ * @param {Node} place
+ * @param {() => unknown} action
+ * @returns {Promise<boolean>} whether it was done
+ */
+export async function attemptIn(place, action) {
+  try {
+    await action();
+    return true;
+  } catch (error) {
+    if (!(error instanceof ApiError)) throw error;
+    setText(place, error.message);
+    return false;
+  }
+}
+
+/**
+ * Do one thing at a time: what is pressed while another goes on is left out, and what went wrong
+ * is told.
+ *
+ * @param {() => void} [after] called whatever came of it
+ * @returns {(action: () => unknown) => Promise<void>}
+ */
+export function oneAtATime(after = () => {}) {
+  let busy = false;
+  return async (action) => {
+    if (busy) return;
+    busy = true;
+    await attempt(action);
+    busy = false;
+    after();
+  };
+}
+
+/**
  * Ask before something that cannot be undone.
  *
  * @param {string} question
@@ -49,31 +102,14 @@ export function notifyError(error) {
  * @param {string} action what the button says
  * @returns {Promise<boolean>}
  */
-export function confirmed(question, consequence, action) {
-  return new Promise((resolve) => {
-    const dialog = h(
-      "dialog",
-      { class: "question", "aria-labelledby": "question-title" },
-      h(
-        "form",
-        { method: "dialog" },
-        h("h2", { id: "question-title" }, question),
-        h("p", {}, consequence),
-        h(
-          "div",
-          { class: "row end" },
-          h("button", { value: "no", class: "button" }, "Keep"),
-          h("button", { value: "yes", class: "button danger" }, action),
-        ),
-      ),
-    );
-    dialog.addEventListener("close", () => {
-      dialog.remove();
-      resolve(dialog.returnValue === "yes");
-    });
-    document.body.append(dialog);
-    showModal(dialog);
-  });
+export async function confirmed(question, consequence, action) {
+  const answer = await ask(
+    question,
+    h("p", consequence),
+    h("button.button", { value: "no" }, "Keep"),
+    h("button.button.danger", { value: "yes" }, action),
+  );
+  return answer === "yes";
 }
 
 /**
@@ -84,38 +120,36 @@ export function confirmed(question, consequence, action) {
  * @param {string} first what it holds at first
  * @returns {Promise<string | null>} null where it was left
  */
-export function answered(question, label, first) {
-  const input = h("input", {
-    type: "text",
-    id: "answer",
-    maxlength: 100,
-    required: true,
-    autocomplete: "off",
-  });
+export async function answered(question, label, first) {
+  const input = textInput("answer", { maxlength: 100, required: true });
   input.value = first;
-  const dialog = h(
-    "dialog",
-    { class: "question", "aria-labelledby": "answer-title" },
+  const closed = ask(
+    question,
+    field(label, input),
+    h("button.button.primary", { value: "yes" }, "Take it"),
+    h("button.button", { value: "no", formnovalidate: true }, "Leave"),
+  );
+  input.select();
+  return (await closed) === "yes" ? input.value.trim() : null;
+}
+
+/**
+ * @param {string} question
+ * @param {HTMLElement} content
+ * @param {...HTMLButtonElement} buttons
+ */
+function ask(question, content, ...buttons) {
+  return showModal(
     h(
-      "form",
-      { method: "dialog" },
-      h("h2", { id: "answer-title" }, question),
-      h("div", { class: "field" }, h("label", { for: "answer" }, label), input),
+      "dialog.question",
+      { "aria-labelledby": "question-title" },
       h(
-        "div",
-        { class: "row end" },
-        h("button", { value: "yes", class: "button primary" }, "Take it"),
-        h("button", { value: "no", class: "button", formnovalidate: true }, "Leave"),
+        "form",
+        { method: "dialog" },
+        h("h2", { id: "question-title" }, question),
+        content,
+        h("div.row.end", ...buttons),
       ),
     ),
   );
-  document.body.append(dialog);
-  showModal(dialog);
-  input.select();
-  return new Promise((resolve) => {
-    dialog.addEventListener("close", () => {
-      dialog.remove();
-      resolve(dialog.returnValue === "yes" ? input.value.trim() : null);
-    });
-  });
 }

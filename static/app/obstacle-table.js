@@ -1,6 +1,6 @@
 /** All obstacles of the newest observation, one line each. */
 
-import { h, setAttribute, setText } from "./dom.js";
+import { button, h, setAttribute, setText } from "./dom.js";
 import { fillFigures } from "./figure-list.js";
 import { Part } from "./part.js";
 import {
@@ -18,19 +18,15 @@ const STATES = { moving: "Moving", stopped: "Stopped" };
 
 class ObstacleTable extends Part {
   #body = h("tbody");
-  #empty = h("p", { class: "empty" }, "No moving obstacle.");
-  #scroll = h("div", { class: "scroll-x", tabindex: 0, role: "region", "aria-label": "Obstacles" });
+  #empty = h("p.empty", "No moving obstacle.");
+  #scroll = h("div.scroll-x", { tabindex: 0, role: "region", "aria-label": "Obstacles" });
   /** @type {Map<number, ReturnType<typeof makeRow>>} */
   #rows = new Map();
 
   build() {
-    const head = h("tr", {}, ...COLUMNS.map((name) => h("th", { scope: "col" }, name)));
-    this.#scroll.append(h("table", {}, h("thead", {}, head), this.#body));
-    this.append(
-      h("div", { class: "pane-head" }, h("h2", {}, "Obstacles")),
-      this.#scroll,
-      this.#empty,
-    );
+    const head = h("tr", ...COLUMNS.map((name) => h("th", { scope: "col" }, name)));
+    this.#scroll.append(h("table", h("thead", head), this.#body));
+    this.append(h("div.pane-head", h("h2", "Obstacles")), this.#scroll, this.#empty);
     this.hear("observation", () => this.#render());
     this.#render();
   }
@@ -69,26 +65,19 @@ class ObstacleTable extends Part {
  * @returns {[HTMLTableRowElement, HTMLTableRowElement]}
  */
 function makeRow(id, opened) {
-  const swatch = h("span", {
-    class: "swatch",
+  const swatch = h("span.swatch", {
     "data-track": trackColour(id),
     "aria-hidden": "true",
   });
   const cells = COLUMNS.slice(1).map(() => h("td"));
-  const more = h(
-    "button",
-    {
-      type: "button",
-      class: "row-button",
-      "aria-expanded": "false",
-      title: "Why it counts as moving",
-    },
-    swatch,
-    String(id),
-  );
-  const figures = h("tr", {}, h("th", { scope: "row" }, more), ...cells);
-  const behind = h("dl", { class: "figures", hidden: true });
-  const why = h("tr", { class: "why" }, h("td", { colspan: COLUMNS.length }, h("p"), behind));
+  const more = button([swatch, String(id)], null, {
+    class: "row-button",
+    "aria-expanded": "false",
+    title: "Why it counts as moving",
+  });
+  const figures = h("tr", h("th", { scope: "row" }, more), ...cells);
+  const behind = h("dl.figures", { hidden: true });
+  const why = h("tr.why", h("td", { colspan: COLUMNS.length }, h("p"), behind));
   const toggle = () => {
     behind.hidden = !behind.hidden;
     more.setAttribute("aria-expanded", String(!behind.hidden));

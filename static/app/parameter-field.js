@@ -1,11 +1,11 @@
 /** One parameter: its control made from its declaration, with help, error and reset. */
 
-import { h, icon, setText } from "./dom.js";
+import { button, h, icon, setText } from "./dom.js";
 
 /** @typedef {import("./types.js").ParameterEntry} ParameterEntry */
 /** @typedef {import("./types.js").ParameterValue} ParameterValue */
 /**
- * Where values come from and go to: the server's, or a draft.
+ * Source and target of values: the server's store, or a draft.
  *
  * @typedef {Pick<import("./parameter-store.js").ParameterStore, "defaults" | "change" | "changeUndoably">} ValueStore
  */
@@ -19,9 +19,9 @@ const SEND_EVERY_MS = 120;
 const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 export class ParameterField extends HTMLElement {
-  #error = h("p", { class: "field-error", role: "alert" });
-  #idle = h("span", { class: "idle" });
-  #reset = h("button", { type: "button", class: "quiet reset" }, icon("restart"));
+  #error = h("p.field-error", { role: "alert" });
+  #idle = h("span.idle");
+  #reset = button(icon("restart"), null, { class: "quiet reset" });
   /** @type {(value: ParameterValue) => void} */
   #show = () => {};
   /** @type {ParameterValue | undefined} */
@@ -44,15 +44,15 @@ export class ParameterField extends HTMLElement {
       this.#commit(store.defaults[entry.name] ?? entry.default),
     );
     this.append(
-      h("div", { class: "parameter-head" }, h("label", { for: id }, entry.title), this.#reset),
+      h("div.parameter-head", h("label", { for: id }, entry.title), this.#reset),
       this.#controls(id),
       this.#error,
       h(
-        "p",
-        { class: "hint", id: `${id}-help` },
+        "p.hint",
+        { id: `${id}-help` },
         entry.help,
         " ",
-        h("span", { class: "range" }, rangeInWords(entry)),
+        h("span.range", rangeInWords(entry)),
         " ",
         this.#idle,
       ),
@@ -91,7 +91,7 @@ export class ParameterField extends HTMLElement {
     }
   }
 
-  /** Whether the text field holds an edit that has not been sent: then Ctrl+Z is the text's. */
+  /** True while the text field holds an unsent edit: then Ctrl+Z is the text's. */
   get isEdited() {
     const text = this.querySelector('input[type="number"]');
     return text instanceof HTMLInputElement && text.value !== tidy(this.#shown);
@@ -119,17 +119,17 @@ export class ParameterField extends HTMLElement {
     const entry = /** @type {ParameterEntry} */ (this.entry);
     const described = { "aria-describedby": `${id}-error ${id}-help` };
     if (entry.type === "boolean") {
-      const box = h("input", { type: "checkbox", id, class: "switch", ...described });
+      const box = h("input.switch", { type: "checkbox", id, ...described });
       box.addEventListener("change", () => this.#commit(box.checked));
       this.#show = (value) => (box.checked = value === true);
-      return h("div", { class: "parameter-controls" }, box);
+      return h("div.parameter-controls", box);
     }
     if (entry.type === "choice") {
       const options = (entry.choices ?? []).map((choice) => h("option", { value: choice }, choice));
       const select = h("select", { id, ...described }, ...options);
       select.addEventListener("change", () => this.#commit(select.value));
       this.#show = (value) => (select.value = String(value));
-      return h("div", { class: "parameter-controls" }, select);
+      return h("div.parameter-controls", select);
     }
     return this.#numberControls(id, described);
   }
@@ -179,13 +179,7 @@ export class ParameterField extends HTMLElement {
       slider.value = String(scale.placeOf(Number(value)));
       slider.setAttribute("aria-valuetext", `${tidy(value)} ${entry.unit}`);
     };
-    return h(
-      "div",
-      { class: "parameter-controls" },
-      slider,
-      number,
-      h("span", { class: "unit" }, entry.unit),
-    );
+    return h("div.parameter-controls", slider, number, h("span.unit", entry.unit));
   }
 
   /**
@@ -226,7 +220,7 @@ export class ParameterField extends HTMLElement {
 }
 
 /**
- * How a slider's places and a parameter's values belong together.
+ * Map a slider's places to a parameter's values and back.
  *
  * @param {ParameterEntry} entry
  */

@@ -1,8 +1,7 @@
 /** Every parameter of the method as a form, made from the server's schema. */
 
-import { ApiError } from "./api.js";
-import { h, icon, setText } from "./dom.js";
-import { notifyError } from "./notice.js";
+import { button, h, iconButton, setText } from "./dom.js";
+import { attemptIn, notifyError } from "./notice.js";
 import { ParameterField } from "./parameter-field.js";
 import { ParameterGroups } from "./parameter-groups.js";
 import { ParameterStore } from "./parameter-store.js";
@@ -22,31 +21,17 @@ class ParameterForm extends Part {
     placeholder: "Find a parameter",
     autocomplete: "off",
   });
-  #found = h("p", { class: "hint", role: "status" });
-  #revision = h("p", { class: "hint figure revision" });
-  #undo = h(
-    "button",
-    {
-      type: "button",
-      class: "button icon-button",
-      "aria-label": "Undo",
-      title: "Undo (Ctrl+Z)",
-      "aria-keyshortcuts": "Control+Z",
-    },
-    icon("undo"),
-  );
-  #redo = h(
-    "button",
-    {
-      type: "button",
-      class: "button icon-button",
-      "aria-label": "Redo",
-      title: "Redo (Ctrl+Shift+Z)",
-      "aria-keyshortcuts": "Control+Shift+Z",
-    },
-    icon("redo"),
-  );
-  #resetAll = h("button", { type: "button", class: "button" }, "Reset all");
+  #found = h("p.hint", { role: "status" });
+  #revision = h("p.hint.figure.revision");
+  #undo = iconButton("undo", "Undo", null, {
+    title: "Undo (Ctrl+Z)",
+    "aria-keyshortcuts": "Control+Z",
+  });
+  #redo = iconButton("redo", "Redo", null, {
+    title: "Redo (Ctrl+Shift+Z)",
+    "aria-keyshortcuts": "Control+Shift+Z",
+  });
+  #resetAll = button("Reset all", null);
 
   build() {
     const store = this.#store;
@@ -60,12 +45,11 @@ class ParameterForm extends Part {
     this.#search.addEventListener("input", () => this.#filter());
     this.addEventListener("keydown", (event) => this.#keyed(event));
     this.append(
-      h("h2", {}, "Parameters"),
+      h("h2", "Parameters"),
       this.#presets,
       h(
-        "div",
-        { class: "row parameter-tools" },
-        h("label", { for: "parameter-search", class: "visually-hidden" }, "Find a parameter"),
+        "div.row.parameter-tools",
+        h("label.visually-hidden", { for: "parameter-search" }, "Find a parameter"),
         this.#search,
         this.#undo,
         this.#redo,
@@ -91,12 +75,7 @@ class ParameterForm extends Part {
   }
 
   async #load() {
-    try {
-      await this.#store.load();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#found, error.message);
-    }
+    await attemptIn(this.#found, () => this.#store.load());
   }
 
   #render() {

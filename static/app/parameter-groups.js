@@ -25,7 +25,7 @@ export class ParameterGroups extends HTMLElement {
     this.#openAtStart = openAtStart;
   }
 
-  /** How many there are. */
+  /** Number of fields. */
   get count() {
     return this.#fields.size;
   }
@@ -46,8 +46,8 @@ export class ParameterGroups extends HTMLElement {
         group = h(
           "details",
           { open: this.#openAtStart.includes(entry.group) },
-          h("summary", {}, h("span", {}, titleOf(entry.group)), h("span", { class: "count" })),
-          h("p", { class: "hint" }, entry.group_help),
+          h("summary", h("span", titleOf(entry.group)), h("span.count")),
+          h("p.hint", entry.group_help),
         );
         groups.set(entry.group, group);
       }

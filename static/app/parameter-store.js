@@ -115,7 +115,7 @@ export class ParameterStore extends EventTarget {
     await this.#replay(this.#redoable, this.#undoable, "after");
   }
 
-  /** What "reset" goes to: the preset `default` over the declared defaults. @returns {Values} */
+  /** Values that "reset" goes to: the preset `default` over the declared defaults. @returns {Values} */
   get defaults() {
     return this.valuesOf(this.presets.find((preset) => preset.name === "default") ?? null);
   }

@@ -1,7 +1,7 @@
 /** Any pixel of a view can be asked why it counts as moving, as standing, or as neither. */
 
 import { request } from "./api.js";
-import { h, icon, setAttribute, setText } from "./dom.js";
+import { button, h, icon, setAttribute, setText } from "./dom.js";
 import { figuresOf, fillFigures } from "./figure-list.js";
 import { Part } from "./part.js";
 
@@ -28,20 +28,19 @@ const STEP_PX = 8;
 
 export class PixelQuestion extends Part {
   /** Lies over the image; a click asks the place, Enter the marked one. */
-  pick = h("button", {
-    type: "button",
+  pick = button([], null, {
     class: "pixel-pick",
     "aria-label": "Ask a pixel of the left image: arrow keys move the mark, Enter asks",
   });
-  #mark = h("span", { class: "pixel-mark", hidden: true });
-  #verdict = h("b", { class: "verdict-chip" });
-  #where = h("span", { class: "hint figure" });
+  #mark = h("span.pixel-mark", { hidden: true });
+  #verdict = h("b.verdict-chip");
+  #where = h("span.hint.figure");
   #sentence = h("p");
-  #obstacle = h("p", { class: "hint" });
-  #figures = h("dl", { class: "figures" });
-  #change = h("p", { class: "change" });
-  #card = h("section", { class: "answer", "aria-label": "Answer", hidden: true });
-  #words = h("div", { class: "stack", "aria-live": "polite" });
+  #obstacle = h("p.hint");
+  #figures = h("dl.figures");
+  #change = h("p.change");
+  #card = h("section.answer", { "aria-label": "Answer", hidden: true });
+  #words = h("div.stack", { "aria-live": "polite" });
   /** @type {[number, number] | null} */
   #px = null;
   /** @type {string | null} */
@@ -53,20 +52,17 @@ export class PixelQuestion extends Part {
     this.pick.append(this.#mark);
     this.pick.addEventListener("click", (event) => this.#clicked(event));
     this.pick.addEventListener("keydown", (event) => this.#moved(event));
-    const again = h("button", { type: "button", class: "button" }, "Ask again");
-    again.addEventListener("click", () => void this.#ask());
-    const close = h(
-      "button",
-      { type: "button", class: "quiet", "aria-label": "Close the answer" },
-      icon("close"),
-    );
-    close.addEventListener("click", () => this.#close());
+    const again = button("Ask again", () => this.#ask());
+    const close = button(icon("close"), () => this.#close(), {
+      class: "quiet",
+      "aria-label": "Close the answer",
+    });
     this.#words.append(this.#sentence, this.#obstacle, this.#change);
     this.#card.append(
-      h("div", { class: "answer-head" }, this.#verdict, this.#where, close),
+      h("div.answer-head", this.#verdict, this.#where, close),
       this.#words,
       this.#figures,
-      h("div", { class: "row end" }, again),
+      h("div.row.end", again),
     );
     this.append(this.#card);
     this.hear("status", () => this.#sourceChanged());
@@ -157,7 +153,7 @@ export class PixelQuestion extends Part {
       const name = obstacle.id < 0 ? "An obstacle" : `Obstacle ${obstacle.id}`;
       setText(this.#obstacle, `${name}${state}: ${obstacle.why.replace(/\.?$/, ".")}`);
     }
-    this.#change.replaceChildren(h("b", {}, "What would change it: "), answer.would_change);
+    this.#change.replaceChildren(h("b", "What would change it: "), answer.would_change);
     this.#change.hidden = false;
     fillFigures(this.#figures, figuresOf(answer.numbers));
     this.#open();
@@ -198,7 +194,7 @@ export class PixelQuestion extends Part {
     this.#close();
   }
 
-  /** What was answered of one source says nothing of another. */
+  /** Close the answer where another source is open: it says nothing of that one. */
   #sourceChanged() {
     const spec = this.hub.status?.source?.spec ?? null;
     if (!this.#card.hidden && spec !== this.#source) {

@@ -1,7 +1,7 @@
 /** Playback of files and simulation: pause, step, restart, rate, loop and where it is. */
 
 import { request } from "./api.js";
-import { h, icon, setAttribute, setText } from "./dom.js";
+import { button, h, icon, iconButton, setAttribute, setText } from "./dom.js";
 import { notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { ScrubBar } from "./scrub-bar.js";
@@ -12,26 +12,12 @@ const SLIDER_STEPS = 100;
 const SEND_EVERY_MS = 150;
 
 class PlaybackBar extends Part {
-  #pause = h("button", { type: "button", class: "button icon-button" });
-  #step = h(
-    "button",
-    {
-      type: "button",
-      class: "button icon-button",
-      "aria-label": "One frame further",
-      title: "One frame further (pauses)",
-    },
-    icon("step"),
-  );
-  #restart = h(
-    "button",
-    {
-      type: "button",
-      class: "button icon-button",
-      "aria-label": "Restart from the first frame",
-      title: "Restart from the first frame",
-    },
-    icon("restart"),
+  #pause = button([], () => this.#send({ paused: !this.#paused }), { class: "button icon-button" });
+  #step = iconButton("step", "One frame further", () => this.#send({ paused: true, step: 1 }), {
+    title: "One frame further (pauses)",
+  });
+  #restart = iconButton("restart", "Restart from the first frame", () =>
+    this.#send({ restart: true }),
   );
   #slider = h("input", {
     type: "range",
@@ -52,9 +38,9 @@ class PlaybackBar extends Part {
   #loop = h("input", { type: "checkbox", id: "loop" });
   #scrub = new ScrubBar();
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Position" });
-  #position = h("output", { class: "figure position" }, "–");
-  #live = h("p", { class: "hint", hidden: true }, "This source is live; it cannot be paused.");
-  #controls = h("div", { class: "playback-controls" });
+  #position = h("output.figure.position", "–");
+  #live = h("p.hint", { hidden: true }, "This source is live; it cannot be paused.");
+  #controls = h("div.playback-controls");
   #sendTimer = 0;
   #paused = false;
   #holdRateUntil = 0;
@@ -62,26 +48,22 @@ class PlaybackBar extends Part {
   build() {
     setAttribute(this, "role", "group");
     setAttribute(this, "aria-label", "Playback");
-    this.#pause.addEventListener("click", () => void this.#send({ paused: !this.#paused }));
-    this.#step.addEventListener("click", () => void this.#send({ paused: true, step: 1 }));
-    this.#restart.addEventListener("click", () => void this.#send({ restart: true }));
     this.#loop.addEventListener("change", () => void this.#send({ loop: this.#loop.checked }));
     this.#slider.addEventListener("input", () =>
       this.#rateChanged(rateAt(this.#slider.valueAsNumber)),
     );
     this.#number.addEventListener("change", () => this.#numberChanged());
     this.#controls.append(
-      h("div", { class: "row" }, this.#restart, this.#pause, this.#step),
+      h("div.row", this.#restart, this.#pause, this.#step),
       h(
-        "div",
-        { class: "row rate" },
+        "div.row.rate",
         h("label", { for: "rate" }, "Rate"),
         this.#slider,
         this.#number,
-        h("span", { class: "unit" }, "×"),
+        h("span.unit", "×"),
       ),
-      h("label", { class: "check" }, this.#loop, "Loop"),
-      h("div", { class: "row where" }, this.#scrub, this.#progress, this.#position),
+      h("label.check", this.#loop, "Loop"),
+      h("div.row.where", this.#scrub, this.#progress, this.#position),
     );
     this.#scrub.attach(this.hub);
     this.append(this.#controls, this.#live);
@@ -167,7 +149,7 @@ class PlaybackBar extends Part {
 }
 
 /**
- * Where the computer does not keep up, frames are played slower than asked; none is left out.
+ * Say how fast it plays where the computer does not keep up; no frame is left out.
  *
  * @param {import("./types.js").Playback} playback
  */

@@ -1,61 +1,39 @@
 /** Presets: choose one, keep the present values as one. */
 
-import { ApiError } from "./api.js";
-import { h, icon, setText } from "./dom.js";
-import { confirmed, notify, notifyError } from "./notice.js";
+import { h, iconButton, onSubmit, setText, textInput } from "./dom.js";
+import { attempt, attemptIn, confirmed, notify } from "./notice.js";
 
 /** @typedef {import("./parameter-store.js").ParameterStore} ParameterStore */
 
 export class PresetPicker extends HTMLElement {
   #select = h("select", { id: "preset", "aria-describedby": "preset-help" });
-  #help = h("p", { class: "hint", id: "preset-help" });
-  #name = h("input", {
-    type: "text",
-    id: "preset-name",
+  #help = h("p.hint", { id: "preset-help" });
+  #name = textInput("preset-name", {
     maxlength: 60,
-    autocomplete: "off",
     "aria-describedby": "preset-error",
     required: true,
   });
-  #error = h("p", { class: "field-error", id: "preset-error", role: "alert" });
-  #delete = h(
-    "button",
-    {
-      type: "button",
-      class: "button icon-button",
-      "aria-label": "Delete this preset",
-      title: "Delete this preset",
-    },
-    icon("trash"),
-  );
+  #error = h("p.field-error", { id: "preset-error", role: "alert" });
+  #delete = iconButton("trash", "Delete this preset", null);
 
   /** @param {ParameterStore} store */
   build(store) {
     const save = h(
-      "form",
-      { class: "row", novalidate: true },
-      h("label", { for: "preset-name", class: "visually-hidden" }, "Name of the new preset"),
+      "form.row",
+      { novalidate: true },
+      h("label.visually-hidden", { for: "preset-name" }, "Name of the new preset"),
       this.#name,
-      h("button", { type: "submit", class: "button" }, "Save preset"),
+      h("button.button", { type: "submit" }, "Save preset"),
     );
     this.#name.placeholder = "New preset's name";
-    save.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#save(store);
-    });
+    onSubmit(save, () => this.#save(store));
     this.#select.addEventListener("change", () => {
       const preset = store.presets.find((p) => p.name === this.#select.value);
       if (preset) void store.changeUndoably(store.differing(store.valuesOf(preset)));
     });
     this.#delete.addEventListener("click", () => void this.#remove(store));
     this.append(
-      h(
-        "div",
-        { class: "row" },
-        h("label", { for: "preset" }, "Preset"),
-        this.#select,
-        this.#delete,
-      ),
+      h("div.row", h("label", { for: "preset" }, "Preset"), this.#select, this.#delete),
       this.#help,
       save,
       this.#error,
@@ -85,14 +63,11 @@ export class PresetPicker extends HTMLElement {
     const name = this.#name.value.trim();
     setText(this.#error, name ? "" : "Give the preset a name first.");
     if (!name) return;
-    try {
+    await attemptIn(this.#error, async () => {
       await store.savePreset(name);
       this.#name.value = "";
       notify(`Preset ${name} saved.`);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
-    }
+    });
   }
 
   /** @param {ParameterStore} store */
@@ -106,11 +81,7 @@ export class PresetPicker extends HTMLElement {
       ))
     )
       return;
-    try {
-      await store.deletePreset(name);
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() => store.deletePreset(name));
   }
 }
 

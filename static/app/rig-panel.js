@@ -1,8 +1,8 @@
-/** How the cameras stand on their robot: typed in, or estimated from the floor. */
+/** Camera extrinsics on the robot: typed in, or estimated from the ground. */
 
 import { ApiError, request } from "./api.js";
-import { h, setAttribute, setText } from "./dom.js";
-import { notify, notifyError } from "./notice.js";
+import { button, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
+import { attempt, notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { fixed } from "./words.js";
 
@@ -27,82 +27,67 @@ class RigPanel extends Part {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
-      h("input", {
-        type: "text",
+      textInput(`rig-${key}`, {
         inputmode: "decimal",
-        id: `rig-${key}`,
-        autocomplete: "off",
         placeholder: "unknown",
         "aria-describedby": `rig-help-${key} rig-error`,
       }),
     ]),
   );
-  #notes = new Map(NUMBERS.map(([key]) => [key, h("span", { class: "hint" })]));
+  #notes = new Map(NUMBERS.map(([key]) => [key, h("span.hint")]));
   #simulated = h("input", { type: "checkbox", id: "rig-simulated" });
-  #inUse = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", role: "alert", id: "rig-error" });
-  #floor = h("button", { type: "button", class: "button" }, "Estimate from the floor");
-  #drive = h(
-    "button",
-    { type: "button", class: "button", "aria-pressed": "false" },
-    "Estimate from a drive",
-  );
+  #inUse = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert", id: "rig-error" });
+  #floor = button("Estimate from the floor", () => this.#estimate());
+  #drive = button("Estimate from a drive", () => this.#toggleDrive(), { "aria-pressed": "false" });
   #words = h("p", { role: "status" });
   /** Asks how far the drive is, while one is noted. */
   #asking = 0;
   /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
   #estimated = new Map();
   #looking = false;
-  /** Whether the form holds something that is not in use yet. */
+  /** True while the form holds something that is not in use yet. */
   #changed = false;
-  /** What was filled in by a drive. @type {Set<string>} */
+  /** Keys that a drive filled in. @type {Set<string>} */
   #driven = new Set();
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       h(
-        "div",
-        { class: "rig-fields" },
+        "div.rig-fields",
         ...NUMBERS.map(([key, words, unit, , help]) => {
           const input = this.#inputs.get(key);
           return h(
-            "div",
-            { class: "field" },
+            "div.field",
             h("label", { for: `rig-${key}` }, `${words}, ${unit}`),
             input,
-            h("p", { class: "hint", id: `rig-help-${key}` }, help),
+            h("p.hint", { id: `rig-help-${key}` }, help),
             this.#notes.get(key),
           );
         }),
       ),
       h(
-        "label",
-        { class: "check", for: "rig-simulated" },
+        "label.check",
+        { for: "rig-simulated" },
         this.#simulated,
         "Use it for simulated sources too",
       ),
       this.#error,
       h(
-        "div",
-        { class: "row" },
-        h("button", { type: "submit", class: "button primary" }, "Use this rig"),
+        "div.row",
+        h("button.button.primary", { type: "submit" }, "Use this rig"),
         this.#floor,
         this.#drive,
-        h(
-          "a",
-          { class: "button", href: "/api/rig/file", download: "rig.yaml" },
-          "Download rig.yaml",
-        ),
+        h("a.button", { href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml"),
       ),
       this.#words,
     );
     this.append(
-      h("h3", {}, "The rig"),
+      h("h3", "The rig"),
       h(
-        "p",
-        { class: "hint" },
+        "p.hint",
         "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is.",
       ),
       this.#inUse,
@@ -117,12 +102,7 @@ class RigPanel extends Part {
     form.addEventListener("input", () => {
       this.#changed = true;
     });
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#save();
-    });
-    this.#floor.addEventListener("click", () => void this.#estimate());
-    this.#drive.addEventListener("click", () => void this.#toggleDrive());
+    onSubmit(form, () => this.#save());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => this.#renderInUse());
     void this.#load();
@@ -138,16 +118,14 @@ class RigPanel extends Part {
     const ending = this.#asking !== 0;
     clearInterval(this.#asking);
     this.#asking = 0;
-    try {
+    await attempt(async () => {
       await this.#showDrive(ending ? "DELETE" : "POST");
       if (!ending)
         this.#asking = setInterval(
           () => void this.#showDrive("GET").catch(() => {}),
           DRIVE_ASKED_MS,
         );
-    } catch (error) {
-      notifyError(error);
-    }
+    });
     const noting = this.#asking !== 0;
     setAttribute(this.#drive, "aria-pressed", String(noting));
     setText(this.#drive, noting ? "End the drive" : "Estimate from a drive");

@@ -1,7 +1,7 @@
 /** Start and stop of a run, and what the server is doing. */
 
 import { ApiError, request } from "./api.js";
-import { h, icon, setAttribute, setText } from "./dom.js";
+import { button, h, icon, onSubmit, select, setAttribute, setText, textInput } from "./dom.js";
 import { notify, notifyError } from "./notice.js";
 import { Part } from "./part.js";
 import { size } from "./runs/run-words.js";
@@ -18,7 +18,7 @@ const STATES = {
   failed: "Failed",
 };
 
-/** Which images a run's recording keeps. @type {[string, string][]} */
+/** Choices of the images that a recording keeps. @type {[string, string][]} */
 const RECORDS = [
   ["jpeg", "Record JPEG"],
   ["lossless", "Record lossless"],
@@ -26,41 +26,31 @@ const RECORDS = [
 ];
 
 class RunBar extends Part {
-  #state = h("span", { class: "state-chip" });
-  #name = h("input", {
-    type: "text",
-    id: "run-name",
-    maxlength: 80,
-    placeholder: "Run name (optional)",
-    autocomplete: "off",
-  });
-  #record = h(
-    "select",
+  #state = h("span.state-chip");
+  #name = textInput("run-name", { maxlength: 80, placeholder: "Run name (optional)" });
+  #record = select(
     {
       id: "run-record",
       "aria-label": "Images in the recording",
       title: "All else is recorded in any case",
     },
-    ...RECORDS.map(([value, words]) => h("option", { value }, words)),
+    RECORDS,
   );
-  #recording = h("span", { class: "record-chip figure", hidden: true });
-  #start = h("button", { class: "button primary", type: "submit" }, icon("record"), "Start run");
-  #stop = h(
-    "button",
-    { class: "button danger", type: "button", hidden: true },
-    icon("stop"),
-    "Stop run",
-  );
-  #running = h("span", { class: "run-clock figure", hidden: true });
+  #recording = h("span.record-chip.figure", { hidden: true });
+  #start = h("button.button.primary", { type: "submit" }, icon("record"), "Start run");
+  #stop = button([icon("stop"), "Stop run"], () => this.#do(() => this.#end()), {
+    class: "button danger",
+    hidden: true,
+  });
+  #running = h("span.run-clock.figure", { hidden: true });
   #busy = false;
   /** @type {number | null} */
   #restarts = null;
 
   build() {
     const form = h(
-      "form",
-      { class: "row" },
-      h("label", { for: "run-name", class: "visually-hidden" }, "Name of the run"),
+      "form.row",
+      h("label.visually-hidden", { for: "run-name" }, "Name of the run"),
       this.#name,
       this.#record,
       this.#recording,
@@ -68,11 +58,7 @@ class RunBar extends Part {
       this.#start,
       this.#stop,
     );
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#do(() => this.#begin());
-    });
-    this.#stop.addEventListener("click", () => void this.#do(() => this.#end()));
+    onSubmit(form, () => this.#do(() => this.#begin()));
     this.append(this.#state, form);
     this.hear("status", () => this.#render());
     this.hear("connection", () => this.#render());

@@ -1,9 +1,9 @@
 /** The newest runs, and the way to all of them. */
 
 import { request } from "./api.js";
-import { h, icon } from "./dom.js";
+import { button, h, icon, iconButton } from "./dom.js";
 import { KeptList } from "./focus-place.js";
-import { notify, notifyError } from "./notice.js";
+import { attempt, notify } from "./notice.js";
 import { Part } from "./part.js";
 import { removeRun } from "./runs/run-search.js";
 import { facts, runHref, size } from "./runs/run-words.js";
@@ -15,44 +15,36 @@ import { fixed, sentence } from "./words.js";
 const NEWEST = 8;
 
 class RunList extends Part {
-  #list = h("ul", { class: "item-list" });
+  #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
     (/** @type {Run} */ run) => this.#item(run),
     () => this.#history,
   );
   #empty = h(
-    "p",
-    { class: "empty" },
+    "p.empty",
     "No run yet. Start one at the top of the page; it is recorded and listed here.",
   );
-  #history = h(
-    "a",
-    { class: "button primary", href: "#history" },
-    "Find, compare and look at runs",
-  );
-  #ring = h(
-    "button",
-    { type: "button", class: "button", "aria-describedby": "ring-help" },
-    "Save the last half minute",
-  );
+  #history = h("a.button.primary", { href: "#history" }, "Find, compare and look at runs");
+  #ring = button("Save the last half minute", () => this.#saveRing(), {
+    "aria-describedby": "ring-help",
+  });
   /** @type {string | null} */
   #runId = null;
 
   build() {
     this.append(
-      h("h2", {}, "Runs"),
-      h("div", { class: "row" }, this.#history, this.#ring),
+      h("h2", "Runs"),
+      h("div.row", this.#history, this.#ring),
       h(
-        "p",
-        { class: "hint", id: "ring-help" },
+        "p.hint",
+        { id: "ring-help" },
         "Half a minute back is at hand of live cameras and of every run; it is also saved when the guard stops a robot.",
       ),
-      h("h3", {}, "Newest"),
+      h("h3", "Newest"),
       this.#empty,
       this.#list,
     );
-    this.#ring.addEventListener("click", () => void this.#saveRing());
     this.hear("runs", () => void this.#load());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => {
@@ -73,55 +65,40 @@ class RunList extends Part {
   }
 
   async #saveRing() {
-    try {
+    await attempt(async () => {
       /** @type {{file: string, bytes: number, seconds: number}} */
       const { file, bytes, seconds } = await request("POST", "/recording/ring");
       notify(
         `The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`,
       );
       this.hub.tell("rings");
-    } catch (error) {
-      notifyError(error);
-    }
+    });
   }
 
   /** @param {Run} run */
   #item(run) {
-    const remove = h(
-      "button",
-      {
-        type: "button",
-        class: "button icon-button",
-        disabled: run.state === "running",
-        "aria-label": `Delete run ${run.name}`,
-        title: "Delete",
-      },
-      icon("trash"),
-    );
-    remove.addEventListener("click", () => void removeRun(this.hub, run));
+    const remove = iconButton("trash", `Delete run ${run.name}`, () => removeRun(this.hub, run), {
+      disabled: run.state === "running",
+      title: "Delete",
+    });
     return h(
       "li",
-      {},
       h(
-        "div",
-        { class: "item-words" },
+        "div.item-words",
         h(
           "p",
-          {},
           h("a", { href: runHref(run.id) }, run.name),
           " ",
-          h("span", { class: "state-chip", "data-state": run.state }, run.state),
+          h("span.state-chip", { "data-state": run.state }, run.state),
         ),
-        h("p", { class: "hint" }, facts(run)),
-        run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null,
+        h("p.hint", facts(run)),
+        run.reason ? h("p.hint", sentence(run.reason)) : null,
       ),
       h(
-        "div",
-        { class: "row" },
+        "div.row",
         h(
-          "a",
+          "a.button",
           {
-            class: "button",
             href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`,
             download: `${run.name}.csv`,
             "aria-label": `Speeds of run ${run.name} as CSV`,

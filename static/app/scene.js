@@ -20,7 +20,7 @@ class Scene extends Part {
   });
   /** @type {HTMLStyleElement | null} */
   #style = null;
-  #cover = h("p", { class: "stale-mark", hidden: true });
+  #cover = h("p.stale-mark", { hidden: true });
 
   build() {
     this.#frame.addEventListener("load", () => this.#adapt());

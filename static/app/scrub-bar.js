@@ -12,7 +12,7 @@ const HOLD_MS = 600;
 
 export class ScrubBar extends Part {
   #slider = h("input", { type: "range", id: "scrub", min: 0, step: 1, "aria-label": "Frame" });
-  /** What was asked for and not yet sent. @type {number | null} */
+  /** The frame that was asked for and not yet sent. @type {number | null} */
   #wanted = null;
   #busy = false;
   #holdUntil = 0;

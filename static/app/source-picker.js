@@ -1,8 +1,8 @@
-/** What frames come from: the sources the server offers, and any other by its spec. */
+/** Choice of the source: those the server offers, and any other by its spec. */
 
 import { ApiError, request } from "./api.js";
 import { CameraPicker } from "./camera-picker.js";
-import { h, setAttribute, setText } from "./dom.js";
+import { button, field, h, onSubmit, setAttribute, setText, textInput } from "./dom.js";
 import { KeptList } from "./focus-place.js";
 import { notify } from "./notice.js";
 import { Part } from "./part.js";
@@ -10,66 +10,51 @@ import { Part } from "./part.js";
 const PLACEHOLDER = /\b[A-Z]{3,}\b/;
 
 class SourcePicker extends Part {
-  #list = h("div", { class: "source-list", role: "group", "aria-label": "Sources" });
+  #list = h("div.source-list", { role: "group", "aria-label": "Sources" });
   #choices = new KeptList(this.#list, (/** @type {import("./types.js").SourceChoice} */ choice) =>
     this.#choice(choice),
   );
-  #spec = h("input", {
-    type: "text",
-    id: "source-spec",
-    autocomplete: "off",
+  #spec = textInput("source-spec", {
     spellcheck: "false",
     "aria-describedby": "source-help source-error",
     required: true,
   });
   #calibration = h("select", { id: "source-calibration" });
-  #open = h("button", { class: "button primary", type: "submit" }, "Open source");
-  #error = h("p", { class: "field-error", id: "source-error", role: "alert" });
-  #calibrate = h(
-    "button",
-    { class: "button", type: "button", hidden: true },
-    "Calibrate these cameras",
-  );
-  #inRun = h("p", { class: "hint", hidden: true }, "Stop the run to open another source.");
+  #open = h("button.button.primary", { type: "submit" }, "Open source");
+  #error = h("p.field-error", { id: "source-error", role: "alert" });
+  #calibrate = button("Calibrate these cameras", () => this.hub.tell("calibrate"), {
+    hidden: true,
+  });
+  #inRun = h("p.hint", { hidden: true }, "Stop the run to open another source.");
   #busy = false;
   #followed = "";
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       h(
-        "div",
-        { class: "field" },
+        "div.field",
         h("label", { for: "source-spec" }, "Source"),
         this.#spec,
         this.#error,
         h(
-          "p",
-          { class: "hint", id: "source-help" },
+          "p.hint",
+          { id: "source-help" },
           "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.",
         ),
       ),
-      h(
-        "div",
-        { class: "field" },
-        h("label", { for: "source-calibration" }, "Calibration"),
-        this.#calibration,
-      ),
-      h("div", { class: "row" }, this.#open, this.#calibrate, this.#inRun),
+      field("Calibration", this.#calibration),
+      h("div.row", this.#open, this.#calibrate, this.#inRun),
     );
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#openSource();
-    });
-    this.#calibrate.addEventListener("click", () => this.hub.tell("calibrate"));
+    onSubmit(form, () => this.#openSource());
     const cameras = new CameraPicker();
     cameras.chosen = (spec) => {
       this.#spec.value = spec;
       void this.#openSource();
     };
     cameras.attach(this.hub);
-    this.append(h("h2", {}, "Source"), this.#list, form, cameras);
+    this.append(h("h2", "Source"), this.#list, form, cameras);
     this.hear("status", () => this.#render());
     this.hear("calibrations", () => void this.#loadCalibrations());
     this.hear("reconnected", () => void this.#load());
@@ -86,21 +71,17 @@ class SourcePicker extends Part {
 
   /** @param {import("./types.js").SourceChoice} choice */
   #choice({ spec, title, help }) {
-    const button = h(
-      "button",
-      { type: "button", class: "source", "data-spec": spec },
-      h("b", {}, title),
-      h("code", {}, spec),
-      h("span", {}, help),
+    return button(
+      [h("b", title), h("code", spec), h("span", help)],
+      () => {
+        if (this.#busy) return;
+        this.#spec.value = spec;
+        // A word in capitals stands for something to be typed, as in video:LEFT,RIGHT.
+        if (PLACEHOLDER.test(spec)) this.#spec.select();
+        else void this.#openSource();
+      },
+      { class: "source", "data-spec": spec },
     );
-    button.addEventListener("click", () => {
-      if (this.#busy) return;
-      this.#spec.value = spec;
-      // A word in capitals stands for something to be typed, as in video:LEFT,RIGHT.
-      if (PLACEHOLDER.test(spec)) this.#spec.select();
-      else void this.#openSource();
-    });
-    return button;
   }
 
   async #loadCalibrations() {

@@ -22,12 +22,11 @@ const ORDER = { estimate: 0, stray: 0, truth: 1, commanded: 2, sent: 3, encoder:
 
 class SpeedChart extends Part {
   #history = new SpeedHistory(SPAN_S);
-  #host = h("div", { class: "chart", role: "img" });
-  #legend = h("ul", { class: "legend" });
-  #note = h("p", { class: "chart-note", role: "status", hidden: true });
+  #host = h("div.chart", { role: "img" });
+  #legend = h("ul.legend");
+  #note = h("p.chart-note", { role: "status", hidden: true });
   #empty = h(
-    "p",
-    { class: "empty" },
+    "p.empty",
     "No speed yet. Curves appear as soon as an obstacle moves or truth is known.",
   );
   #export = new ChartExport(() => this.#offers());
@@ -53,10 +52,9 @@ class SpeedChart extends Part {
   build() {
     this.append(
       h(
-        "div",
-        { class: "pane-head" },
-        h("h2", {}, "Speed"),
-        h("span", { class: "hint" }, "m/s over the last 60 s of the source's time; bands of 95 %"),
+        "div.pane-head",
+        h("h2", "Speed"),
+        h("span.hint", "m/s over the last 60 s of the source's time; bands of 95 %"),
         this.#export,
       ),
       this.#note,
@@ -136,7 +134,7 @@ class SpeedChart extends Part {
     this.#export.hidden = this.#curves.length === 0 && !this.#last;
   }
 
-  /** What is seen now, made in the page, and all of the newest run once it has ended. */
+  /** Offer the curves seen now, made in the page, and all of the newest run once it has ended. */
   #offers() {
     const { status } = this.hub;
     const last = status?.run || this.#last?.state === "running" ? null : this.#last;
@@ -198,12 +196,7 @@ class SpeedChart extends Part {
 }
 
 function makeLegendItem() {
-  return h(
-    "li",
-    {},
-    h("span", { class: "swatch line", "aria-hidden": "true" }),
-    h("span", { class: "figure" }),
-  );
+  return h("li", h("span.swatch.line", { "aria-hidden": "true" }), h("span.figure"));
 }
 
 /** Truth that is missing now is seen to be, before it comes back. @param {Curve} curve */

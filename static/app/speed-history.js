@@ -23,9 +23,9 @@ export class SpeedHistory {
   newest = 0;
   /** @type {Map<string, Curve>} */
   curves = new Map();
-  /** Where another track took a body's place. @type {{time: number, words: string, colour: string}[]} */
+  /** Identity switches: another track took a body's place. @type {{time: number, words: string, colour: string}[]} */
   changes = [];
-  /** Where each track was measured first. @type {{time: number, speed: number, words: string, colour: string}[]} */
+  /** First measurement of each track. @type {{time: number, speed: number, words: string, colour: string}[]} */
   starts = [];
 
   #began = false;

@@ -7,7 +7,7 @@ import { joined } from "./speed-curves.js";
 /** @typedef {import("./speed-curves.js").Curve} Curve */
 
 /**
- * What is drawn beside the curves; times as in them.
+ * Marks beside the curves; times as in the curves.
  *
  * @typedef {object} Marks
  * @property {{time: number, speed: number, words: string, colour: string}[]} starts of tracks
@@ -31,7 +31,7 @@ import { joined } from "./speed-curves.js";
 /** @type {Marks} */
 export const NO_MARKS = { starts: [], changes: [], gaps: [] };
 
-/** How curves that are not measured by the observer are told from those that are. @type {Partial<Record<import("./speed-curves.js").Kind, number[]>>} */
+/** Dashes of the curves that the observer did not measure. @type {Partial<Record<import("./speed-curves.js").Kind, number[]>>} */
 export const DASHES = { truth: [6, 4], commanded: [2, 3], sent: [2, 3], encoder: [9, 3, 2, 3] };
 
 const LABEL_PX = 11;
@@ -89,7 +89,7 @@ export class SpeedPlot {
     plot.setCursor({ left, top: time === null ? -10 : 0 }, false);
   }
 
-  /** As it is drawn now, for a file of it; null where nothing is. @returns {HTMLCanvasElement | null} */
+  /** The canvas as drawn now, for a file of it; null where nothing is drawn. @returns {HTMLCanvasElement | null} */
   get canvas() {
     return this.#plot?.ctx.canvas ?? null;
   }

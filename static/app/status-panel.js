@@ -1,4 +1,4 @@
-/** How the server does: rates, latency, time of each stage, what was dropped and why. */
+/** State of the server: rates, latency, time of each stage, dropped frames and why. */
 
 import { fillList, h, setText } from "./dom.js";
 import { Part } from "./part.js";
@@ -9,18 +9,17 @@ import { fixed } from "./words.js";
 class StatusPanel extends Part {
   /** @type {Map<string, HTMLElement>} */
   #figures = new Map();
-  #bars = h("ul", { class: "bars", "aria-label": "Time of each stage" });
-  #total = h("span", { class: "figure" });
-  #skipped = h("ul", { class: "plain-list" });
-  #warnings = h("ul", { class: "plain-list warnings", "aria-label": "Warnings" });
-  #noneSkipped = h("p", { class: "hint" }, "No frame was skipped.");
+  #bars = h("ul.bars", { "aria-label": "Time of each stage" });
+  #total = h("span.figure");
+  #skipped = h("ul.plain-list");
+  #warnings = h("ul.plain-list.warnings", { "aria-label": "Warnings" });
+  #noneSkipped = h("p.hint", "No frame was skipped.");
 
   build() {
     this.append(
-      h("h2", {}, "Status"),
+      h("h2", "Status"),
       h(
-        "dl",
-        { class: "figures" },
+        "dl.figures",
         this.#figure("rate", "Unique frames", "frames observed each second, each counted once"),
         this.#figure(
           "dense",
@@ -41,18 +40,12 @@ class StatusPanel extends Part {
         this.#figure("writes_dropped", "Not kept", "because the database was not to be had"),
       ),
       this.#warnings,
-      h("h3", {}, "Stage timings ", this.#total),
+      h("h3", "Stage timings ", this.#total),
       this.#bars,
-      h("h3", {}, "Skipped frames"),
+      h("h3", "Skipped frames"),
       this.#noneSkipped,
       this.#skipped,
-      h(
-        "p",
-        { class: "hint" },
-        this.#value("version"),
-        " · ",
-        h("a", { href: "/docs" }, "REST interface"),
-      ),
+      h("p.hint", this.#value("version"), " · ", h("a", { href: "/docs" }, "REST interface")),
     );
     this.hear("status", () => this.#render());
     this.whenShown(() => this.#render());
@@ -65,17 +58,12 @@ class StatusPanel extends Part {
    * @param {string} help
    */
   #figure(key, term, help) {
-    return h(
-      "div",
-      { title: help },
-      h("dt", {}, term),
-      h("dd", { class: "figure" }, this.#value(key)),
-    );
+    return h("div", { title: help }, h("dt", term), h("dd.figure", this.#value(key)));
   }
 
   /** @param {string} key */
   #value(key) {
-    const node = h("span", {}, "–");
+    const node = h("span", "–");
     this.#figures.set(key, node);
     return node;
   }
@@ -106,13 +94,7 @@ class StatusPanel extends Part {
     if (this.#bars.childElementCount !== stages.length) {
       this.#bars.replaceChildren(
         ...stages.map(() =>
-          h(
-            "li",
-            {},
-            h("span"),
-            h("meter", { min: 0, max: 1, value: 0 }),
-            h("span", { class: "figure" }),
-          ),
+          h("li", h("span"), h("meter", { min: 0, max: 1, value: 0 }), h("span.figure")),
         ),
       );
     }

@@ -1,7 +1,8 @@
 /** Holding the depth of a place against a tape measure, and keeping what came of it. */
 
-import { ApiError, request } from "./api.js";
-import { h, setText } from "./dom.js";
+import { request } from "./api.js";
+import { button, h, setText } from "./dom.js";
+import { attemptIn } from "./notice.js";
 import { fixed } from "./words.js";
 
 /** @typedef {import("./types.js").Calibration} Calibration */
@@ -14,7 +15,7 @@ export class TapeCheck {
   #canvas;
   /** @type {[number, number] | null} */
   #place = null;
-  #mark = h("span", { class: "place-mark", hidden: true });
+  #mark = h("span.place-mark", { hidden: true });
   #words = h("p", { role: "status" });
   #measured = h("input", {
     type: "number",
@@ -24,10 +25,10 @@ export class TapeCheck {
     step: "any",
     "aria-describedby": "tape-error",
   });
-  #check = h("button", { type: "button", class: "button" }, "Compare");
-  #error = h("p", { class: "field-error", role: "alert", id: "tape-error" });
-  #list = h("ul", { class: "plain-list" });
-  element = h("details", { class: "tape-check" });
+  #check = button("Compare", () => this.#compare());
+  #error = h("p.field-error", { role: "alert", id: "tape-error" });
+  #list = h("ul.plain-list");
+  element = h("details.tape-check");
 
   /**
    * @param {Calibration} calibration
@@ -36,24 +37,22 @@ export class TapeCheck {
   constructor(calibration, canvas) {
     this.#path = `/calibrations/${encodeURIComponent(calibration.id)}`;
     this.#canvas = canvas;
-    const choose = h(
-      "button",
-      { type: "button", class: "button", "aria-describedby": "tape-help" },
+    const choose = button(
       "Choose the middle",
+      () => this.#choose(canvas.width / 4, canvas.height / 2),
+      { "aria-describedby": "tape-help" },
     );
-    choose.addEventListener("click", () => void this.#choose(canvas.width / 4, canvas.height / 2));
     this.element.append(
-      h("summary", {}, "Check it with a tape measure"),
+      h("summary", "Check it with a tape measure"),
       h(
-        "p",
-        { class: "hint", id: "tape-help" },
+        "p.hint",
+        { id: "tape-help" },
         "Click a flat place with texture in the left image, or choose its middle and move it by the arrow keys. Measure from the left lens straight to that place.",
       ),
-      h("div", { class: "row" }, choose),
+      h("div.row", choose),
       this.#words,
       h(
-        "div",
-        { class: "row" },
+        "div.row",
         h("label", { for: "tape-measured" }, "By the tape, m"),
         this.#measured,
         this.#check,
@@ -63,7 +62,6 @@ export class TapeCheck {
     );
     choose.addEventListener("keydown", (event) => this.#move(event));
     canvas.addEventListener("click", (event) => this.#clicked(event));
-    this.#check.addEventListener("click", () => void this.#compare());
     // Enter must not close the dialog in place of comparing.
     this.#measured.addEventListener("keydown", (event) => {
       if (event.key !== "Enter") return;
@@ -104,20 +102,17 @@ export class TapeCheck {
     ]);
     this.element.open = true;
     this.#drawMark();
-    try {
+    await attemptIn(this.#words, async () => {
       /** @type {{range_m: number}} */
       const { range_m } = await request("GET", `${this.#path}/depth?u=${place[0]}&v=${place[1]}`);
       if (this.#place === place) setText(this.#words, `The cameras say ${fixed(range_m, 3)} m.`);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#words, error.message);
-    }
+    });
   }
 
   #drawMark() {
     if (!this.#place) return;
     if (!this.#mark.isConnected) {
-      const holder = h("div", { class: "preview-image" });
+      const holder = h("div.preview-image");
       this.#canvas.replaceWith(holder);
       holder.append(this.#canvas, this.#mark);
     }
@@ -133,18 +128,15 @@ export class TapeCheck {
     if (!(measured_m > 0))
       return setText(this.#error, "Enter the measured distance in metres, as in 2.04.");
     const [u, v] = this.#place;
-    try {
+    await attemptIn(this.#error, async () => {
       this.#show(await request("POST", `${this.#path}/tape-checks`, { u, v, measured_m }));
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
-    }
+    });
   }
 
   /** @param {Calibration} calibration */
   #show({ tape_checks }) {
     this.#list.replaceChildren(
-      ...tape_checks.map((check) => h("li", {}, `${check.at.slice(0, 10)}: ${check.sentence}`)),
+      ...tape_checks.map((check) => h("li", `${check.at.slice(0, 10)}: ${check.sentence}`)),
     );
   }
 }

@@ -17,9 +17,8 @@ class ThemeChoice extends HTMLElement {
     apply(chosen);
     this.append(
       h(
-        "fieldset",
-        { class: "segmented" },
-        h("legend", { class: "visually-hidden" }, "Colours"),
+        "fieldset.segmented",
+        h("legend.visually-hidden", "Colours"),
         ...CHOICES.map((choice) => {
           const input = h("input", { type: "radio", name: "theme", value: choice.value });
           input.checked = choice.value === chosen;
@@ -27,7 +26,7 @@ class ThemeChoice extends HTMLElement {
             localStorage.setItem(KEY, choice.value);
             apply(choice.value);
           });
-          const words = h("span", { class: "visually-hidden" }, choice.label);
+          const words = h("span.visually-hidden", choice.label);
           return h("label", { title: choice.label }, input, icon(choice.icon), words);
         }),
       ),

@@ -33,7 +33,7 @@ export function bearingInWords(bearing) {
 }
 
 /**
- * Where an obstacle goes, as the camera sees it.
+ * Say where an obstacle goes, as the camera sees it.
  *
  * @param {Obstacle} obstacle
  * @param {Line["pose"]} pose of the camera in the world
@@ -121,6 +121,14 @@ export function duration(from, to) {
   return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
 }
 
+/**
+ * @param {number} count
+ * @param {string} one as in "run"
+ */
+export function counted(count, one) {
+  return `${count} ${one}${count === 1 ? "" : "s"}`;
+}
+
 /** @param {string} iso @returns {string} in the reader's language, short */
 export function when(iso) {
   const date = new Date(iso);
@@ -154,7 +162,7 @@ function rotateInverse(q, v) {
 }
 
 /**
- * What the server says, which begins small and mostly ends without a stop, as a sentence.
+ * Make a sentence of the server's words, which begin small and mostly end without a stop.
  *
  * @param {string} text
  */

@@ -19,7 +19,13 @@ function served() {
   const answers = () => ({
     "/api/parameters/schema": schema,
     "/api/presets": presets,
-    "/api/parameters": { revision, values: { ...values }, preset: null, frame: null },
+    "/api/parameters": {
+      revision,
+      guard_revision: 0,
+      values: { ...values },
+      preset: null,
+      frame: null,
+    },
   });
   /** @type {(url: string, options: {method: string, body?: string}) => Promise<Response>} */
   const fetched = async (url, { method, body }) => {
@@ -111,8 +117,8 @@ test("somebody else's change is read where the revision is another", async () =>
   const other = new ParameterStore();
   await other.load();
   await other.change({ "a.x": 8 });
-  await store.follow(1);
+  await store.follow(1, 0);
   assert.equal(store.state.values["a.x"], 1);
-  await store.follow(2);
+  await store.follow(2, 0);
   assert.equal(store.state.values["a.x"], 8);
 });

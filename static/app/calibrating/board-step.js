@@ -1,17 +1,28 @@
 /** The first step: which board, printed how large, before which cameras. */
 
-import { ApiError, request, requestImage } from "../api.js";
-import { field, h, icon, setAttribute, setText } from "../dom.js";
-import { confirmed } from "../notice.js";
+import { request, requestImage } from "../api.js";
+import {
+  button,
+  download,
+  field,
+  h,
+  icon,
+  onSubmit,
+  select,
+  setAttribute,
+  setText,
+  textInput,
+} from "../dom.js";
+import { attemptIn, confirmed } from "../notice.js";
 import { Part } from "../part.js";
-import { fixed } from "../words.js";
+import { counted, fixed } from "../words.js";
 
 const BAR_MM = 100;
 const KEY = "dynamic-observer.board";
 
 /** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
 
-/** What fits on A4 with the white margin that detection needs. @type {BoardChoice} */
+/** A board that fits on A4 with the white margin that detection needs. @type {BoardChoice} */
 const USUAL = {
   kind: "chessboard",
   columns: 9,
@@ -29,35 +40,30 @@ export class BoardStep extends Part {
    */
   begun = () => {};
 
-  #kind = select("board-kind", [
+  #kind = select({ id: "board-kind" }, [
     ["chessboard", "Chessboard"],
     ["charuco", "ChArUco (may be seen in part)"],
   ]);
   #columns = number("board-columns", 3, 30, 1);
   #rows = number("board-rows", 3, 30, 1);
   #square = number("board-square", 2, 500, "any");
-  #paper = select("board-paper", [
+  #paper = select({ id: "board-paper" }, [
     ["A4", "A4"],
     ["A3", "A3"],
     ["Letter", "US Letter"],
   ]);
   #bar = number("board-bar", 20, 300, "any");
-  #lens = select("board-lens", [
+  #lens = select({ id: "board-lens" }, [
     ["radtan", "Usual lens"],
     ["equidistant", "Fisheye lens"],
   ]);
-  #source = h("input", {
-    type: "text",
-    id: "board-source",
-    autocomplete: "off",
-    spellcheck: "false",
-  });
-  #svg = h("button", { class: "button", type: "button" }, icon("download"), "Board as SVG");
-  #pdf = h("button", { class: "button", type: "button" }, icon("download"), "Board as PDF");
-  #printing = h("p", { class: "field-error", role: "alert" });
-  #scaled = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", role: "alert", id: "board-error" });
-  #start = h("button", { class: "button primary", type: "submit" }, "Begin with these cameras");
+  #source = textInput("board-source", { spellcheck: "false" });
+  #svg = button([icon("download"), "Board as SVG"], () => this.#download("svg"));
+  #pdf = button([icon("download"), "Board as PDF"], () => this.#download("pdf"));
+  #printing = h("p.field-error", { role: "alert" });
+  #scaled = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert", id: "board-error" });
+  #start = h("button.button.primary", { type: "submit" }, "Begin with these cameras");
   #zip = h("input", {
     type: "file",
     id: "board-zip",
@@ -65,73 +71,59 @@ export class BoardStep extends Part {
     "aria-describedby": "board-zip-help board-zip-error",
   });
   #sending = h("p", { role: "status" });
-  #unsent = h("p", { class: "field-error", role: "alert", id: "board-zip-error" });
+  #unsent = h("p.field-error", { role: "alert", id: "board-zip-error" });
   #busy = false;
   #suggested = "";
 
   build() {
     const form = h(
-      "form",
-      { class: "wizard-form", novalidate: true },
+      "form.wizard-form",
+      { novalidate: true },
       h(
-        "fieldset",
-        { class: "wizard-block" },
-        h("legend", {}, "Print a board"),
+        "fieldset.wizard-block",
+        h("legend", "Print a board"),
         h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           "Count the inner corners, where four squares meet, not the squares. More columns than rows, one of them even, keeps left and right apart.",
         ),
         h(
-          "div",
-          { class: "wizard-fields" },
+          "div.wizard-fields",
           field("Kind", this.#kind),
           field("Columns", this.#columns),
           field("Rows", this.#rows),
           field("Square, mm", this.#square),
           field("Paper", this.#paper),
         ),
-        h("div", { class: "row" }, this.#pdf, this.#svg),
+        h("div.row", this.#pdf, this.#svg),
         this.#printing,
         h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           "Print at 100 %, not fitted to the page, and glue it onto something flat and stiff: glass, a door, a clipboard.",
         ),
       ),
       h(
-        "fieldset",
-        { class: "wizard-block" },
-        h("legend", {}, "Measure it"),
+        "fieldset.wizard-block",
+        h("legend", "Measure it"),
         h(
-          "div",
-          { class: "wizard-fields single" },
+          "div.wizard-fields.single",
           field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar),
         ),
         this.#scaled,
       ),
       h(
-        "fieldset",
-        { class: "wizard-block" },
-        h("legend", {}, "Which cameras"),
+        "fieldset.wizard-block",
+        h("legend", "Which cameras"),
+        h("div.wizard-fields.wide", field("Cameras", this.#source), field("Lenses", this.#lens)),
         h(
-          "div",
-          { class: "wizard-fields wide" },
-          field("Cameras", this.#source),
-          field("Lenses", this.#lens),
-        ),
-        h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           "camera:0,1 for two webcams, camera:sbs:0 for one that shows both images, or two rtsp:// or http:// addresses with a comma between them. The tab Source lists what is plugged in.",
         ),
         this.#error,
-        h("div", { class: "row" }, this.#start),
+        h("div.row", this.#start),
       ),
       h(
-        "fieldset",
-        { class: "wizard-block" },
-        h("legend", {}, "Or send in images"),
+        "fieldset.wizard-block",
+        h("legend", "Or send in images"),
         h(
           "label",
           { for: "board-zip" },
@@ -141,8 +133,8 @@ export class BoardStep extends Part {
         this.#sending,
         this.#unsent,
         h(
-          "p",
-          { class: "hint", id: "board-zip-help" },
+          "p.hint",
+          { id: "board-zip-help" },
           "The board above is looked for in every pair; 15 to 30 pairs are enough.",
         ),
       ),
@@ -150,12 +142,7 @@ export class BoardStep extends Part {
     this.append(form);
     this.#fill();
     form.addEventListener("input", () => this.#changed());
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#begin();
-    });
-    this.#svg.addEventListener("click", () => void this.#download("svg"));
-    this.#pdf.addEventListener("click", () => void this.#download("pdf"));
+    onSubmit(form, () => this.#begin());
     this.#zip.addEventListener("change", () => void this.#sendImages());
     this.hear("status", () => this.#suggest());
     this.hear("calibrate", () => {
@@ -164,7 +151,7 @@ export class BoardStep extends Part {
     this.#changed();
   }
 
-  /** What a computation needs to know of the choices made here. */
+  /** Return the choices made here that the computation needs. */
   computation() {
     return { distortion_model: this.#lens.value };
   }
@@ -179,7 +166,7 @@ export class BoardStep extends Part {
     this.#bar.value = String(choice.bar_mm);
   }
 
-  /** What is open is the first guess, until something else is typed. */
+  /** Suggest the open source until something else is typed. */
   #suggest() {
     const open = this.hub.status?.source?.spec ?? "";
     if (open === this.#suggested || document.activeElement === this.#source) return;
@@ -222,18 +209,10 @@ export class BoardStep extends Part {
       paper: c.paper,
     });
     setText(this.#printing, "");
-    try {
+    await attemptIn(this.#printing, async () => {
       const { blob } = await requestImage(`/boards/${c.kind}.${format}?${query}`);
-      const href = URL.createObjectURL(blob);
-      h("a", {
-        href,
-        download: `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`,
-      }).click();
-      setTimeout(() => URL.revokeObjectURL(href), 60_000);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#printing, error.message);
-    }
+      download(blob, `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`);
+    });
   }
 
   async #begin() {
@@ -241,7 +220,7 @@ export class BoardStep extends Part {
     const square_mm = squareOf({ kind, columns, rows, ...rest });
     const source = this.#source.value.trim() || null;
     const views = this.hub.status?.calibrating?.views.length ?? 0;
-    const consequence = `${views} captured view${views === 1 ? "" : "s"} would be forgotten.`;
+    const consequence = `${counted(views, "captured view")} would be forgotten.`;
     if (views > 0 && !(await confirmed("Begin anew?", consequence, "Begin anew"))) return;
     await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
       /** @type {{calibrating: import("../types.js").Calibrating}} */
@@ -287,10 +266,9 @@ export class BoardStep extends Part {
     // Not disabled: that would take the focus away.
     setAttribute(this.#start, "aria-disabled", "true");
     try {
-      this.begun((await action()).calibrating);
-    } catch (refusal) {
-      if (!(refusal instanceof ApiError)) throw refusal;
-      setText(error, refusal.message);
+      await attemptIn(error, async () => {
+        this.begun((await action()).calibrating);
+      });
     } finally {
       this.#busy = false;
       setAttribute(this.#start, "aria-disabled", null);
@@ -311,11 +289,6 @@ function remembered() {
   } catch {
     return {};
   }
-}
-
-/** @param {string} id @param {[string, string][]} options */
-function select(id, options) {
-  return h("select", { id }, ...options.map(([value, text]) => h("option", { value }, text)));
 }
 
 /** @param {string} id @param {number} min @param {number} max @param {number | "any"} step */

@@ -1,11 +1,12 @@
 /** The second step: the board is moved, and its views are captured. */
 
 import { request } from "../api.js";
-import { h, icon, setAttribute, setText } from "../dom.js";
+import { button, h, icon, setAttribute, setText } from "../dom.js";
 import { KeptList, passFocus } from "../focus-place.js";
 import { LiveView } from "../live-view.js";
-import { notify, notifyError } from "../notice.js";
+import { attempt, notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
+import { counted } from "../words.js";
 import { CoverQuestion } from "./cover-question.js";
 
 /** @type {[string, string][]} names of the bars and what fills them */
@@ -25,37 +26,26 @@ const SPOKEN_EVERY_MS = 6000;
 export class CaptureStep extends Part {
   /** Called when the views shall be computed. */
   compute = () => {};
-  /** Whether the last computation was ended from this page. */
+  /** True where the last computation was cancelled from this page. */
   cancelled = false;
 
-  #words = h("p", { class: "capture-words" });
-  #spoken = h("p", { class: "visually-hidden", role: "status", "aria-live": "polite" });
-  #next = h("p", { class: "capture-next" });
-  #cameras = h("div", { class: "capture-cameras" });
+  #words = h("p.capture-words");
+  #spoken = h("p.visually-hidden", { role: "status", "aria-live": "polite" });
+  #next = h("p.capture-next");
+  #cameras = h("div.capture-cameras");
   #bars = new Map(BARS.map(([name, words]) => [name, bar(words)]));
-  #covered = h(
-    "div",
-    { class: "stack" },
-    h("h3", {}, "What is covered"),
-    h("dl", { class: "coverage" }, ...this.#bars.values()),
-  );
-  #capture = h("button", { class: "button", type: "button" }, "Capture now");
-  #undo = h("button", { class: "button", type: "button" }, icon("undo"), "Undo");
+  #covered = h("div.stack", h("h3", "What is covered"), h("dl.coverage", ...this.#bars.values()));
+  #capture = button("Capture now", () => this.#change({ capture: true }));
+  #undo = button([icon("undo"), "Undo"], () => this.#change({ undo: true }));
   #automatic = h("input", { type: "checkbox", id: "capture-automatic" });
-  #compute = h("button", { class: "button primary", type: "button" }, "Compute the calibration");
-  #cancel = h("button", { class: "button", type: "button" }, "Cancel");
+  #compute = button("Compute the calibration", () => this.compute(), { class: "button primary" });
+  #cancel = button("Cancel", () => this.#end());
   #progress = h("progress", { max: 1, "aria-label": "Computing" });
   #progressWords = h("span", { role: "status" });
-  #computing = h(
-    "div",
-    { class: "row", hidden: true },
-    this.#progress,
-    this.#progressWords,
-    this.#cancel,
-  );
-  #trouble = h("p", { class: "field-error", role: "alert" });
-  #count = h("h3", {}, "No views yet");
-  #list = h("ul", { class: "view-list", "aria-label": "Captured views" });
+  #computing = h("div.row", { hidden: true }, this.#progress, this.#progressWords, this.#cancel);
+  #trouble = h("p.field-error", { role: "alert" });
+  #count = h("h3", "No views yet");
+  #list = h("ul.view-list", { "aria-label": "Captured views" });
   #items = new KeptList(
     this.#list,
     (/** @type {import("../types.js").CapturedView} */ view) => this.#item(view),
@@ -74,30 +64,15 @@ export class CaptureStep extends Part {
   build() {
     this.#cover.attach(this.hub);
     const controls = h(
-      "div",
-      { class: "row capture-controls" },
+      "div.row.capture-controls",
       this.#capture,
       this.#undo,
-      h(
-        "label",
-        { class: "check", for: "capture-automatic" },
-        this.#automatic,
-        "Capture by itself",
-      ),
+      h("label.check", { for: "capture-automatic" }, this.#automatic, "Capture by itself"),
     );
     this.append(
+      h("div.capture-main", this.#words, this.#next, this.#spoken, this.#cameras, controls),
       h(
-        "div",
-        { class: "capture-main" },
-        this.#words,
-        this.#next,
-        this.#spoken,
-        this.#cameras,
-        controls,
-      ),
-      h(
-        "div",
-        { class: "capture-side" },
+        "div.capture-side",
         this.#covered,
         this.#compute,
         this.#computing,
@@ -108,14 +83,10 @@ export class CaptureStep extends Part {
         this.#refused,
       ),
     );
-    this.#capture.addEventListener("click", () => void this.#change({ capture: true }));
-    this.#undo.addEventListener("click", () => void this.#change({ undo: true }));
     this.#automatic.addEventListener(
       "change",
       () => void this.#change({ automatic: this.#automatic.checked }),
     );
-    this.#compute.addEventListener("click", () => this.compute());
-    this.#cancel.addEventListener("click", () => void this.#end());
     this.hear("status", () => this.#render());
   }
 
@@ -210,40 +181,37 @@ export class CaptureStep extends Part {
   /** @param {import("../types.js").Calibrating} now */
   #renderViews(now) {
     const count = now.views.length;
-    setText(this.#count, count === 0 ? "No views yet" : count === 1 ? "1 view" : `${count} views`);
+    setText(this.#count, count === 0 ? "No views yet" : counted(count, "view"));
     this.#items.show(now.views, (view) => view.name);
     const refusals = JSON.stringify(now.refused);
     if (refusals === this.#refusals) return;
     this.#refusals = refusals;
     this.#refused.hidden = now.refused.length === 0;
     this.#refused.replaceChildren(
-      h("summary", {}, `${now.refused.length} images were not used`),
-      h("ul", { class: "plain-list" }, ...now.refused.map((reason) => h("li", {}, reason))),
+      h("summary", `${now.refused.length} images were not used`),
+      h("ul.plain-list", ...now.refused.map((reason) => h("li", reason))),
     );
   }
 
   /** @param {import("../types.js").CapturedView} view */
   #item(view) {
-    const remove = h(
-      "button",
-      { class: "quiet", type: "button", "aria-label": `Remove view ${view.name}`, title: "Remove" },
-      icon("close"),
-    );
-    remove.addEventListener("click", () => void this.#change({ remove: view.name }));
+    const remove = button(icon("close"), () => this.#change({ remove: view.name }), {
+      class: "quiet",
+      "aria-label": `Remove view ${view.name}`,
+      title: "Remove",
+    });
     const path = `/api/calibrating/views/${encodeURIComponent(view.name)}`;
     const picture = view.picture ? h("img", { src: `${path}/left.jpg`, alt: "", width: 80 }) : null;
     const seen = view.left && view.right ? "" : view.left ? "left only" : "right only";
-    return h("li", {}, picture, h("span", {}, h("b", {}, view.name), " ", seen), remove);
+    return h("li", picture, h("span", h("b", view.name), " ", seen), remove);
   }
 
   async #end() {
     this.cancelled = true;
-    try {
+    await attempt(async () => {
       await request("POST", "/calibrating/cancel");
       notify("Computing was ended; the views stay.");
-    } catch (error) {
-      notifyError(error);
-    }
+    });
   }
 
   /** @param {Record<string, unknown>} change */
@@ -267,9 +235,8 @@ export class CaptureStep extends Part {
 function bar(words) {
   return h(
     "div",
-    {},
-    h("dt", {}, words),
-    h("dd", {}, h("meter", { min: 0, max: 1, value: 0, "aria-label": words })),
+    h("dt", words),
+    h("dd", h("meter", { min: 0, max: 1, value: 0, "aria-label": words })),
   );
 }
 

@@ -1,29 +1,25 @@
-/** Which camera is the left one: a person covers its lens, and the page says what went dark. */
+/** Check of the cameras' order: a person covers one lens, and the page says which image went dark. */
 
 import { request } from "../api.js";
-import { h, setText } from "../dom.js";
+import { button, h, setText } from "../dom.js";
 import { passFocus } from "../focus-place.js";
 import { notifyError } from "../notice.js";
 import { Part } from "../part.js";
 
 export class CoverQuestion extends Part {
-  #ask = h("button", { class: "button", type: "button" }, "Which camera is left?");
+  #ask = button("Which camera is left?", () => this.#change(true));
   #words = h("p", { role: "status" });
-  #swap = h(
-    "button",
-    { class: "button primary", type: "button", hidden: true },
-    "Swap left and right",
-  );
-  #done = h("button", { class: "button", type: "button", hidden: true }, "Done");
+  #swap = button("Swap left and right", () => this.#swapCameras(), {
+    class: "button primary",
+    hidden: true,
+  });
+  #done = button("Done", () => this.#change(false), { hidden: true });
 
   build() {
-    this.#ask.addEventListener("click", () => void this.#change(true));
-    this.#done.addEventListener("click", () => void this.#change(false));
-    this.#swap.addEventListener("click", () => void this.#swapCameras());
     this.append(
-      h("h3", {}, "Order of the cameras"),
+      h("h3", "Order of the cameras"),
       this.#words,
-      h("div", { class: "row" }, this.#ask, this.#swap, this.#done),
+      h("div.row", this.#ask, this.#swap, this.#done),
     );
     this.hear("status", () => this.#render());
   }

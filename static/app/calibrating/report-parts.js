@@ -1,54 +1,31 @@
-/** What a calibration's report says, as tables and charts; used while and after it is made. */
+/** Tables and charts of a calibration's report, shown while and after it is made. */
 
-import { h } from "../dom.js";
+import { h, svg, table, tableRow } from "../dom.js";
 import { fixed } from "../words.js";
 
 /** @typedef {{speed_mps: number, delay_s: number} | null} Detectable */
 /** @typedef {{distance_m: number, depth_m: number, depth_share: number, across: Detectable, towards: Detectable}} VerdictRow */
 /** @typedef {{name: string, used: boolean, reason: string | null, left_px: number | null, right_px: number | null}} ViewError */
 
-const SVG = "http://www.w3.org/2000/svg";
 const BAR_PX = 7;
 const HEIGHT = 96;
 
 /** @param {{rows: VerdictRow[], frame_rate: number}} verdict */
 export function verdictTable({ rows, frame_rate }) {
   return h(
-    "div",
-    { class: "scroll-x" },
-    h(
-      "table",
-      { class: "verdict-table" },
-      h(
-        "caption",
-        {},
-        `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`,
-      ),
-      h(
-        "thead",
-        {},
-        h(
-          "tr",
-          {},
-          ...["At", "Depth error", "Slowest seen across", "Slowest seen towards"].map((text) =>
-            h("th", { scope: "col" }, text),
-          ),
+    "div.scroll-x",
+    table(
+      "verdict-table",
+      ["At", "Depth error", "Slowest seen across", "Slowest seen towards"],
+      rows.map((row) =>
+        tableRow(
+          `${fixed(row.distance_m, 0)}\u00a0m`,
+          `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`,
+          detectable(row.across),
+          detectable(row.towards),
         ),
       ),
-      h(
-        "tbody",
-        {},
-        ...rows.map((row) =>
-          h(
-            "tr",
-            {},
-            h("th", { scope: "row" }, `${fixed(row.distance_m, 0)}\u00a0m`),
-            h("td", {}, `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`),
-            h("td", {}, detectable(row.across)),
-            h("td", {}, detectable(row.towards)),
-          ),
-        ),
-      ),
+      `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`,
     ),
   );
 }
@@ -65,51 +42,51 @@ export function viewChart(views) {
   // What was left out may be far off; it would make all others look alike.
   const most = Math.max(0.3, 1.3 * Math.max(0, ...used));
   const step = 2 * BAR_PX + 6;
-  const svg = element("svg", {
+  const largest = fixed(Math.max(0, ...used), 2);
+  const chart = svg("svg", {
     viewBox: `0 0 ${Math.max(views.length * step, 10 * step)} ${HEIGHT + 14}`,
     class: "view-chart",
     role: "img",
-    "aria-label": `Error of ${views.length} views, the largest used one ${fixed(Math.max(0, ...used), 2)} px`,
+    "aria-label": `Error of ${views.length} views, the largest used one ${largest} px`,
   });
   for (const [place, view] of views.entries()) {
-    const group = element("g", view.used ? {} : { class: "refused" });
-    const title = element("title", {});
-    title.textContent = `View ${view.name}: left ${fixed(view.left_px, 2)} px, right ${fixed(view.right_px, 2)} px${view.used ? "" : `; left out: ${view.reason ?? ""}`}`;
-    group.append(title);
-    for (const [side, px] of [view.left_px, view.right_px].entries()) {
+    const errors = `left ${fixed(view.left_px, 2)} px, right ${fixed(view.right_px, 2)} px`;
+    const out = view.used ? "" : `; left out: ${view.reason ?? ""}`;
+    const bars = [view.left_px, view.right_px].map((px, side) => {
       const height = Math.min(1, (px ?? 0) / most) * HEIGHT;
-      group.append(
-        element("rect", {
-          x: place * step + side * (BAR_PX + 1),
-          y: HEIGHT - height,
-          width: BAR_PX,
-          height,
-          class: side === 0 ? "left" : "right",
-        }),
-      );
-    }
-    const label = element("text", {
-      x: place * step + BAR_PX,
-      y: HEIGHT + 11,
-      "text-anchor": "middle",
+      return svg("rect", {
+        x: place * step + side * (BAR_PX + 1),
+        y: HEIGHT - height,
+        width: BAR_PX,
+        height,
+        class: side === 0 ? "left" : "right",
+      });
     });
-    label.textContent = view.name.slice(0, 4);
-    group.append(label);
-    svg.append(group);
+    chart.append(
+      svg(
+        "g",
+        { class: view.used ? null : "refused" },
+        svg("title", {}, `View ${view.name}: ${errors}${out}`),
+        ...bars,
+        svg(
+          "text",
+          { x: place * step + BAR_PX, y: HEIGHT + 11, "text-anchor": "middle" },
+          view.name.slice(0, 4),
+        ),
+      ),
+    );
   }
-  const line = element("line", { x1: 0, x2: "100%", y1: HEIGHT, y2: HEIGHT });
-  svg.append(line);
+  chart.append(svg("line", { x1: 0, x2: "100%", y1: HEIGHT, y2: HEIGHT }));
   // Numbers that cannot be read are of no use: on a phone the chart scrolls.
-  svg.style.minWidth = `${Math.max(views.length, 10) * step * 0.8}px`;
+  chart.style.minWidth = `${Math.max(views.length, 10) * step * 0.8}px`;
   const caption = h(
-    "figcaption",
-    { class: "hint" },
-    h("span", { class: "chart-key left" }),
+    "figcaption.hint",
+    h("span.chart-key.left"),
     "left and ",
-    h("span", { class: "chart-key right" }),
+    h("span.chart-key.right"),
     `right image of each view; the chart's height is ${fixed(most, 2)} px.`,
   );
-  return h("figure", {}, h("div", { class: "scroll-x" }, svg), caption);
+  return h("figure", h("div.scroll-x", chart), caption);
 }
 
 /** @param {number} metres */
@@ -122,11 +99,4 @@ function detectable(found) {
   return found
     ? `${fixed(found.speed_mps, 2)} m/s after ${fixed(found.delay_s, 1)} s`
     : "none in time";
-}
-
-/** @param {string} name @param {Record<string, string | number>} attributes */
-function element(name, attributes) {
-  const made = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
-  return made;
 }

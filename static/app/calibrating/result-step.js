@@ -1,12 +1,13 @@
 /** The third step: what came of the views, how good it is, and keeping it. */
 
-import { ApiError, request } from "../api.js";
+import { request } from "../api.js";
 import { paintPreview } from "../calibration-preview.js";
-import { h, setText } from "../dom.js";
+import { button, field, h, onSubmit, setText, textInput } from "../dom.js";
+import { figure } from "../figure-list.js";
 import { passFocus } from "../focus-place.js";
-import { notify, notifyError } from "../notice.js";
+import { attempt, attemptIn, notify } from "../notice.js";
 import { Part } from "../part.js";
-import { fixed } from "../words.js";
+import { counted, fixed } from "../words.js";
 import { verdictTable, viewChart } from "./report-parts.js";
 
 export class ResultStep extends Part {
@@ -17,44 +18,33 @@ export class ResultStep extends Part {
   /** Called once it is saved and in use. */
   saved = () => {};
 
-  #sentence = h("p", { class: "verdict big", role: "status" });
-  #warnings = h("ul", { class: "plain-list warnings" });
+  #sentence = h("p.verdict.big", { role: "status" });
+  #warnings = h("ul.plain-list.warnings");
   #verdict = h("div");
-  #figures = h("dl", { class: "figures" });
+  #figures = h("dl.figures");
   #chart = h("div");
-  #refused = h("ul", { class: "plain-list" });
+  #refused = h("ul.plain-list");
   #canvas = h("canvas", {
     width: 4,
     height: 1,
     role: "img",
     "aria-label": "The rectified pair, left and right, with level lines across both",
   });
-  #rows = h("p", { class: "verdict", role: "status" });
-  #name = h("input", {
-    type: "text",
-    id: "result-name",
-    maxlength: 100,
-    required: true,
-    autocomplete: "off",
-  });
-  #error = h("p", { class: "field-error", role: "alert" });
-  #use = h("button", { class: "button primary", type: "submit" }, "Save and use");
-  #keep = h("button", { class: "button", type: "button" }, "Save for later");
-  #again = h("button", { class: "button", type: "button" }, "Capture more");
-  #recompute = h("button", { class: "button", type: "button", hidden: true }, "Compute again");
-  #refresh = h("button", { class: "button", type: "button" }, "Newest pair");
+  #rows = h("p.verdict", { role: "status" });
+  #name = textInput("result-name", { maxlength: 100, required: true });
+  #error = h("p.field-error", { role: "alert" });
+  #use = h("button.button.primary", { type: "submit" }, "Save and use");
+  #keep = button("Save for later", () => this.#save(false));
+  #again = button("Capture more", () => this.again());
+  #recompute = button("Compute again", () => this.compute(), { hidden: true });
+  #refresh = button("Newest pair", () => this.#paint());
   #rectified = h(
-    "div",
-    { class: "stack" },
-    h("h3", {}, "Rectified"),
+    "div.stack",
+    h("h3", "Rectified"),
     this.#canvas,
-    h(
-      "p",
-      { class: "hint" },
-      "A point of the left image must lie on the same level line in the right one.",
-    ),
+    h("p.hint", "A point of the left image must lie on the same level line in the right one."),
     this.#rows,
-    h("div", { class: "row" }, this.#refresh),
+    h("div.row", this.#refresh),
   );
   #saving = false;
   #shown = false;
@@ -64,40 +54,30 @@ export class ResultStep extends Part {
 
   build() {
     const form = h(
-      "form",
-      { class: "stack" },
-      h("div", { class: "field" }, h("label", { for: "result-name" }, "Name"), this.#name),
+      "form.stack",
+      field("Name", this.#name),
       this.#error,
-      h("div", { class: "row" }, this.#use, this.#keep, this.#again),
+      h("div.row", this.#use, this.#keep, this.#again),
     );
     this.append(
       this.#sentence,
       this.#warnings,
       h(
-        "div",
-        { class: "result-columns" },
-        h("div", { class: "stack" }, h("h3", {}, "What to expect"), this.#verdict, this.#figures),
+        "div.result-columns",
+        h("div.stack", h("h3", "What to expect"), this.#verdict, this.#figures),
         h(
-          "div",
-          { class: "stack" },
-          h("h3", {}, "Error of each view"),
+          "div.stack",
+          h("h3", "Error of each view"),
           this.#chart,
           this.#refused,
-          h("div", { class: "row" }, this.#recompute),
+          h("div.row", this.#recompute),
         ),
       ),
       this.#rectified,
-      h("h3", {}, "Keep it"),
+      h("h3", "Keep it"),
       form,
     );
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#save(true);
-    });
-    this.#keep.addEventListener("click", () => void this.#save(false));
-    this.#again.addEventListener("click", () => this.again());
-    this.#recompute.addEventListener("click", () => this.compute());
-    this.#refresh.addEventListener("click", () => void this.#paint());
+    onSubmit(form, () => this.#save(true));
     this.hear("status", () => void this.#load());
   }
 
@@ -119,11 +99,7 @@ export class ResultStep extends Part {
     const same = !now || names === now.views.map((view) => view.name).join("|");
     if (same) passFocus(this.#recompute, this.#again);
     this.#recompute.hidden = same || !now.views.length;
-    if (!same)
-      setText(
-        this.#recompute,
-        `Compute again with ${now.views.length} ${now.views.length === 1 ? "view" : "views"}`,
-      );
+    if (!same) setText(this.#recompute, `Compute again with ${counted(now.views.length, "view")}`);
     if (!this.#shown || !names || names === this.#read) return;
     this.#read = names;
     const { report } = /** @type {{report: Record<string, any>}} */ (
@@ -141,7 +117,7 @@ export class ResultStep extends Part {
     this.#sentence.dataset.tone = verdict?.warnings.length ? "poor" : "good";
     setText(this.#sentence, verdict?.sentence ?? "");
     this.#warnings.replaceChildren(
-      ...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", {}, text)),
+      ...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", text)),
     );
     this.#verdict.replaceChildren(verdict ? verdictTable(verdict) : "");
     /** @type {[string, string][]} */
@@ -172,11 +148,7 @@ export class ResultStep extends Part {
       ["Vergence", `± ${fixed(uncertainty.vergence_deg, 3)}°`],
       ["Views", `${report.pairs} pairs`],
     ];
-    this.#figures.replaceChildren(
-      ...facts.map(([term, value]) =>
-        h("div", {}, h("dt", {}, term), h("dd", { class: "figure" }, value)),
-      ),
-    );
+    this.#figures.replaceChildren(...facts.map(([term, text]) => figure({ term, text })));
     this.#chart.replaceChildren(viewChart(report.views));
     const bad = report.views.filter((/** @type {{used: boolean}} */ view) => !view.used);
     this.#refused.replaceChildren(
@@ -188,20 +160,16 @@ export class ResultStep extends Part {
 
   /** @param {{name: string, reason: string | null}} view @param {Set<string>} present */
   #badView(view, present) {
-    const remove = h("button", { type: "button", class: "button" }, `Remove view ${view.name}`);
-    remove.addEventListener("click", async () => {
-      try {
+    const remove = button(`Remove view ${view.name}`, async () => {
+      await attempt(async () => {
         await request("PATCH", "/calibrating", { remove: view.name });
         passFocus(remove, this.#again);
         remove.replaceWith("Removed.");
-      } catch (error) {
-        notifyError(error);
-      }
+      });
     });
     return h(
-      "li",
-      { class: "row" },
-      h("span", {}, `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`),
+      "li.row",
+      h("span", `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`),
       present.has(view.name) ? remove : null,
     );
   }
@@ -224,19 +192,18 @@ export class ResultStep extends Part {
     const before = button.textContent ?? "";
     setText(button, activate ? "Saving and opening…" : "Saving…");
     try {
-      /** @type {import("../types.js").Calibration} */
-      const saved = await request("POST", "/calibrating/save", {
-        name: this.#name.value.trim(),
-        activate,
+      await attemptIn(this.#error, async () => {
+        /** @type {import("../types.js").Calibration} */
+        const saved = await request("POST", "/calibrating/save", {
+          name: this.#name.value.trim(),
+          activate,
+        });
+        notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
+        this.hub.tell("calibrations");
+        if (!activate) return;
+        this.#read = this.#name.value = "";
+        this.saved();
       });
-      notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
-      this.hub.tell("calibrations");
-      if (!activate) return;
-      this.#read = this.#name.value = "";
-      this.saved();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
     } finally {
       this.#saving = false;
       setText(button, before);

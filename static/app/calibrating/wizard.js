@@ -1,9 +1,11 @@
 /** Making a calibration, step by step: a board, its views, what came of them. */
 
-import { ApiError, request } from "../api.js";
-import { h, setAttribute, setText } from "../dom.js";
-import { confirmed, notify, notifyError } from "../notice.js";
+import { request } from "../api.js";
+import { button, h, setAttribute, setText } from "../dom.js";
+import { giveBackFocus } from "../focus-place.js";
+import { attempt, confirmed, notify } from "../notice.js";
 import { Part } from "../part.js";
+import { counted } from "../words.js";
 import { BoardStep } from "./board-step.js";
 import { CaptureStep } from "./capture-step.js";
 import { ResultStep } from "./result-step.js";
@@ -20,12 +22,9 @@ const STEPS = [
 /** Takes the place of the scene and the live views while something is calibrated. */
 class CalibrationWizard extends Part {
   #steps = new Map(
-    STEPS.map(([step, text]) => [
-      step,
-      h("button", { type: "button", class: "wizard-step" }, text),
-    ]),
+    STEPS.map(([step, text]) => [step, button(text, null, { class: "wizard-step" })]),
   );
-  #close = h("button", { class: "button", type: "button" }, "Leave");
+  #close = button("Leave", () => this.#leave());
   #title = h("h2", { tabindex: "-1", id: "wizard-title" }, "Calibrate");
   #board = new BoardStep();
   #views = new CaptureStep();
@@ -34,7 +33,7 @@ class CalibrationWizard extends Part {
   #step = null;
   #computed = "";
   #computing = false;
-  /** What had the focus when the wizard was called. @type {Element | null} */
+  /** The element that had the focus when the wizard was called. @type {Element | null} */
   #caller = null;
 
   build() {
@@ -54,16 +53,14 @@ class CalibrationWizard extends Part {
     for (const [step, button] of this.#steps)
       button.addEventListener("click", () => this.#go(step));
     for (const part of [this.#board, this.#views, this.#result]) part.attach(this.hub);
-    this.#close.addEventListener("click", () => void this.#leave());
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "wizard-title");
     const steps = h(
-      "ol",
-      { class: "wizard-steps" },
-      ...[...this.#steps.values()].map((button) => h("li", {}, button)),
+      "ol.wizard-steps",
+      ...[...this.#steps.values()].map((button) => h("li", button)),
     );
     this.append(
-      h("header", { class: "wizard-head" }, this.#title, steps, this.#close),
+      h("header.wizard-head", this.#title, steps, this.#close),
       this.#board,
       this.#views,
       this.#result,
@@ -76,7 +73,7 @@ class CalibrationWizard extends Part {
     this.#render();
   }
 
-  /** What is calibrated may have been begun, or ended, by another page. */
+  /** Follow a calibration that another page may have begun or ended. */
   #follow() {
     const { calibrating } = this.hub.status ?? {};
     if (calibrating && this.#step === null) this.#go("views", false);
@@ -109,18 +106,7 @@ class CalibrationWizard extends Part {
     if (!moved || away) return;
     // The keyboard goes on where the eye does.
     if (step !== null) this.#title.focus();
-    else this.#giveBack();
-  }
-
-  /** Focus returns to what called the wizard, or to the side panel's tab. */
-  #giveBack() {
-    const caller = this.#caller;
-    this.#caller = null;
-    const there =
-      caller instanceof HTMLElement && caller !== document.body && caller.checkVisibility();
-    const tab = document.querySelector('[role="tab"][aria-selected="true"]');
-    const next = there ? caller : tab;
-    if (next instanceof HTMLElement) next.focus();
+    else giveBackFocus(this.#caller);
   }
 
   async #saved() {
@@ -150,11 +136,7 @@ class CalibrationWizard extends Part {
 
   async #compute() {
     this.#views.cancelled = false;
-    try {
-      await request("POST", "/calibrating/compute", this.#board.computation());
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() => request("POST", "/calibrating/compute", this.#board.computation()));
   }
 
   async #leave() {
@@ -162,16 +144,13 @@ class CalibrationWizard extends Part {
     if (!calibrating) return this.#go(null);
     const views = calibrating.views.length;
     const question = "Leave without saving?";
-    const consequence = `${views} captured view${views === 1 ? "" : "s"} and what was computed of them would be forgotten.`;
+    const consequence = `${counted(views, "captured view")} and what was computed of them would be forgotten.`;
     if (views > 0 && !(await confirmed(question, consequence, "Leave"))) return;
-    try {
+    await attempt(async () => {
       this.hub.takeStatus(await request("DELETE", "/calibrating"));
       notify("Calibrating ended; nothing was changed.");
       this.#go(null);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      notifyError(error);
-    }
+    });
   }
 }
 

@@ -22,12 +22,12 @@ export class DriveLink extends EventTarget {
   connection = "closed";
   /** @type {import("./types.js").LinkWord | null} */
   quality = null;
-  /** What went out for the newest command. @type {Map<Role, SentReply>} */
+  /** Velocities sent for the newest command. @type {Map<Role, SentReply>} */
   sent = new Map();
-  /** Why the newest command was not taken. */
+  /** The reason why the newest command was not taken. */
   refusal = "";
 
-  /** What the server calls this operator; empty until it is connected. */
+  /** The server's name for this operator; empty until it is connected. */
   operator = "";
 
   #sequence = 0;
@@ -38,7 +38,7 @@ export class DriveLink extends EventTarget {
     state: (state) => this.#connectionChanged(state),
   });
 
-  /** What this operator wants to be called; counts from the next connection on. */
+  /** This operator's own name; used from the next connection on. */
   get name() {
     return localStorage.getItem(NAME_KEY) ?? "";
   }

@@ -20,30 +20,29 @@ const LINKS = { good: "Link good", slow: "Link slow", lost: "Link lost" };
 const LINK_CHIPS = { good: "running", slow: "connecting", lost: "failed" };
 
 export class DrivePad extends Part {
-  #knob = h("span", { class: "pad-knob", "aria-hidden": "true" });
+  #knob = h("span.pad-knob", { "aria-hidden": "true" });
   #pad = h(
-    "div",
+    "div.drive-pad",
     {
-      class: "drive-pad",
       tabindex: "0",
       role: "application",
       "aria-labelledby": "pad-name",
       "aria-describedby": "pad-help pad-state",
     },
-    h("span", { class: "pad-cross", "aria-hidden": "true" }),
+    h("span.pad-cross", { "aria-hidden": "true" }),
     this.#knob,
   );
   #ring = new SonarRing();
-  #sonar = h("p", { class: "hint figure" });
-  #state = h("p", { class: "pad-state", id: "pad-state", role: "status" });
+  #sonar = h("p.hint.figure");
+  #state = h("p.pad-state", { id: "pad-state", role: "status" });
   #share = h("input", { type: "range", id: "drive-share", min: "5", max: "100", step: "5" });
-  #fastest = h("span", { class: "figure" });
-  #sent = h("p", { class: "figure drive-sent" });
-  #limit = h("p", { class: "drive-limit" });
-  #link = h("span", { class: "state-chip" });
-  #delay = h("span", { class: "hint figure" });
-  #guard = h("p", { class: "guard-words" });
-  #guardNumbers = h("p", { class: "hint figure" });
+  #fastest = h("span.figure");
+  #sent = h("p.figure.drive-sent");
+  #limit = h("p.drive-limit");
+  #link = h("span.state-chip");
+  #delay = h("span.hint.figure");
+  #guard = h("p.guard-words");
+  #guardNumbers = h("p.hint.figure");
   /** The pointer that holds the pad. @type {number | null} */
   #pointer = null;
 
@@ -52,31 +51,24 @@ export class DrivePad extends Part {
     this.append(
       h("h3", { id: "pad-name" }, "Drive by hand"),
       h(
-        "div",
-        { class: "pad-row" },
-        h(
-          "div",
-          { class: "pad-cell" },
-          this.#pad,
-          h("p", { class: "hint" }, "Press, hold and drag"),
-        ),
-        h("div", { class: "pad-cell" }, this.#ring.element, this.#sonar),
+        "div.pad-row",
+        h("div.pad-cell", this.#pad, h("p.hint", "Press, hold and drag")),
+        h("div.pad-cell", this.#ring.element, this.#sonar),
       ),
       this.#state,
       h(
-        "div",
-        { class: "field" },
+        "div.field",
         h("label", { for: "drive-share" }, "Speed at full deflection ", this.#fastest),
         this.#share,
       ),
       this.#sent,
       this.#limit,
-      h("div", { class: "row" }, this.#link, this.#delay),
+      h("div.row", this.#link, this.#delay),
       this.#guard,
       this.#guardNumbers,
       h(
-        "p",
-        { class: "hint", id: "pad-help" },
+        "p.hint",
+        { id: "pad-help" },
         "It moves only while you hold: the pad, W A S D or the arrow keys, or a gamepad's shoulder button and left stick. Let go, and it stops. While a robot is armed, Space and Esc stop everything, also where you type.",
       ),
     );

@@ -23,10 +23,10 @@ const KEY = "dynamic-observer.driving";
 export class Driver extends EventTarget {
   link = new DriveLink();
   hold = new Hold();
-  /** What the server knows, and whether it still tells. */
+  /** The server's state, and the state of the connection to it. */
   #hub;
   #ticked = performance.now();
-  /** Why what was held last came to count for nothing, until something is pressed again. */
+  /** The reason why the last hold was barred, until something is pressed again. */
   note = "";
   /** @type {{role: Role, share: number}} */
   #choice = remembered();
@@ -50,7 +50,7 @@ export class Driver extends EventTarget {
       window.addEventListener(type, () => this.hold.forget());
   }
 
-  /** Which robot is driven by hand. */
+  /** The robot that is driven by hand. */
   get role() {
     return this.#choice.role;
   }
@@ -61,7 +61,7 @@ export class Driver extends EventTarget {
     this.#choose({ role, share: this.share });
   }
 
-  /** Of the largest permitted speed, 0 to 1. */
+  /** Share of the largest permitted speed, 0 to 1. */
   get share() {
     return this.#choice.share;
   }
@@ -75,7 +75,7 @@ export class Driver extends EventTarget {
     return this.#hub.robots?.robots?.[role] ?? null;
   }
 
-  /** Whether a robot is armed, by the newest that is known. */
+  /** True while a robot is armed, by the newest message. */
   get anyArmed() {
     return ROLES.some((role) => isArmed(this.robot(role)));
   }
@@ -93,7 +93,7 @@ export class Driver extends EventTarget {
     };
   }
 
-  /** Why holding something would not move the chosen robot; empty where it would. */
+  /** The reason why holding something would not move the chosen robot; empty where it would. */
   get hindrance() {
     const robot = this.robot();
     const { robots, connection } = this.#hub;
@@ -170,7 +170,7 @@ export class Driver extends EventTarget {
     }
   }
 
-  /** What is held counts no longer, by no will of whoever holds it. @param {string} why */
+  /** Bar the hold although its holder did not let go. @param {string} why */
   #bar(why) {
     if (!this.hold.counts) return;
     this.note = why;

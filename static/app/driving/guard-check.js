@@ -1,12 +1,21 @@
 /** The guided check: what to do at each step, what was measured, and the records of earlier ones. */
 
 import { request } from "../api.js";
-import { field, h, icon, setAttribute, setText } from "../dom.js";
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  onSubmit,
+  setAttribute,
+  setText,
+  textInput,
+} from "../dom.js";
 import { KeptList, passFocus } from "../focus-place.js";
-import { confirmed } from "../notice.js";
+import { confirmed, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
 import { fixed, sentence, when } from "../words.js";
-import { oneAtATime } from "./one-at-a-time.js";
 import { ROLE_WORDS, stopInWords } from "./robot-words.js";
 
 /** @typedef {import("./types.js").Check} Check */
@@ -25,42 +34,38 @@ const STATES = {
 };
 
 class GuardCheck extends Part {
-  #whole = h("details", {}, h("summary", {}, "Check the guard"));
+  #whole = details("Check the guard");
   #what = h(
-    "p",
-    { class: "hint" },
+    "p.hint",
     "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server.",
   );
-  #advice = h("p", { class: "check-advice" });
-  #note = h("input", { type: "text", id: "check-note", maxlength: "500", autocomplete: "off" });
-  #start = h("button", { type: "submit", class: "button primary" }, "Start check");
-  #form = h(
-    "form",
-    { class: "stack" },
-    field("Note for the record", this.#note),
-    h("div", { class: "row" }, this.#start),
+  #advice = h("p.check-advice");
+  #note = textInput("check-note", { maxlength: "500" });
+  #start = h("button.button.primary", { type: "submit" }, "Start check");
+  #form = h("form.stack", field("Note for the record", this.#note), h("div.row", this.#start));
+  #title = h("p.figure");
+  #instruction = h("p.check-instruction", { role: "status" });
+  #told = h("p.check-told", { role: "status" });
+  #skip = button("Skip step", () =>
+    this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })),
   );
-  #title = h("p", { class: "figure" });
-  #instruction = h("p", { class: "check-instruction", role: "status" });
-  #told = h("p", { class: "check-told", role: "status" });
-  #skip = h("button", { type: "button", class: "button" }, "Skip step");
-  #giveUp = h("button", { type: "button", class: "button" }, "Give up");
+  #giveUp = button("Give up", () => this.#do(() => this.#leave()));
   #now = h(
-    "div",
-    { class: "check-now", hidden: true },
+    "div.check-now",
+    { hidden: true },
     this.#title,
     this.#instruction,
     this.#told,
-    h("div", { class: "row" }, this.#skip, this.#giveUp),
+    h("div.row", this.#skip, this.#giveUp),
   );
   #outcome = h("p", { role: "status" });
-  #trouble = h("p", { class: "robot-trouble", role: "alert", hidden: true });
-  #keep = h("button", { type: "button", class: "button", hidden: true }, "Keep the record");
-  #stepList = h("ul", { class: "item-list check-steps", "aria-label": "Steps of the check" });
+  #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
+  #keep = button("Keep the record", () => this.#do(() => this.#end()), { hidden: true });
+  #stepList = h("ul.item-list.check-steps", { "aria-label": "Steps of the check" });
   #steps = new KeptList(this.#stepList, (/** @type {CheckStep} */ step) => stepItem(step));
-  #recordList = h("ul", { class: "item-list check-records", "aria-label": "Records of checks" });
+  #recordList = h("ul.item-list.check-records", { "aria-label": "Records of checks" });
   #records = new KeptList(this.#recordList, (/** @type {CheckEntry} */ entry) => recordItem(entry));
-  #none = h("p", { class: "empty" }, "No check is kept yet.");
+  #none = h("p.empty", "No check is kept yet.");
   #earlier = h("div");
   #do = oneAtATime(() => {
     this.#loaded = "";
@@ -81,18 +86,9 @@ class GuardCheck extends Part {
       this.#stepList,
       this.#earlier,
     );
-    this.#earlier.append(h("h4", {}, "Earlier checks"), this.#none, this.#recordList);
+    this.#earlier.append(h("h4", "Earlier checks"), this.#none, this.#recordList);
     this.append(this.#whole);
-    this.#form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#do(() => this.#begin());
-    });
-    this.#skip.addEventListener(
-      "click",
-      () => void this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })),
-    );
-    this.#giveUp.addEventListener("click", () => void this.#do(() => this.#leave()));
-    this.#keep.addEventListener("click", () => void this.#do(() => this.#end()));
+    onSubmit(this.#form, () => this.#do(() => this.#begin()));
     this.#whole.addEventListener("toggle", () => this.#render());
     this.hear("robots", () => this.#render());
     this.hear("change", () => this.#render(), this.hub.driver);
@@ -103,7 +99,7 @@ class GuardCheck extends Part {
     this.#render();
   }
 
-  /** What others read of who asks; null where nobody gave a name. */
+  /** The name that others read; null where none was given. */
   get #own() {
     return this.hub.driver.link.name || null;
   }
@@ -202,7 +198,7 @@ class GuardCheck extends Part {
 
 /** @param {string} state */
 function chip(state) {
-  const element = h("span", { class: "state-chip" }, STATES[state] ?? state);
+  const element = h("span.state-chip", STATES[state] ?? state);
   // To do is nothing to be warned of.
   setAttribute(element, "data-state", state === "waiting" ? "none" : state);
   return element;
@@ -213,15 +209,13 @@ function stepItem({ title, state, figures, verdict, sentence: why, skipped_by })
   const words = figures ? `From ${fixed(figures.speed_mps, 2)} m/s: ${stopInWords(figures)}.` : "";
   return h(
     "li",
-    {},
     h(
-      "div",
-      { class: "item-words" },
-      h("p", {}, h("b", {}, title), " ", chip(state)),
-      words ? h("p", { class: "figure" }, words) : null,
-      verdict ? h("p", { class: "hint" }, sentence(verdict)) : null,
-      why ? h("p", { class: "hint" }, sentence(why)) : null,
-      skipped_by ? h("p", { class: "hint" }, `Skipped by ${skipped_by}`) : null,
+      "div.item-words",
+      h("p", h("b", title), " ", chip(state)),
+      words ? h("p.figure", words) : null,
+      verdict ? h("p.hint", sentence(verdict)) : null,
+      why ? h("p.hint", sentence(why)) : null,
+      skipped_by ? h("p.hint", `Skipped by ${skipped_by}`) : null,
     ),
   );
 }
@@ -232,20 +226,16 @@ function recordItem({ name, role, started_at, outcome, note }) {
   const at = when(started_at);
   return h(
     "li",
-    {},
     h(
-      "div",
-      { class: "item-words" },
-      h("p", {}, h("b", {}, at), " ", chip(outcome)),
-      h("p", { class: "hint" }, [ROLE_WORDS[role], note].filter(Boolean).join(" · ")),
+      "div.item-words",
+      h("p", h("b", at), " ", chip(outcome)),
+      h("p.hint", [ROLE_WORDS[role], note].filter(Boolean).join(" · ")),
     ),
     h(
-      "div",
-      { class: "row" },
+      "div.row",
       h(
-        "a",
+        "a.button",
         {
-          class: "button",
           href: `${path}?format=markdown`,
           download: `${name}.md`,
           "aria-label": `Check of ${at} to read`,
@@ -254,9 +244,8 @@ function recordItem({ name, role, started_at, outcome, note }) {
         "Text",
       ),
       h(
-        "a",
+        "a.button",
         {
-          class: "button",
           href: path,
           download: `${name}.json`,
           "aria-label": `Check of ${at} as JSON`,

@@ -1,7 +1,7 @@
-/** What a person holds at this moment: pad, keys, gamepad. No timer, no socket here. */
+/** The controls that a person holds: pad, keys, gamepad. No timer, no socket here. */
 
 /**
- * How far something is deflected, each from -1 to 1.
+ * Deflection of a control, each axis from -1 to 1.
  *
  * @typedef {object} Deflection
  * @property {number} forward
@@ -13,7 +13,7 @@
 // Of the way from the middle: nearer to it something is held, but moves nothing.
 const STILL = 0.12;
 
-/** How far something is deflected beyond the still place around its middle. @param {number} axis */
+/** Return the deflection beyond the dead zone around the middle. @param {number} axis */
 export function beyondStill(axis) {
   const size = Math.min(1, Math.abs(axis));
   return size < STILL ? 0 : (Math.sign(axis) * (size - STILL)) / (1 - STILL);
@@ -29,10 +29,10 @@ export function beyondStill(axis) {
 export class Hold extends EventTarget {
   /** @type {Map<Holder, Deflection>} */
   #held = new Map();
-  /** Why what is held counts for nothing until all of it is let go. */
+  /** The reason why the hold is barred until all of it is let go; empty while it counts. */
   barred = "";
 
-  /** Whether it is held and counts. */
+  /** True while something is held and counts. */
   get counts() {
     return this.#held.size > 0 && !this.barred;
   }
@@ -41,7 +41,7 @@ export class Hold extends EventTarget {
     return this.#held.size > 0;
   }
 
-  /** Of what was pressed last; null where nothing is held or it counts for nothing. */
+  /** Deflection of the newest holder; null where nothing is held or the hold is barred. */
   get deflection() {
     return this.counts ? ([...this.#held.values()].at(-1) ?? null) : null;
   }

@@ -1,10 +1,9 @@
-/** Where a role's robot is reached, and as which model it is driven. */
+/** Port and model of a role's robot. */
 
 import { ApiError, request } from "../api.js";
-import { field, h, setAttribute, setText } from "../dom.js";
-import { notify } from "../notice.js";
+import { button, field, h, onSubmit, select, setAttribute, setText, textInput } from "../dom.js";
+import { notify, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
-import { oneAtATime } from "./one-at-a-time.js";
 
 /** @typedef {import("./types.js").Role} Role */
 
@@ -24,39 +23,32 @@ const ELSEWHERE = [
 /** @typedef {{path: string, by_id: string | null, description: string | null, usable: boolean, trouble: string | null}} SerialPort */
 
 export class PortForm extends Part {
-  #port = h("input", {
-    type: "text",
-    id: "robot-port",
+  #port = textInput("robot-port", {
     list: "robot-ports",
-    autocomplete: "off",
     spellcheck: "false",
     required: true,
     "aria-describedby": "robot-port-error",
   });
   #ports = h("datalist", { id: "robot-ports" });
-  #found = h("p", { class: "hint", role: "status" });
-  #troubles = h("ul", { class: "plain-list warnings" });
-  #again = h("button", { type: "button", class: "button" }, "Look for ports");
-  #model = h(
-    "select",
-    { id: "robot-model" },
-    ...MODELS.map(([value, words]) => h("option", { value }, words ?? "")),
-  );
-  #error = h("p", { class: "field-error", role: "alert", id: "robot-port-error" });
-  #connect = h("button", { type: "submit", class: "button primary" }, "Connect");
-  #forget = h("button", { type: "button", class: "button" }, "Forget");
-  #own = h("p", { class: "hint" });
+  #found = h("p.hint", { role: "status" });
+  #troubles = h("ul.plain-list.warnings");
+  #again = button("Look for ports", () => this.#look());
+  #model = select({ id: "robot-model" }, MODELS);
+  #error = h("p.field-error", { role: "alert", id: "robot-port-error" });
+  #connect = h("button.button.primary", { type: "submit" }, "Connect");
+  #forget = button("Forget", () => this.#do(() => this.#drop()));
+  #own = h("p.hint");
   /** @type {Role} */
   #role = "observer";
   #shown = "";
-  /** Whether it holds something that is not in use yet. */
+  /** True while the form holds something that is not in use yet. */
   #changed = false;
   #do = oneAtATime();
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       field(
         "Port",
         this.#port,
@@ -67,19 +59,14 @@ export class PortForm extends Part {
       this.#troubles,
       field("Model", this.#model),
       this.#error,
-      h("div", { class: "row" }, this.#connect, this.#forget, this.#again),
+      h("div.row", this.#connect, this.#forget, this.#again),
       this.#own,
     );
     this.append(form);
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#save();
-    });
+    onSubmit(form, () => this.#save());
     form.addEventListener("input", () => {
       this.#changed = true;
     });
-    this.#forget.addEventListener("click", () => void this.#do(() => this.#drop()));
-    this.#again.addEventListener("click", () => void this.#look());
     this.hear("reconnected", () => void this.#look());
     this.hear("change", () => this.#render(), this.hub.driver);
     this.hear("robots", () => this.#render());
@@ -105,7 +92,7 @@ export class PortForm extends Part {
           : `On the server's machine: ${ports.map(wordsOf).join("; ")}.`,
     );
     this.#troubles.replaceChildren(
-      ...ports.flatMap(({ trouble }) => (trouble ? [h("li", {}, trouble)] : [])),
+      ...ports.flatMap(({ trouble }) => (trouble ? [h("li", trouble)] : [])),
     );
   }
 

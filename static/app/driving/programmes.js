@@ -1,12 +1,11 @@
 /** Programmes: timed velocities that are played while their operator stays present. */
 
-import { ApiError, request } from "../api.js";
-import { field, h, icon, setText } from "../dom.js";
+import { request } from "../api.js";
+import { button, details, field, h, icon, iconButton, onSubmit, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
-import { confirmed, notify } from "../notice.js";
+import { attemptIn, confirmed, notify, oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
-import { oneAtATime } from "./one-at-a-time.js";
 import { clock, incidentInWords, lastsInWords, ROLE_WORDS } from "./robot-words.js";
 import { isArmed } from "./types.js";
 
@@ -16,9 +15,9 @@ import { isArmed } from "./types.js";
 class Programmes extends Part {
   /** @type {ProgrammeEntry[]} */
   #programmes = [];
-  #list = h("ul", { class: "item-list" });
+  #list = h("ul.item-list");
   #kept = new KeptList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
-  #empty = h("p", { class: "empty" }, "No programme could be read.");
+  #empty = h("p.empty", "No programme could be read.");
   #repeat = h("input", {
     type: "number",
     id: "programme-repeat",
@@ -28,10 +27,12 @@ class Programmes extends Part {
     value: "1",
   });
   #reverse = h("input", { type: "checkbox", id: "programme-reverse" });
-  #running = h("div", { class: "programme-running", hidden: true });
-  #words = h("p", { class: "figure" });
+  #running = h("div.programme-running", { hidden: true });
+  #words = h("p.figure");
   #progress = h("progress", { max: "1", value: "0", "aria-label": "How far the programme is" });
-  #stop = h("button", { type: "button", class: "button" }, icon("stop"), "Stop programme");
+  #stop = button([icon("stop"), "Stop programme"], () =>
+    this.#do(() => request("DELETE", "/robots/programme")),
+  );
   #text = h("textarea", {
     id: "programme-text",
     rows: "8",
@@ -39,20 +40,20 @@ class Programmes extends Part {
     "aria-describedby": "programme-error",
   });
   #file = h("input", { type: "file", id: "programme-file", accept: ".yaml,.yml,text/yaml" });
-  #error = h("p", { class: "field-error", id: "programme-error", role: "alert" });
-  #own = h("details", {}, h("summary", {}, "A programme of your own"));
-  /** How one ended before its time; empty where none did. */
-  #ended = h("p", { class: "programme-ended", role: "status", hidden: true });
+  #error = h("p.field-error", { id: "programme-error", role: "alert" });
+  #own = details("A programme of your own");
+  /** The reason why a programme ended early; empty where none did. */
+  #ended = h("p.programme-ended", { role: "status", hidden: true });
   #runs = false;
-  /** When the last one had ended early as the newest began. */
+  /** Time of the last early end as the newest programme began. */
   #endedBefore = "";
   #do = oneAtATime();
   #loaded = false;
 
   build() {
     const form = h(
-      "form",
-      { class: "stack", novalidate: true },
+      "form.stack",
+      { novalidate: true },
       field("Take it from a file", this.#file),
       field(
         "YAML",
@@ -60,43 +61,30 @@ class Programmes extends Part {
         "Name, title, and for each role steps with seconds, speed_mps and turn_rate_radps. “Copy” beside a programme puts its text here.",
       ),
       this.#error,
-      h(
-        "div",
-        { class: "row" },
-        h("button", { type: "submit", class: "button primary" }, "Keep programme"),
-      ),
+      h("div.row", h("button.button.primary", { type: "submit" }, "Keep programme")),
     );
     this.#own.append(form);
     this.#running.append(this.#words, this.#progress, this.#stop);
     this.append(
-      h("h3", {}, "Programmes"),
+      h("h3", "Programmes"),
       h(
-        "p",
-        { class: "hint" },
+        "p.hint",
         "They go on as long as this page is open and in sight, every robot in them armed by you.",
       ),
       this.#running,
       this.#ended,
       h(
-        "div",
-        { class: "row" },
+        "div.row",
         h("label", { for: "programme-repeat" }, "Repeat"),
         this.#repeat,
-        h("label", { class: "check", for: "programme-reverse" }, this.#reverse, "Both directions"),
+        h("label.check", { for: "programme-reverse" }, this.#reverse, "Both directions"),
       ),
       this.#empty,
       this.#list,
       this.#own,
     );
-    this.#stop.addEventListener(
-      "click",
-      () => void this.#do(() => request("DELETE", "/robots/programme")),
-    );
     this.#file.addEventListener("change", () => void this.#readFile());
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#keep();
-    });
+    onSubmit(form, () => this.#keep());
     this.hear("robots", () => {
       this.#tellEnd();
       this.#render();
@@ -164,7 +152,7 @@ class Programmes extends Part {
     }
   }
 
-  /** What must be done before it can be started. @param {ProgrammeEntry} entry */
+  /** Say what must be done before it can be started. @param {ProgrammeEntry} entry */
   #missing({ roles }) {
     const { driver, robots } = this.hub;
     if (robots?.stopped) return "Everything is stopped: reset it first.";
@@ -181,52 +169,33 @@ class Programmes extends Part {
   /** @param {ProgrammeEntry} entry */
   #item(entry) {
     const { name, title, help, roles, duration_s, own } = entry;
-    const start = h(
-      "button",
-      { type: "button", class: "button start", "aria-label": `Start ${title}` },
-      icon("play"),
-      "Start",
-    );
-    start.addEventListener("click", () => void this.#do(() => this.#begin(entry)));
-    const copy = h(
-      "button",
-      {
-        type: "button",
-        class: "button",
-        "aria-label": `Copy ${title}`,
-        title: "Copy its text into the field below",
-      },
-      "Copy",
-    );
-    copy.addEventListener("click", () => void this.#do(() => this.#copy(name)));
+    const start = button([icon("play"), "Start"], () => this.#do(() => this.#begin(entry)), {
+      class: "button start",
+      "aria-label": `Start ${title}`,
+    });
+    const copy = button("Copy", () => this.#do(() => this.#copy(name)), {
+      "aria-label": `Copy ${title}`,
+      title: "Copy its text into the field below",
+    });
     const buttons = [start, copy];
     if (own) {
-      const remove = h(
-        "button",
-        {
-          type: "button",
-          class: "button icon-button",
-          "aria-label": `Delete ${title}`,
-          title: "Delete",
-        },
-        icon("trash"),
-      );
-      remove.addEventListener("click", () => void this.#remove(entry));
+      const remove = iconButton("trash", `Delete ${title}`, () => this.#remove(entry), {
+        title: "Delete",
+      });
       buttons.push(remove);
     }
     const who = roles.map((role) => ROLE_WORDS[role]).join(" and ");
     return h(
-      "li",
-      { class: "programme", "data-programme": name },
+      "li.programme",
+      { "data-programme": name },
       h(
-        "div",
-        { class: "item-words" },
-        h("p", {}, h("b", {}, title)),
-        h("p", { class: "hint figure" }, `${who} · ${lastsInWords(duration_s)}`),
-        help ? h("p", { class: "hint" }, help) : null,
-        h("p", { class: "missing" }),
+        "div.item-words",
+        h("p", h("b", title)),
+        h("p.hint.figure", `${who} · ${lastsInWords(duration_s)}`),
+        help ? h("p.hint", help) : null,
+        h("p.missing"),
       ),
-      h("div", { class: "row" }, ...buttons),
+      h("div.row", ...buttons),
     );
   }
 
@@ -261,15 +230,12 @@ class Programmes extends Part {
 
   async #keep() {
     setText(this.#error, "");
-    try {
+    await attemptIn(this.#error, async () => {
       await request("POST", "/programmes", { text: this.#text.value });
       this.#file.value = "";
       notify("The programme is kept.");
       await this.#load();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
-    }
+    });
   }
 
   /** @param {ProgrammeEntry} entry */

@@ -26,7 +26,7 @@ export function stateInWords(robot) {
 }
 
 /**
- * Why a robot stands, one sentence.
+ * Say in one sentence why a robot stands.
  *
  * @param {Role} role
  * @param {RobotFacts | null} robot
@@ -51,7 +51,7 @@ export function standsBecause(role, robot, facts, ours) {
   return "Its motors are off: arm it to drive.";
 }
 
-/** Why there is no robot. @param {Role} role @param {DrivingFacts | null} facts */
+/** Say why there is no robot. @param {Role} role @param {DrivingFacts | null} facts */
 function lackBecause(role, facts) {
   const trouble = facts?.process?.trouble ?? facts?.trouble?.[role];
   if (!facts) return "Waiting for word of the robots.";

@@ -1,12 +1,13 @@
 /** Both robots: how they are, who drives them, and driving the chosen one. */
 
 import { request } from "../api.js";
-import { field, fillList, h, setAttribute, setText } from "../dom.js";
+import { button, details, field, fillList, h, setAttribute, setText } from "../dom.js";
+import { fillFigures } from "../figure-list.js";
 import { passFocus } from "../focus-place.js";
+import { oneAtATime } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
 import { DrivePad } from "./drive-pad.js";
-import { oneAtATime } from "./one-at-a-time.js";
 import { PortForm } from "./port-form.js";
 import {
   batteryInWords,
@@ -23,28 +24,26 @@ import { isArmed, ROLES } from "./types.js";
 
 class RobotsPanel extends Part {
   #cards = new Map(ROLES.map((role) => [role, makeCard(role)]));
-  #why = h("p", { class: "robot-why", role: "status" });
-  #arm = h("button", { type: "button", class: "button primary" }, "Arm");
-  #disarm = h("button", { type: "button", class: "button" }, "Disarm");
-  #takeOver = h("button", { type: "button", class: "button" }, "Take over");
-  #giveBack = h(
-    "button",
-    { type: "button", class: "button", title: "It is stopped and disarmed; others may drive it" },
-    "Give back",
-  );
-  #trouble = h("p", { class: "robot-trouble", role: "alert", hidden: true });
-  #warnings = h("ul", { class: "plain-list warnings", "aria-label": "Warnings" });
-  #figures = h("dl", { class: "figures" });
+  #why = h("p.robot-why", { role: "status" });
+  #arm = button("Arm", null, { class: "button primary" });
+  #disarm = button("Disarm", null);
+  #takeOver = button("Take over", null);
+  #giveBack = button("Give back", null, {
+    title: "It is stopped and disarmed; others may drive it",
+  });
+  #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
+  #warnings = h("ul.plain-list.warnings", { "aria-label": "Warnings" });
+  #figures = h("dl.figures");
   #pad = new DrivePad();
-  #incidents = h("ul", { class: "plain-list" });
+  #incidents = h("ul.plain-list");
   #happened = h(
     "details",
     { hidden: true },
-    h("summary", {}, "What stopped robots lately"),
+    h("summary", "What stopped robots lately"),
     this.#incidents,
   );
   #port = new PortForm();
-  #place = h("details", {}, h("summary", {}, "Port and model"), this.#port);
+  #place = details("Port and model", this.#port);
   #name = h("input", {
     type: "text",
     id: "operator-name",
@@ -57,28 +56,24 @@ class RobotsPanel extends Part {
   build() {
     const { driver } = this.hub;
     this.append(
-      h("h2", {}, "Robots"),
+      h("h2", "Robots"),
       this.#trouble,
       h(
-        "fieldset",
-        { class: "role-cards" },
-        h("legend", { class: "visually-hidden" }, "Which robot"),
+        "fieldset.role-cards",
+        h("legend.visually-hidden", "Which robot"),
         ...[...this.#cards.values()].map(({ element }) => element),
       ),
       h(
-        "div",
-        { class: "robot-act" },
+        "div.robot-act",
         this.#why,
         this.#warnings,
-        h("div", { class: "row" }, this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
+        h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
       ),
       this.#pad,
-      h("details", {}, h("summary", {}, "Everything it tells"), this.#figures),
+      details("Everything it tells", this.#figures),
       this.#happened,
-      h(
-        "details",
-        {},
-        h("summary", {}, "Your name"),
+      details(
+        "Your name",
         field("What others see while you drive", this.#name, "From the next connection on."),
       ),
       this.#place,
@@ -176,31 +171,23 @@ class RobotsPanel extends Part {
   /** @param {import("./types.js").RobotFacts | null} robot */
   #renderFigures(robot) {
     const figures = robot ? figuresOf(robot) : [];
-    if (this.#figures.childElementCount !== figures.length) {
-      this.#figures.replaceChildren(
-        ...figures.map(([term, , help]) =>
-          h("div", { title: help }, h("dt", {}, term), h("dd", { class: "figure" })),
-        ),
-      );
-    }
-    figures.forEach(([, value], index) => {
-      const node = this.#figures.children[index]?.lastElementChild;
-      if (node) setText(node, value);
-    });
+    fillFigures(
+      this.#figures,
+      figures.map(([term, text, help]) => ({ term, text, help })),
+    );
   }
 }
 
 /** @param {Role} role */
 function makeCard(role) {
   const input = h("input", { type: "radio", name: "drive-role", value: role });
-  const name = h("span", { class: "role-name" });
-  const state = h("span", { class: "state-chip" });
-  const facts = h("span", { class: "hint figure" });
+  const name = h("span.role-name");
+  const state = h("span.state-chip");
+  const facts = h("span.hint.figure");
   const element = h(
-    "label",
-    { class: "role-card" },
+    "label.role-card",
     input,
-    h("span", { class: "role-head" }, h("b", {}, ROLE_WORDS[role]), state),
+    h("span.role-head", h("b", ROLE_WORDS[role]), state),
     name,
     facts,
   );

@@ -1,11 +1,10 @@
 /** The robot from above: its outline, the guard's zones and what its sonar hears. */
 
-import { setAttribute, setText } from "../dom.js";
+import { setAttribute, svg } from "../dom.js";
 
 /** @typedef {import("./types.js").RobotFacts} RobotFacts */
 /** @typedef {import("./types.js").SonarReading} SonarReading */
 
-const SVG = "http://www.w3.org/2000/svg";
 const REACH_M = 3;
 const RINGS_M = [1, 2, 3];
 const HALF_CONE_RAD = (15 * Math.PI) / 180;
@@ -15,20 +14,20 @@ const OLD_S = 1;
 
 /** x is drawn upwards and y to the left, in metres. */
 export class SonarRing {
-  element = draw("svg", {
+  element = svg("svg", {
     viewBox: `${-REACH_M - 0.1} ${-REACH_M - 0.1} ${2 * REACH_M + 0.2} ${2 * REACH_M + 0.2}`,
     class: "sonar-ring",
     role: "img",
   });
-  #slow = draw("polygon", { class: "zone slow" });
-  #stop = draw("polygon", { class: "zone stop" });
-  #arcs = draw("g", {});
-  #body = draw("g", { class: "outline" });
+  #slow = svg("polygon", { class: "zone slow" });
+  #stop = svg("polygon", { class: "zone stop" });
+  #arcs = svg("g", {});
+  #body = svg("g", { class: "outline" });
   #drawn = "";
 
   constructor() {
     this.element.append(
-      ...RINGS_M.map((r) => draw("circle", { r, class: "scale" })),
+      ...RINGS_M.map((r) => svg("circle", { r, class: "scale" })),
       ...RINGS_M.map((r) => label(r)),
       this.#slow,
       this.#stop,
@@ -50,7 +49,7 @@ export class SonarRing {
     const heard = (report?.sonars ?? []).filter(({ range_m }) => range_m !== null);
     while (this.#arcs.childElementCount > heard.length) this.#arcs.lastElementChild?.remove();
     heard.forEach((reading, index) => {
-      const arc = this.#arcs.children[index] ?? this.#arcs.appendChild(draw("path", {}));
+      const arc = this.#arcs.children[index] ?? this.#arcs.appendChild(svg("path", {}));
       const range = reading.range_m ?? 0;
       const age = now - reading.received;
       setAttribute(arc, "d", arcOf(reading, Math.min(range, REACH_M)));
@@ -76,8 +75,8 @@ export class SonarRing {
     const width = width_m ?? 2 * (radius_m ?? 0.2);
     const length = length_m ?? 2 * (radius_m ?? 0.2);
     this.#body.append(
-      draw("rect", { x: -width / 2, y: -length / 2, width, height: length, rx: 0.08 }),
-      draw("path", {
+      svg("rect", { x: -width / 2, y: -length / 2, width, height: length, rx: 0.08 }),
+      svg("path", {
         d: `M0 0V${-length / 2 - 0.22}M-0.1 ${-length / 2 - 0.1}L0 ${-length / 2 - 0.24}L0.1 ${-length / 2 - 0.1}`,
       }),
     );
@@ -99,7 +98,7 @@ export class SonarRing {
 }
 
 /**
- * How near the nearest echo is, in words.
+ * Say how near the nearest echo is.
  *
  * @param {RobotFacts | null} robot
  */
@@ -123,18 +122,5 @@ function arcOf({ x, y, heading }, range) {
 
 /** @param {number} metres */
 function label(metres) {
-  const text = draw("text", { x: 0.06, y: metres - 0.06 });
-  setText(text, `${metres} m`);
-  return text;
-}
-
-/**
- * @param {string} name
- * @param {Record<string, string | number>} attributes
- * @returns {SVGElement}
- */
-function draw(name, attributes) {
-  const element = document.createElementNS(SVG, name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, String(value));
-  return element;
+  return svg("text", { x: 0.06, y: metres - 0.06 }, `${metres} m`);
 }

@@ -1,8 +1,8 @@
 /** The stop button, in sight wherever one is on the page, and what it did. */
 
 import { request } from "../api.js";
-import { h, icon, setAttribute, setText } from "../dom.js";
-import { notify, notifyError } from "../notice.js";
+import { button, h, icon, setAttribute, setText } from "../dom.js";
+import { attempt, notify } from "../notice.js";
 import { Part } from "../part.js";
 import { listenForStop } from "./stop-keys.js";
 
@@ -12,33 +12,20 @@ const CONFIRMED_MS = 1000;
 const KEYS = "Space and Esc press it; while a robot is armed they do so everywhere on this page.";
 
 class StopBar extends Part {
-  #stop = h(
-    "button",
-    {
-      type: "button",
-      class: "stop-button",
-      id: "stop-robots",
-      title: `${WHAT_IT_IS}. ${KEYS}`,
-      "aria-describedby": "stop-what",
-      "aria-keyshortcuts": "Space Escape",
-    },
-    icon("stop"),
-    h("span", {}, "Stop robots"),
-  );
-  #what = h("p", { class: "stop-what", id: "stop-what" }, WHAT_IT_IS);
-  #keys = h("p", { class: "stop-keys" });
-  #stopped = h("span", { class: "stop-state" });
-  #reset = h(
-    "button",
-    { type: "button", class: "button", title: "Robots may be armed again; none starts by itself" },
-    "Reset",
-  );
-  #latched = h(
-    "div",
-    { class: "stop-latched", hidden: true, role: "alert" },
-    this.#stopped,
-    this.#reset,
-  );
+  #stop = button([icon("stop"), h("span", "Stop robots")], null, {
+    class: "stop-button",
+    id: "stop-robots",
+    title: `${WHAT_IT_IS}. ${KEYS}`,
+    "aria-describedby": "stop-what",
+    "aria-keyshortcuts": "Space Escape",
+  });
+  #what = h("p.stop-what", { id: "stop-what" }, WHAT_IT_IS);
+  #keys = h("p.stop-keys");
+  #stopped = h("span.stop-state");
+  #reset = button("Reset", () => this.#resetStop(), {
+    title: "Robots may be armed again; none starts by itself",
+  });
+  #latched = h("div.stop-latched", { hidden: true, role: "alert" }, this.#stopped, this.#reset);
   /** Pressed here and not answered yet. */
   #pressed = false;
   #patience = 0;
@@ -46,12 +33,7 @@ class StopBar extends Part {
   build() {
     const { driver } = this.hub;
     this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
-    this.#reset.addEventListener("click", () => void this.#resetStop());
-    this.append(
-      this.#latched,
-      h("div", { class: "stop-words" }, this.#what, this.#keys),
-      this.#stop,
-    );
+    this.append(this.#latched, h("div.stop-words", this.#what, this.#keys), this.#stop);
     listenForStop(window, driver);
     this.hear("stopping", () => this.#begin(), driver);
     this.hear(
@@ -105,11 +87,7 @@ class StopBar extends Part {
   }
 
   async #resetStop() {
-    try {
-      await request("POST", "/robots/reset");
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() => request("POST", "/robots/reset"));
   }
 }
 

@@ -5,7 +5,7 @@ const WRITTEN_IN = ["text", "search", "number", "password", "url", "email", "tel
 const OWN_SPACE = 'button, summary, select, input, a, [role="tab"], [contenteditable]';
 
 /**
- * Whether what is typed goes into this element.
+ * Say whether typed text goes into this element.
  *
  * @param {HTMLElement} element
  */

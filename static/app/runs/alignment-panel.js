@@ -1,7 +1,7 @@
 /** Laying truth over a run: with which file, how well, and which track is which body. */
 
 import { ApiError, request } from "../api.js";
-import { field, fillList, h, setAttribute, setText } from "../dom.js";
+import { button, details, field, fillList, h, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { fixed, sentence } from "../words.js";
 import { CameraOnBody, placeInWords } from "./camera-on-body.js";
@@ -16,21 +16,21 @@ export class AlignmentPanel extends Part {
   /** Called once a run is aligned anew. @type {() => void} */
   aligned = () => {};
 
-  #heading = h("h3", {}, "Truth");
+  #heading = h("h3", "Truth");
   // Its change tells that it is aligned anew.
   #sentence = h("p", { role: "status" });
-  #figures = h("dl", { class: "figures" });
-  #notes = h("ul", { class: "plain-list" });
+  #figures = h("dl.figures");
+  #notes = h("ul.plain-list");
   #matches = new MatchTable();
   #picker = new TruthPicker();
   #observer = h("select", { id: "align-observer" });
   #camera = new CameraOnBody();
-  #compared = h("div", { class: "chips", role: "group", "aria-label": "Bodies that are compared" });
-  #bodies = h("div", { class: "stack" });
-  #align = h("button", { type: "button", class: "button primary" }, "Align");
-  #state = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", role: "alert" });
-  #another = h("details", {}, h("summary", {}, "Lay truth over this run"));
+  #compared = h("div.chips", { role: "group", "aria-label": "Bodies that are compared" });
+  #bodies = h("div.stack");
+  #align = button("Align", () => this.#alignAnew(), { class: "button primary" });
+  #state = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert" });
+  #another = details("Lay truth over this run");
   /** @type {Chart | null} */
   #chart = null;
   #busy = false;
@@ -39,20 +39,9 @@ export class AlignmentPanel extends Part {
     this.#bodies.append(
       field("The observer is", this.#observer),
       this.#camera,
-      h(
-        "div",
-        { class: "named-part" },
-        h("span", { class: "field-name" }, "Compared bodies"),
-        this.#compared,
-      ),
+      h("div.named-part", h("span.field-name", "Compared bodies"), this.#compared),
     );
-    const file = h(
-      "div",
-      { class: "stack" },
-      this.#picker,
-      this.#bodies,
-      h("div", { class: "row" }, this.#align),
-    );
+    const file = h("div.stack", this.#picker, this.#bodies, h("div.row", this.#align));
     this.#another.append(file);
     this.append(
       this.#heading,
@@ -67,7 +56,6 @@ export class AlignmentPanel extends Part {
     this.#matches.corrected = (key, body) => void this.#correct(key, body);
     this.#picker.chosen = (chosen) => this.#renderBodies(chosen);
     this.#picker.attach(this.hub);
-    this.#align.addEventListener("click", () => void this.#alignAnew());
   }
 
   /** Another run is shown, and nothing is known of it yet. */
@@ -127,7 +115,7 @@ export class AlignmentPanel extends Part {
       ...names.map((name) => {
         const box = h("input", { type: "checkbox", value: name });
         box.checked = !aligned || name in roles;
-        return h("label", {}, box, name);
+        return h("label", box, name);
       }),
     );
   }
@@ -181,7 +169,7 @@ export class AlignmentPanel extends Part {
     this.#tell();
   }
 
-  /** How it fits, or why it does not, stands above and may be out of sight. */
+  /** Bring the result or the refusal, which stand above, into sight. */
   #tell() {
     (this.#error.textContent ? this.#error : this.#heading).scrollIntoView({ block: "nearest" });
   }
@@ -236,7 +224,7 @@ function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time })
     ["Positions apart", apart === null ? "not compared" : `${fixed(apart, 2)} m`],
   ];
   if (camera) figures.push(["Camera on its body", placeInWords(camera)]);
-  return figures.map(([words, value]) => h("div", {}, h("dt", {}, words), h("dd", {}, value)));
+  return figures.map(([words, value]) => h("div", h("dt", words), h("dd", value)));
 }
 
 customElements.define("observer-alignment", AlignmentPanel);

@@ -1,6 +1,6 @@
-/** Where the camera sits on the observer's body of motion capture: typed in, or left to be found out. */
+/** Camera extrinsics on the observer's motion-capture body: typed in, or left to be found out. */
 
-import { h } from "../dom.js";
+import { button, details, h, textInput } from "../dom.js";
 import { fixed } from "../words.js";
 
 /** @typedef {import("./types.js").CameraPlace} CameraPlace */
@@ -19,19 +19,16 @@ export class CameraOnBody extends HTMLElement {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
-      h("input", {
-        type: "text",
+      textInput(`camera-on-body-${key}`, {
         inputmode: "decimal",
-        id: `camera-on-body-${key}`,
-        autocomplete: "off",
         placeholder: "found out",
         "aria-describedby": `camera-on-body-help-${key}`,
       }),
     ]),
   );
-  #fill = h("button", { type: "button", class: "button" }, "Fill in what was found");
-  #empty = h("button", { type: "button", class: "button" }, "Leave it to be found out");
-  #details = h("details", {}, h("summary", {}, "Where the camera sits on that body"));
+  #fill = button("Fill in what was found", () => this.#write(this.#found));
+  #empty = button("Leave it to be found out", () => this.#write(null));
+  #details = details("Where the camera sits on that body");
   /** @type {CameraPlace | null} */
   #found = null;
 
@@ -39,32 +36,26 @@ export class CameraOnBody extends HTMLElement {
     if (this.firstChild) return;
     this.#details.append(
       h(
-        "div",
-        { class: "stack" },
+        "div.stack",
         h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           "Of the left camera, in the body's axes. Empty: it is found out by the drive, or as the rig says. With all angles 0 it looks along the body's x with the body's z above.",
         ),
         h(
-          "div",
-          { class: "rig-fields" },
+          "div.rig-fields",
           ...NUMBERS.map(([key, words, unit, help]) =>
             h(
-              "div",
-              { class: "field" },
+              "div.field",
               h("label", { for: `camera-on-body-${key}` }, `${words}, ${unit}`),
               this.#inputs.get(key),
-              h("p", { class: "hint", id: `camera-on-body-help-${key}` }, help),
+              h("p.hint", { id: `camera-on-body-help-${key}` }, help),
             ),
           ),
         ),
-        h("div", { class: "row" }, this.#fill, this.#empty),
+        h("div.row", this.#fill, this.#empty),
       ),
     );
     this.append(this.#details);
-    this.#fill.addEventListener("click", () => this.#write(this.#found));
-    this.#empty.addEventListener("click", () => this.#write(null));
   }
 
   /** Another run is shown. @param {CameraPlace | null} said what a person typed in for its alignment */
@@ -73,7 +64,7 @@ export class CameraOnBody extends HTMLElement {
     this.#write(said);
   }
 
-  /** What is typed in stays. @param {CameraPlace | null} found */
+  /** Offer what was found; typed values stay. @param {CameraPlace | null} found */
   set found(found) {
     this.#found = found;
     this.#fill.hidden = found === null;

@@ -1,7 +1,7 @@
 /** Several runs side by side: their speeds, their errors, and what was set otherwise. */
 
 import { ApiError, request } from "../api.js";
-import { h, setText } from "../dom.js";
+import { h, setText, table, tableRow } from "../dom.js";
 import { Part } from "../part.js";
 import { duration, when } from "../words.js";
 import { RunChart } from "./run-chart.js";
@@ -19,9 +19,9 @@ export class CompareView extends Part {
   named = () => {};
 
   #chart = new RunChart();
-  #waiting = h("p", { class: "empty", role: "status" });
-  #table = h("div", { class: "scroll-x" });
-  #error = h("p", { class: "field-error", role: "alert" });
+  #waiting = h("p.empty", { role: "status" });
+  #table = h("div.scroll-x");
+  #error = h("p.field-error", { role: "alert" });
   /** @type {string[]} */
   #ids = [];
   #asked = 0;
@@ -106,40 +106,13 @@ function settingsTable(charts) {
         ]),
     ),
   ];
-  return h(
-    "table",
-    { class: "compared" },
-    h(
-      "caption",
-      {},
-      differing.length === 0
-        ? "All parameters are the same."
-        : "Parameters that differ, and what is known of each run.",
-    ),
-    h(
-      "thead",
-      {},
-      h(
-        "tr",
-        {},
-        h("td", {}),
-        ...runs.map((run) =>
-          h("th", { scope: "col" }, h("a", { href: runHref(run.id) }, run.name)),
-        ),
-      ),
-    ),
-    h(
-      "tbody",
-      {},
-      ...rows.map(([name, text]) =>
-        h(
-          "tr",
-          {},
-          h("th", { scope: "row" }, name),
-          ...charts.map((chart) => h("td", {}, text(chart))),
-        ),
-      ),
-    ),
+  return table(
+    "compared",
+    [null, ...runs.map((run) => h("a", { href: runHref(run.id) }, run.name))],
+    rows.map(([name, text]) => tableRow(name, ...charts.map(text))),
+    differing.length === 0
+      ? "All parameters are the same."
+      : "Parameters that differ, and what is known of each run.",
   );
 }
 

@@ -1,6 +1,7 @@
 /** The history: runs found again, looked at, compared. It takes the place of the live parts. */
 
-import { h, setAttribute } from "../dom.js";
+import { button, h, setAttribute } from "../dom.js";
+import { giveBackFocus } from "../focus-place.js";
 import { Part } from "../part.js";
 import { CompareView } from "./compare-view.js";
 import { RingList } from "./ring-list.js";
@@ -8,30 +9,29 @@ import { RunSearch } from "./run-search.js";
 import { RunView } from "./run-view.js";
 import { placeOf } from "./run-words.js";
 
-/** What is shown stands in the page's address, so that it is kept, linked to and gone back from. */
+/** Shows what the page's address names, so that it is kept, linked to and gone back from. */
 class HistoryView extends Part {
   #search = new RunSearch();
   #rings = new RingList();
   #run = new RunView();
   #compare = new CompareView();
-  #leave = h("button", { class: "button", type: "button" }, "Back to live");
+  #leave = button("Back to live", () => this.#close(true));
   #title = h("h2", { id: "history-title", tabindex: "-1" }, "Runs");
-  #all = h("a", { class: "button", href: "#history" }, "All runs");
+  #all = h("a.button", { href: "#history" }, "All runs");
   #shown = "";
-  /** What had the focus when the history was called. @type {Element | null} */
+  /** The element that had the focus when the history was called. @type {Element | null} */
   #caller = null;
 
   build() {
     setAttribute(this, "role", "region");
     setAttribute(this, "aria-labelledby", "history-title");
     this.append(
-      h("header", { class: "history-head" }, this.#title, this.#all, this.#leave),
+      h("header.history-head", this.#title, this.#all, this.#leave),
       this.#search,
       this.#rings,
       this.#run,
       this.#compare,
     );
-    this.#leave.addEventListener("click", () => this.#close(true));
     for (const part of [this.#search, this.#rings, this.#run, this.#compare]) part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
     this.#run.left = this.#rings.left = () => this.#close(true);
@@ -69,19 +69,7 @@ class HistoryView extends Part {
     this.closest("main")?.scrollTo({ top: 0 });
     // The keyboard goes on where the eye does.
     if (view !== "none") this.#title.focus();
-    else this.#giveBack();
-  }
-
-  #giveBack() {
-    const caller = this.#caller;
-    this.#caller = null;
-    const there =
-      caller instanceof HTMLElement &&
-      caller !== document.body &&
-      caller.isConnected &&
-      caller.checkVisibility();
-    const next = there ? caller : document.querySelector('[role="tab"][aria-selected="true"]');
-    if (next instanceof HTMLElement) next.focus();
+    else giveBackFocus(this.#caller);
   }
 
   /** @param {string} words */

@@ -1,12 +1,12 @@
-/** Which body each track is, to be corrected by a click. */
+/** Table of the body that each track is, corrected by a click. */
 
-import { h, setAttribute } from "../dom.js";
+import { h, setAttribute, table } from "../dom.js";
 import { fixed, trackColour } from "../words.js";
 
 /** @typedef {import("./types.js").Alignment} Alignment */
 /** @typedef {import("./types.js").Curve} Curve */
 
-/** How it was found which body a track is. @type {Record<string, string>} */
+/** Ways in which a track's body was found. @type {Record<string, string>} */
 const BY = { position: "by position", speed: "by speed", person: "as you said" };
 const NONE = "none of them";
 const MOST_BUTTONS = 5;
@@ -31,22 +31,12 @@ export class MatchTable extends HTMLElement {
       : null;
     this.replaceChildren(
       h(
-        "div",
-        { class: "scroll-x" },
-        h(
-          "table",
-          { class: "matches" },
-          h("caption", {}, "Which body each track is; choose another to correct it."),
-          h(
-            "thead",
-            {},
-            h(
-              "tr",
-              {},
-              ...["Track", "Seen", "Body", "Found"].map((text) => h("th", { scope: "col" }, text)),
-            ),
-          ),
-          h("tbody", {}, ...keys.map((key) => this.#row(key, alignment, bodies, curves))),
+        "div.scroll-x",
+        table(
+          "matches",
+          ["Track", "Seen", "Body", "Found"],
+          keys.map((key) => this.#row(key, alignment, bodies, curves)),
+          "Which body each track is; choose another to correct it.",
         ),
       ),
     );
@@ -86,22 +76,15 @@ export class MatchTable extends HTMLElement {
       : "–";
     return h(
       "tr",
-      {},
-      h(
-        "th",
-        { scope: "row", "data-track": trackColour(track) },
-        h("span", { class: "swatch" }),
-        name,
-      ),
-      h("td", {}, seen),
+      h("th", { scope: "row", "data-track": trackColour(track) }, h("span.swatch"), name),
+      h("td", seen),
       h(
         "td",
-        {},
         bodies.length > MOST_BUTTONS
           ? this.#list(key, label, bodies, now)
           : this.#buttons(key, label, bodies, now),
       ),
-      h("td", {}, how),
+      h("td", how),
     );
   }
 
@@ -123,7 +106,7 @@ export class MatchTable extends HTMLElement {
       });
       return button;
     });
-    return h("div", { class: "choices", role: "group", "aria-label": label }, ...choices);
+    return h("div.choices", { role: "group", "aria-label": label }, ...choices);
   }
 
   /**

@@ -1,10 +1,12 @@
 /** Observing a run's recording once more with other parameters. */
 
-import { ApiError, request } from "../api.js";
-import { field, fillList, h, setAttribute, setText } from "../dom.js";
+import { request } from "../api.js";
+import { details, field, fillList, h, onSubmit, setAttribute, setText, textInput } from "../dom.js";
+import { attemptIn } from "../notice.js";
 import { ParameterGroups } from "../parameter-groups.js";
 import { Part } from "../part.js";
-import { compareHref, counted, hasImages, runHref } from "./run-words.js";
+import { counted } from "../words.js";
+import { compareHref, hasImages, runHref } from "./run-words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 /** @typedef {import("../types.js").ParameterEntry} ParameterEntry */
@@ -15,7 +17,7 @@ import { compareHref, counted, hasImages, runHref } from "./run-words.js";
 class Draft extends EventTarget {
   /** @type {Values} */
   values = {};
-  /** What reset goes to. @type {Values} */
+  /** Values that reset goes to. @type {Values} */
   defaults = {};
 
   /** @param {Values} changes */
@@ -30,7 +32,7 @@ class Draft extends EventTarget {
     await this.change(changes);
   }
 
-  /** What differs from where it began. @returns {Values} */
+  /** Values that differ from the defaults. @returns {Values} */
   get differing() {
     return Object.fromEntries(
       Object.entries(this.values).filter(([name, value]) => this.defaults[name] !== value),
@@ -41,13 +43,7 @@ class Draft extends EventTarget {
 export class RerunForm extends Part {
   #draft = new Draft();
   #groups = new ParameterGroups("rerun");
-  #name = h("input", {
-    type: "text",
-    id: "rerun-name",
-    maxlength: 100,
-    autocomplete: "off",
-    placeholder: "optional",
-  });
+  #name = textInput("rerun-name", { maxlength: 100, placeholder: "optional" });
   #preset = h("select", { id: "rerun-preset" });
   #search = h("input", {
     type: "search",
@@ -55,13 +51,13 @@ export class RerunForm extends Part {
     placeholder: "Find a parameter",
     autocomplete: "off",
   });
-  #differing = h("ul", { class: "plain-list" });
-  #differs = h("p", { class: "hint", role: "status" });
-  #start = h("button", { type: "submit", class: "button primary" }, "Observe again");
-  #error = h("p", { class: "field-error", role: "alert" });
+  #differing = h("ul.plain-list");
+  #differs = h("p.hint", { role: "status" });
+  #start = h("button.button.primary", { type: "submit" }, "Observe again");
+  #error = h("p.field-error", { role: "alert" });
   #progress = h("p", { role: "status" });
-  #form = h("form", { class: "stack", novalidate: true });
-  #without = h("p", { class: "hint" });
+  #form = h("form.stack", { novalidate: true });
+  #without = h("p.hint");
   /** @type {ParameterEntry[]} */
   #schema = [];
   /** @type {Preset[]} */
@@ -75,24 +71,15 @@ export class RerunForm extends Part {
   build() {
     this.#form.append(
       h(
-        "p",
-        { class: "hint" },
+        "p.hint",
         "The recording is observed once through, as fast as it goes. What is open now is closed for it, the robots stand meanwhile, and its parameters stay in force.",
       ),
-      h(
-        "div",
-        { class: "rerun-fields" },
-        field("Name", this.#name),
-        field("Begin with", this.#preset),
-      ),
-      h(
-        "details",
-        {},
-        h("summary", {}, "Other parameters"),
+      h("div.rerun-fields", field("Name", this.#name), field("Begin with", this.#preset)),
+      details(
+        "Other parameters",
         h(
-          "div",
-          { class: "stack" },
-          h("label", { for: "rerun-search", class: "visually-hidden" }, "Find a parameter"),
+          "div.stack",
+          h("label.visually-hidden", { for: "rerun-search" }, "Find a parameter"),
           this.#search,
           this.#groups,
         ),
@@ -100,13 +87,10 @@ export class RerunForm extends Part {
       this.#differs,
       this.#differing,
       this.#error,
-      h("div", { class: "row" }, this.#start),
+      h("div.row", this.#start),
     );
-    this.append(h("h3", {}, "Run again"), this.#without, this.#form, this.#progress);
-    this.#form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#begin();
-    });
+    this.append(h("h3", "Run again"), this.#without, this.#form, this.#progress);
+    onSubmit(this.#form, () => this.#begin());
     this.#preset.addEventListener("change", () => void this.#draft.change(this.#startingValues()));
     this.#search.addEventListener("input", () =>
       this.#groups.filter(this.#search.value.trim().toLowerCase()),
@@ -193,16 +177,15 @@ export class RerunForm extends Part {
       Object.entries(this.#draft.values).filter(([each, value]) => begin[each] !== value),
     );
     try {
-      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
-        ...(name ? { name } : {}),
-        ...(preset ? { preset } : {}),
-        parameters,
+      await attemptIn(this.#error, async () => {
+        this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
+          ...(name ? { name } : {}),
+          ...(preset ? { preset } : {}),
+          parameters,
+        });
+        this.hub.tell("runs");
+        this.#renderProgress();
       });
-      this.hub.tell("runs");
-      this.#renderProgress();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#error, error.message);
     } finally {
       this.#busy = false;
       setAttribute(this.#start, "aria-disabled", null);

@@ -1,9 +1,9 @@
 /** Saved half minutes: played as a source, downloaded, deleted. */
 
 import { request } from "../api.js";
-import { h, icon } from "../dom.js";
+import { button, h, icon, iconButton } from "../dom.js";
 import { KeptList } from "../focus-place.js";
-import { confirmed, notify, notifyError } from "../notice.js";
+import { attempt, confirmed, notify } from "../notice.js";
 import { Part } from "../part.js";
 import { when } from "../words.js";
 import { runHref, size } from "./run-words.js";
@@ -15,7 +15,7 @@ export class RingList extends Part {
   left = () => {};
 
   #heading = h("h3", { tabindex: "-1" }, "Saved half minutes");
-  #list = h("ul", { class: "item-list" });
+  #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
     (/** @type {Ring} */ ring) => this.#item(ring),
@@ -51,47 +51,33 @@ export class RingList extends Part {
   #item(ring) {
     const { name, run_id: run, bytes } = ring;
     const at = when(ring.saved_at);
-    const play = h(
-      "button",
-      { type: "button", class: "button", "aria-label": `Play the half minute until ${at}` },
-      icon("play"),
-      "Play",
+    const play = button([icon("play"), "Play"], () => this.#open(ring), {
+      "aria-label": `Play the half minute until ${at}`,
+    });
+    const remove = iconButton(
+      "trash",
+      `Delete the half minute until ${at}`,
+      () => this.#delete(ring),
+      { title: "Delete" },
     );
-    const remove = h(
-      "button",
-      {
-        type: "button",
-        class: "button icon-button",
-        "aria-label": `Delete the half minute until ${at}`,
-        title: "Delete",
-      },
-      icon("trash"),
-    );
-    play.addEventListener("click", () => void this.#open(ring));
-    remove.addEventListener("click", () => void this.#delete(ring));
     return h(
       "li",
-      {},
       h(
-        "div",
-        { class: "item-words" },
-        h("p", {}, `Until ${at}`),
+        "div.item-words",
+        h("p", `Until ${at}`),
         h(
-          "p",
-          { class: "hint" },
+          "p.hint",
           size(bytes),
           run ? ", " : null,
           run ? h("a", { href: runHref(run) }, "of this run") : null,
         ),
       ),
       h(
-        "div",
-        { class: "row" },
+        "div.row",
         play,
         h(
-          "a",
+          "a.button",
           {
-            class: "button",
             href: `/api/recording/rings/${encodeURIComponent(name)}`,
             download: `${name}.mcap`,
             "aria-label": `Download the half minute until ${at}`,
@@ -106,13 +92,11 @@ export class RingList extends Part {
 
   /** @param {Ring} ring */
   async #open(ring) {
-    try {
+    await attempt(async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: ring.source }));
       notify(`The half minute until ${when(ring.saved_at)} is open and plays.`);
       this.left();
-    } catch (error) {
-      notifyError(error);
-    }
+    });
   }
 
   /** @param {Ring} ring */
@@ -125,11 +109,7 @@ export class RingList extends Part {
       ))
     )
       return;
-    try {
-      await request("DELETE", `/recording/rings/${encodeURIComponent(ring.name)}`);
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() => request("DELETE", `/recording/rings/${encodeURIComponent(ring.name)}`));
     await this.#load();
   }
 }

@@ -79,7 +79,7 @@ export function runColour(run) {
 }
 
 /**
- * What zero of each chart is on its source's clock: that clock itself, unless runs of several
+ * Return the origin of each chart on its source's clock: zero, unless runs of several
  * recordings stand beside each other; their clocks have nothing to do with each other.
  *
  * @param {StoredChart[]} charts
@@ -90,7 +90,7 @@ export function originsOf(charts) {
   return charts.map(({ curves }) => least(curves.map(({ times }) => times[0])) ?? 0);
 }
 
-/** Whether all are of one recording: a run and what was made from it. @param {StoredChart[]} charts */
+/** Say whether all are of one recording: a run and its re-runs. @param {StoredChart[]} charts */
 export function sameRecording(charts) {
   const origin = new Map(charts.map(({ run }) => [run.id, run.rerun_of ?? null]));
   const roots = charts.map(({ run }) => {
@@ -110,7 +110,7 @@ export function extentOf(panels) {
 }
 
 /**
- * What every curve says at a time, in the order of the curves.
+ * Return each curve's value at a time, in the order of the curves.
  *
  * @param {ChosenCurve[]} curves
  * @param {number} time
@@ -178,7 +178,7 @@ function choiceOf({ kind, role, body }, known) {
   return role === "observer" ? "own" : kind;
 }
 
-/** As the live chart has it. @param {StoredCurve} curve */
+/** Name a curve as the live chart does. @param {StoredCurve} curve */
 function labelOf({ kind, label, track_id }) {
   if (kind === "estimate") return track_id === null ? label : `Obstacle ${track_id}`;
   return kind === "truth" ? `Truth ${label}` : label;
@@ -252,7 +252,7 @@ function withGaps({ times, speeds, stds }) {
   return found;
 }
 
-/** Where tracks begin, so that changes of identity are seen. @param {ChosenCurve[]} curves not yet in lanes */
+/** Return where tracks begin, so that identity switches are seen. @param {ChosenCurve[]} curves not yet in lanes */
 function startsOf(curves) {
   return curves
     .filter((curve) => isTrack(curve) && curve.times.length >= NAMED_FROM)

@@ -1,6 +1,6 @@
 /** The table of a run's speed errors, or of several runs beside each other. */
 
-import { h } from "../dom.js";
+import { details, h, swatch } from "../dom.js";
 import { fixed } from "../words.js";
 import { runColour } from "./run-chart-data.js";
 
@@ -29,16 +29,12 @@ export function errorSection(charts, coloured) {
   const several = charts.length > 1;
   const known = charts.some((chart) => errorsOf(chart).some(({ samples }) => samples > 0));
   return h(
-    "section",
-    { class: "chart-errors", "aria-label": "Errors of speed" },
-    h("h3", {}, "Errors of speed"),
+    "section.chart-errors",
+    { "aria-label": "Errors of speed" },
+    h("h3", "Errors of speed"),
     known
-      ? h("p", { class: "hint" }, WHAT)
-      : h(
-          "p",
-          { class: "empty" },
-          "No errors can be told: no truth is known at the times of these speeds.",
-        ),
+      ? h("p.hint", WHAT)
+      : h("p.empty", "No errors can be told: no truth is known at the times of these speeds."),
     known
       ? several
         ? comparison(charts, coloured)
@@ -56,22 +52,13 @@ function errorsOf({ errors }) {
 function ofOne(errors) {
   const tracks = errors.filter(({ group }) => group === "track");
   const rows = (/** @type {SpeedErrors[]} */ some) =>
-    some.map((each) =>
-      h("tr", {}, h("th", { scope: "row" }, inWords(each)), ...cells(each, false)),
-    );
+    some.map((each) => h("tr", h("th", { scope: "row" }, inWords(each)), ...cells(each, false)));
   return h(
-    "div",
-    { class: "stack" },
+    "div.stack",
     table(["", ...COLUMNS], rows(errors.filter(({ group }) => group !== "track"))),
     tracks.length
-      ? h(
-          "details",
-          {},
-          h(
-            "summary",
-            {},
-            tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`,
-          ),
+      ? details(
+          tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`,
           table(["", ...COLUMNS], rows(tracks)),
         )
       : null,
@@ -94,27 +81,19 @@ function comparison(charts, coloured) {
     const best = Math.min(...found.map((each) => each?.rmse_mps ?? Infinity));
     return h(
       "tbody",
-      {},
       ...charts.map(({ run }, at) => {
-        const swatch = h("span", {
-          class: "swatch line",
-          "data-kind": "estimate",
-          "aria-hidden": "true",
-        });
-        swatch.style.setProperty("--swatch", `var(${runColour(at)})`);
         const each = found[at];
         return h(
           "tr",
-          {},
           at === 0 ? h("th", { scope: "rowgroup", rowspan: charts.length }, words) : null,
           h(
             "th",
             { scope: "row" },
-            h("span", { class: "of-run" }, coloured ? swatch : null, run.name),
+            h("span.of-run", coloured ? swatch("estimate", runColour(at)) : null, run.name),
           ),
           ...(each
             ? cells(each, charts.length > 1 && each.rmse_mps === best)
-            : COLUMNS.map(() => h("td", { class: "number" }, "–"))),
+            : COLUMNS.map(() => h("td.number", "–"))),
         );
       }),
     );
@@ -126,17 +105,17 @@ function comparison(charts, coloured) {
 function table(header, content) {
   const rows = content.some((each) => each.localName === "tbody")
     ? content
-    : [h("tbody", {}, ...content)];
+    : [h("tbody", ...content)];
   const of = (/** @type {string} */ words) =>
     h(
       "th",
       { scope: "col", class: COLUMNS.includes(words) ? "number" : null },
-      words || h("span", { class: "visually-hidden" }, "of"),
+      words || h("span.visually-hidden", "of"),
     );
   return h(
-    "div",
-    { class: "scroll-x", tabindex: 0, role: "group", "aria-label": "Table of errors" },
-    h("table", {}, h("thead", {}, h("tr", {}, ...header.map(of))), ...rows),
+    "div.scroll-x",
+    { tabindex: 0, role: "group", "aria-label": "Table of errors" },
+    h("table", h("thead", h("tr", ...header.map(of))), ...rows),
   );
 }
 
@@ -144,7 +123,7 @@ function table(header, content) {
 function cells(each, best) {
   const covered = each.coverage === null ? null : `of ${each.covered_of} that state a band`;
   const number = (/** @type {string} */ words, /** @type {Record<string, unknown>} */ more = {}) =>
-    h("td", { class: "number", ...more }, words);
+    h("td.number", { ...more }, words);
   return [
     number(String(each.samples)),
     number(fixed(each.bias_mps, 3)),

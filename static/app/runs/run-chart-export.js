@@ -1,8 +1,8 @@
 /** CSV, PNG, SVG and PDF of what is seen of a chart: one click opens, the second takes. */
 
 import { requestImage } from "../api.js";
-import { h, icon } from "../dom.js";
-import { notifyError } from "../notice.js";
+import { button, download, h, icon } from "../dom.js";
+import { attempt } from "../notice.js";
 import { fixed } from "../words.js";
 
 /**
@@ -19,7 +19,7 @@ const FORMATS = {
 };
 
 /**
- * What the server makes of a stored run.
+ * Offer the files that the server makes of a stored run.
  *
  * @param {{id: string, name: string}} run
  * @param {{begin: number, end: number} | null} range seconds on the source's clock; null: all
@@ -44,14 +44,12 @@ export function ofRun({ id, name }, range) {
 }
 
 export class ChartExport extends HTMLElement {
-  #open = h(
-    "button",
-    { type: "button", class: "button", "aria-expanded": "false" },
-    icon("download"),
-    "Export",
+  #open = button(
+    [icon("download"), "Export"],
+    () => this.#toggle(this.#box.hidden && !this.#busy),
+    { "aria-expanded": "false" },
   );
-  #box = h("div", {
-    class: "menu-box",
+  #box = h("div.menu-box", {
     role: "group",
     "aria-label": "Export what is seen of the chart",
     hidden: true,
@@ -63,7 +61,6 @@ export class ChartExport extends HTMLElement {
   constructor(offers = () => []) {
     super();
     this.#offers = offers;
-    this.#open.addEventListener("click", () => this.#toggle(this.#box.hidden && !this.#busy));
     this.addEventListener("keydown", (event) => {
       if (event.key !== "Escape" || this.#box.hidden) return;
       event.stopPropagation();
@@ -101,20 +98,12 @@ export class ChartExport extends HTMLElement {
   #entry({ words, files }) {
     const buttons = files.map(({ format, title, make }) => {
       const name = format.toUpperCase();
-      const button = h(
-        "button",
-        { type: "button", class: "button", title, "aria-label": `${name}. ${words}` },
-        name,
-      );
-      button.addEventListener("click", () => void this.#save(make));
-      return button;
+      return button(name, () => this.#save(make), {
+        title,
+        "aria-label": `${name}. ${words}`,
+      });
     });
-    return h(
-      "div",
-      { class: "stack" },
-      h("p", { class: "hint" }, words),
-      h("div", { class: "row" }, ...buttons),
-    );
+    return h("div.stack", h("p.hint", words), h("div.row", ...buttons));
   }
 
   /** @param {Offer["files"][number]["make"]} make */
@@ -123,16 +112,11 @@ export class ChartExport extends HTMLElement {
     this.#open.focus();
     // Figures take seconds to draw: meanwhile the page says so, and tells what went wrong.
     this.#work(true);
-    try {
+    await attempt(async () => {
       const { blob, name } = await make();
-      const href = URL.createObjectURL(blob);
-      h("a", { href, download: name }).click();
-      setTimeout(() => URL.revokeObjectURL(href), 60_000);
-    } catch (error) {
-      notifyError(error);
-    } finally {
-      this.#work(false);
-    }
+      download(blob, name);
+    });
+    this.#work(false);
   }
 
   /** @param {boolean} busy */

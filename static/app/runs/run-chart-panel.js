@@ -1,6 +1,6 @@
 /** One chart of stored runs: its curves, what the pointer or the keys read of them, and in words. */
 
-import { h, setAttribute, setText } from "../dom.js";
+import { h, setAttribute, setText, swatch } from "../dom.js";
 import { withBand } from "../speed-curves.js";
 import { SpeedPlot } from "../speed-plot.js";
 import { fixed, sentence } from "../words.js";
@@ -11,7 +11,7 @@ import { readingsAt } from "./run-chart-data.js";
 /** @typedef {import("./run-chart-data.js").StoredChart} StoredChart */
 
 /**
- * What all panels of a comparison have in common; seconds as in their curves.
+ * State shared by all panels of a comparison; seconds as in their curves.
  *
  * @typedef {object} Shared
  * @property {() => [number, number]} range that is seen
@@ -34,15 +34,14 @@ const KEYS_IN_WORDS =
   "Arrow keys read values, with Shift they move what is seen; plus and minus zoom; 0 shows all.";
 
 export class ChartPanel {
-  #host = h("div", {
-    class: "chart",
+  #host = h("div.chart", {
     tabindex: 0,
     role: "application",
     "aria-roledescription": "chart",
   });
-  #reading = h("p", { class: "chart-reading figure" }, READING);
+  #reading = h("p.chart-reading.figure", READING);
   // Said after a key only: the pointer reads faster than anybody can listen.
-  #said = h("p", { class: "visually-hidden", role: "status" });
+  #said = h("p.visually-hidden", { role: "status" });
   /** @type {number | null} */
   #time = null;
   /** @type {import("./run-chart-data.js").ChosenCurve[]} */
@@ -71,13 +70,13 @@ export class ChartPanel {
     this.#host.addEventListener("keydown", (event) => this.#pressed(event));
     this.#host.addEventListener("blur", () => shared.read(null));
     this.element = h(
-      "section",
-      { class: "chart-panel", "aria-label": `Speeds of ${panel.title}` },
-      several && panel.charts.length === 1 ? h("h3", {}, panel.title) : null,
+      "section.chart-panel",
+      { "aria-label": `Speeds of ${panel.title}` },
+      several && panel.charts.length === 1 ? h("h3", panel.title) : null,
       ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
       ...(panel.curves.length > 0
         ? [this.#host, this.#reading, this.#said, factsOf(panel)]
-        : [h("p", { class: "empty" }, "No speed is known of this run.")]),
+        : [h("p.empty", "No speed is known of this run.")]),
     );
   }
 
@@ -95,7 +94,7 @@ export class ChartPanel {
     this.renderReading(this.#time);
   }
 
-  /** What is seen has changed. */
+  /** Follow a change of the shared range. */
   rescale() {
     this.#plot.rescale();
     const [begin, end] = this.shared.range();
@@ -123,14 +122,12 @@ export class ChartPanel {
     if (time === null) return this.#reading.replaceChildren(READING);
     const [begin, end] = this.shared.range();
     const read = readingsAt(this.#shown, time, Math.max(REACH * (end - begin), 0.05)).reverse();
-    const values = read.map(({ label, colour, kind, speed, std }) => {
-      const swatch = h("span", { class: "swatch line", "data-kind": kind, "aria-hidden": "true" });
-      swatch.style.setProperty("--swatch", `var(${colour})`);
-      return h("span", {}, swatch, ` ${label} ${withBand({ speed, std })}`);
-    });
+    const values = read.map(({ label, colour, kind, speed, std }) =>
+      h("span", swatch(kind, colour), ` ${label} ${withBand({ speed, std })}`),
+    );
     this.#reading.replaceChildren(
-      h("b", {}, `${fixed(time, 2)} s`),
-      ...(values.length ? values : [h("span", {}, "nothing measured")]),
+      h("b", `${fixed(time, 2)} s`),
+      ...(values.length ? values : [h("span", "nothing measured")]),
     );
   }
 
@@ -179,10 +176,10 @@ export class ChartPanel {
   }
 }
 
-/** Why there is no truth to compare with. @param {StoredChart} chart @param {boolean} named */
+/** Say why there is no truth to compare with. @param {StoredChart} chart @param {boolean} named */
 function noteOf({ run, aligned, sentence: told }, named) {
   if (aligned || !told) return null;
-  return h("p", { class: "chart-note" }, named ? `${run.name}: ${sentence(told)}` : sentence(told));
+  return h("p.chart-note", named ? `${run.name}: ${sentence(told)}` : sentence(told));
 }
 
 /** Changes of identity and gaps in truth, in words. @param {Panel} panel */
@@ -195,8 +192,7 @@ function factsOf({ charts, changes, gaps }) {
     ({ begin, end, run }) => `${fixed(begin, 1)} to ${fixed(end, 1)} s${of(run)}`,
   );
   return h(
-    "ul",
-    { class: "chart-facts hint" },
+    "ul.chart-facts.hint",
     changed.length
       ? h("li", { "data-fact": "changes" }, `Identity changes: ${listed(changed)}.`)
       : null,

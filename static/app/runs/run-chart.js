@@ -5,7 +5,7 @@
  * stand beside each other is the element's own.
  */
 
-import { h, setText } from "../dom.js";
+import { button, h, setText, swatch } from "../dom.js";
 import { fixed } from "../words.js";
 import { extentOf, originsOf, panelsOf, runColour, sameRecording } from "./run-chart-data.js";
 import { errorSection } from "./run-chart-errors.js";
@@ -46,11 +46,11 @@ export class RunChart extends HTMLElement {
     id: `${this.#name}-end`,
     "aria-label": "Seen to, seconds",
   });
-  #layout = h("fieldset", { class: "chips", hidden: true });
-  #clock = h("span", { class: "hint" });
-  #panelHost = h("div", { class: "chart-panels" });
-  #legend = h("fieldset", { class: "chips chart-legend" });
-  #errors = h("div", {});
+  #layout = h("fieldset.chips", { hidden: true });
+  #clock = h("span.hint");
+  #panelHost = h("div.chart-panels");
+  #legend = h("fieldset.chips.chart-legend");
+  #errors = h("div");
   /** @type {StoredChart[]} */
   #charts = [];
   #overlaid = false;
@@ -91,24 +91,19 @@ export class RunChart extends HTMLElement {
   }
 
   #build() {
-    const zoomOut = h(
-      "button",
-      { type: "button", class: "button icon-button", "aria-label": "Zoom out", title: "Zoom out" },
-      "−",
-    );
-    const zoomIn = h(
-      "button",
-      { type: "button", class: "button icon-button", "aria-label": "Zoom in", title: "Zoom in" },
-      "+",
-    );
-    const all = h(
-      "button",
-      { type: "button", class: "button", title: "Show all (double click)" },
-      "All",
-    );
-    zoomOut.addEventListener("click", () => this.#zoomBy(ZOOM));
-    zoomIn.addEventListener("click", () => this.#zoomBy(1 / ZOOM));
-    all.addEventListener("click", () => this.#zoom(...this.#extent));
+    const zoomOut = button("−", () => this.#zoomBy(ZOOM), {
+      class: "button icon-button",
+      "aria-label": "Zoom out",
+      title: "Zoom out",
+    });
+    const zoomIn = button("+", () => this.#zoomBy(1 / ZOOM), {
+      class: "button icon-button",
+      "aria-label": "Zoom in",
+      title: "Zoom in",
+    });
+    const all = button("All", () => this.#zoom(...this.#extent), {
+      title: "Show all (double click)",
+    });
     this.#begin.addEventListener("change", () =>
       this.#typed(this.#begin.valueAsNumber, this.#range[1]),
     );
@@ -116,7 +111,7 @@ export class RunChart extends HTMLElement {
       this.#typed(this.#range[0], this.#end.valueAsNumber),
     );
     this.#layout.append(
-      h("legend", { class: "visually-hidden" }, "How runs are compared"),
+      h("legend.visually-hidden", "How runs are compared"),
       ...["Side by side", "Overlaid"].map((words, at) => {
         const input = h("input", {
           type: "radio",
@@ -127,22 +122,20 @@ export class RunChart extends HTMLElement {
           this.#overlaid = at === 1;
           this.#rebuild();
         });
-        return h("label", {}, input, words);
+        return h("label", input, words);
       }),
     );
     this.append(
       h(
-        "div",
-        { class: "chart-tools" },
+        "div.chart-tools",
         this.#layout,
         h(
-          "div",
-          { class: "row" },
-          h("span", { class: "from" }, "From"),
+          "div.row",
+          h("span.from", "From"),
           this.#begin,
-          h("span", {}, "to"),
+          h("span", "to"),
           this.#end,
-          h("span", { class: "unit" }, "s"),
+          h("span.unit", "s"),
           zoomOut,
           zoomIn,
           all,
@@ -224,7 +217,6 @@ export class RunChart extends HTMLElement {
         });
         return h(
           "label",
-          {},
           input,
           several && (kind === "estimate" || kind === "band")
             ? null
@@ -235,14 +227,10 @@ export class RunChart extends HTMLElement {
     );
     const runs = several
       ? this.#charts.map(({ run }, at) =>
-          h("span", { class: "of-run" }, swatch("estimate", runColour(at)), run.name),
+          h("span.of-run", swatch("estimate", runColour(at)), run.name),
         )
       : [];
-    this.#legend.replaceChildren(
-      h("legend", { class: "visually-hidden" }, "Curves"),
-      ...runs,
-      ...entries,
-    );
+    this.#legend.replaceChildren(h("legend.visually-hidden", "Curves"), ...runs, ...entries);
   }
 
   /** @param {number | null} time */
@@ -289,7 +277,7 @@ export class RunChart extends HTMLElement {
     for (const panel of this.#panels) panel.rescale();
   }
 
-  /** What is seen of each run, on its own clock. */
+  /** Offer the seen stretch of each run, on its own clock. */
   #offers() {
     const origins = originsOf(this.#charts);
     const [begin, end] = this.#range;
@@ -299,13 +287,6 @@ export class RunChart extends HTMLElement {
       return ofRun(run, all ? null : { begin: begin + origin, end: end + origin });
     });
   }
-}
-
-/** @param {string} kind @param {string} colour */
-function swatch(kind, colour) {
-  const line = h("span", { class: "swatch line", "data-kind": kind, "aria-hidden": "true" });
-  line.style.setProperty("--swatch", `var(${colour})`);
-  return line;
 }
 
 customElements.define("observer-run-chart", RunChart);

@@ -1,7 +1,7 @@
 /** A run as files: the report, and what other tools read. */
 
 import { ApiError, requestImage } from "../api.js";
-import { field, h, icon, setAttribute, setText } from "../dom.js";
+import { button, download, field, h, icon, select, setAttribute, setText } from "../dom.js";
 import { Part } from "../part.js";
 import { size } from "./run-words.js";
 
@@ -40,51 +40,40 @@ const TABLES = [
 ];
 
 export class RunFiles extends Part {
-  #list = h("ul", { class: "file-list" });
-  #table = h(
-    "select",
-    { id: "file-table" },
-    ...TABLES.map(([value, words]) => h("option", { value }, words)),
-  );
+  #list = h("ul.file-list");
+  #table = select({ id: "file-table" }, TABLES);
   #open = h("a", { target: "_blank", rel: "noopener" }, "Open the report in a new tab");
   #state = h("p", { role: "status" });
-  #cancel = h("button", { type: "button", class: "button", hidden: true }, "Cancel");
-  #error = h("p", { class: "field-error", role: "alert" });
-  #without = h("p", { class: "hint" });
-  #recording = h("a", { class: "button", download: true }, icon("download"), "Recording, MCAP");
-  #speeds = h("a", { class: "button", download: true }, icon("download"), "Speeds, CSV");
-  #more = h("div", { class: "stack" });
+  #cancel = button("Cancel", () => this.#making?.abort(), { hidden: true });
+  #error = h("p.field-error", { role: "alert" });
+  #without = h("p.hint");
+  #recording = h("a.button", { download: true }, icon("download"), "Recording, MCAP");
+  #speeds = h("a.button", { download: true }, icon("download"), "Speeds, CSV");
+  #more = h("div.stack");
   /** @type {Run | null} */
   #run = null;
-  /** What is being made. @type {AbortController | null} */
+  /** The file that is being made. @type {AbortController | null} */
   #making = null;
 
   build() {
     for (const [path, ending, words, help] of FILES) {
-      const button = h(
-        "button",
-        { type: "button", class: "button", "aria-describedby": `file-${ending}` },
-        icon("download"),
-        words,
-      );
-      button.addEventListener("click", () => void this.#make(path, ending, words));
-      this.#list.append(
-        h("li", {}, button, h("span", { class: "hint", id: `file-${ending}` }, help)),
-      );
+      const make = button([icon("download"), words], () => this.#make(path, ending, words), {
+        "aria-describedby": `file-${ending}`,
+      });
+      this.#list.append(h("li", make, h("span.hint", { id: `file-${ending}` }, help)));
     }
     this.#more.append(
       field("Table of CSV and Parquet", this.#table),
-      h("p", {}, this.#open, h("span", { class: "hint" }, " (up to a minute)")),
+      h("p", this.#open, h("span.hint", " (up to a minute)")),
     );
-    this.#cancel.addEventListener("click", () => this.#making?.abort());
     this.append(
-      h("h3", {}, "Report and files"),
+      h("h3", "Report and files"),
       this.#without,
       this.#list,
       this.#more,
-      h("div", { class: "row" }, this.#speeds, this.#recording),
+      h("div.row", this.#speeds, this.#recording),
       this.#error,
-      h("div", { class: "row" }, this.#state, this.#cancel),
+      h("div.row", this.#state, this.#cancel),
     );
   }
 
@@ -141,7 +130,8 @@ export class RunFiles extends Part {
         `/runs/${encodeURIComponent(run.id)}/${path}${table ? `&table=${table}` : ""}`,
         making.signal,
       );
-      save(blob, `${run.name}${table ? ` ${table}` : ""}.${ending}`);
+      const name = `${run.name}${table ? ` ${table}` : ""}.${ending}`;
+      download(blob, name.replace(/[\\/:]/g, "_"));
       end = `${words} is made: ${size(blob.size)}.`;
     } catch (error) {
       if (making.signal.aborted) end = `${words} was cancelled.`;
@@ -154,16 +144,6 @@ export class RunFiles extends Part {
       if (run.id === this.#run?.id) setText(this.#state, end);
     }
   }
-}
-
-/**
- * @param {Blob} blob
- * @param {string} name
- */
-function save(blob, name) {
-  const href = URL.createObjectURL(blob);
-  h("a", { href, download: name.replace(/[\\/:]/g, "_") }).click();
-  setTimeout(() => URL.revokeObjectURL(href), 60_000);
 }
 
 customElements.define("observer-run-files", RunFiles);

@@ -1,7 +1,7 @@
 /** A run's name, tags and notes, by which it is found again; kept as they are changed. */
 
 import { ApiError, request } from "../api.js";
-import { field, h, icon, setText } from "../dom.js";
+import { button, field, h, icon, onSubmit, setText, textInput } from "../dom.js";
 import { KeptList } from "../focus-place.js";
 import { Part } from "../part.js";
 
@@ -11,47 +11,37 @@ export class RunLabels extends Part {
   /** Called with the run as it is kept now. @type {(run: Run) => void} */
   changed = () => {};
 
-  #name = h("input", { type: "text", id: "run-label-name", maxlength: 100, autocomplete: "off" });
+  #name = textInput("run-label-name", { maxlength: 100 });
   #notes = h("textarea", { id: "run-label-notes", rows: 4, maxlength: 20000 });
-  #list = h("ul", { class: "tag-list", "aria-label": "Tags" });
+  #list = h("ul.tag-list", { "aria-label": "Tags" });
   #tags = new KeptList(
     this.#list,
     (/** @type {string} */ tag) => this.#tag(tag),
     () => this.#add,
   );
-  #add = h("input", {
-    type: "text",
-    id: "run-label-tag",
+  #add = textInput("run-label-tag", {
     list: "run-label-tags",
     maxlength: 300,
-    autocomplete: "off",
     placeholder: "Add a tag",
   });
   #known = h("datalist", { id: "run-label-tags" });
-  #state = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", role: "alert" });
+  #state = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert" });
   /** @type {Run | null} */
   #run = null;
 
   build() {
     const form = h(
-      "form",
-      { class: "row tag-form" },
-      h("label", { for: "run-label-tag", class: "visually-hidden" }, "Add a tag"),
+      "form.row.tag-form",
+      h("label.visually-hidden", { for: "run-label-tag" }, "Add a tag"),
       this.#add,
       this.#known,
-      h("button", { type: "submit", class: "button" }, "Add"),
+      h("button.button", { type: "submit" }, "Add"),
     );
     this.append(
-      h("h3", {}, "Name, tags and notes"),
+      h("h3", "Name, tags and notes"),
       field("Name", this.#name),
-      h(
-        "div",
-        { class: "named-part" },
-        h("span", { class: "field-name" }, "Tags"),
-        this.#list,
-        form,
-      ),
+      h("div.named-part", h("span.field-name", "Tags"), this.#list, form),
       field("Notes", this.#notes),
       this.#error,
       this.#state,
@@ -62,10 +52,7 @@ export class RunLabels extends Part {
       else if (this.#run) this.#name.value = this.#run.name;
     });
     this.#notes.addEventListener("change", () => void this.#keep({ notes: this.#notes.value }));
-    form.addEventListener("submit", (event) => {
-      event.preventDefault();
-      void this.#addTags();
-    });
+    onSubmit(form, () => this.#addTags());
     this.#add.addEventListener("focus", () => void this.#suggest());
   }
 
@@ -90,16 +77,12 @@ export class RunLabels extends Part {
 
   /** @param {string} tag */
   #tag(tag) {
-    const remove = h(
-      "button",
-      { type: "button", class: "quiet", "aria-label": `Remove tag ${tag}` },
+    const remove = button(
       icon("close"),
+      () => this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }),
+      { class: "quiet", "aria-label": `Remove tag ${tag}` },
     );
-    remove.addEventListener(
-      "click",
-      () => void this.#keep({ tags: (this.#run?.tags ?? []).filter((each) => each !== tag) }),
-    );
-    return h("li", { class: "tag-chip plain" }, tag, remove);
+    return h("li.tag-chip.plain", tag, remove);
   }
 
   /** Several at once stand with commas between them. */

@@ -1,12 +1,12 @@
 /** Finding runs: by words, by tags; choosing some to compare; deleting and bringing back. */
 
-import { ApiError, request } from "../api.js";
-import { h, icon, setAttribute, setText } from "../dom.js";
+import { request } from "../api.js";
+import { button, h, icon, iconButton, setAttribute, setText } from "../dom.js";
 import { KeptList } from "../focus-place.js";
-import { notify, notifyError } from "../notice.js";
+import { attempt, attemptIn, notify, notifyError } from "../notice.js";
 import { Part } from "../part.js";
-import { sentence, when } from "../words.js";
-import { compareHref, counted, facts, runHref, size } from "./run-words.js";
+import { counted, sentence, when } from "../words.js";
+import { compareHref, facts, runHref, size } from "./run-words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 /** @typedef {import("./types.js").History} History */
@@ -23,24 +23,27 @@ export class RunSearch extends Part {
     placeholder: "Name, note or tag",
     autocomplete: "off",
   });
-  #tags = h("div", { class: "chips", role: "group", "aria-label": "Only runs with these tags" });
+  #tags = h("div.chips", { role: "group", "aria-label": "Only runs with these tags" });
   #chips = new KeptList(
     this.#tags,
     (/** @type {[string, number]} */ tag) => this.#tag(...tag),
     () => this.#words,
   );
   #deleted = h("input", { type: "checkbox", id: "history-deleted" });
-  #found = h("p", { class: "hint", role: "status" });
-  #disk = h("p", { class: "hint" });
-  #compare = h("button", { type: "button", class: "button" }, "Compare");
-  #list = h("ul", { class: "run-rows" });
+  #found = h("p.hint", { role: "status" });
+  #disk = h("p.hint");
+  #compare = button("Compare", () => this.#goCompare());
+  #list = h("ul.run-rows");
   #rows = new KeptList(
     this.#list,
     (/** @type {Run} */ run) => this.#row(run),
     () => this.#words,
   );
-  #more = h("button", { type: "button", class: "button" }, "Show more");
-  #empty = h("p", { class: "empty" });
+  #more = button("Show more", () => {
+    this.#limit += PAGE;
+    void this.#load();
+  });
+  #empty = h("p.empty");
   #shown = false;
   /** Only runs with all of these are shown. @type {Set<string>} */
   #wantedTags = new Set();
@@ -56,26 +59,20 @@ export class RunSearch extends Part {
   build() {
     this.append(
       h(
-        "div",
-        { class: "history-tools" },
-        h("label", { for: "history-words", class: "visually-hidden" }, "Find runs"),
+        "div.history-tools",
+        h("label.visually-hidden", { for: "history-words" }, "Find runs"),
         this.#words,
-        h("label", { class: "check" }, this.#deleted, "Deleted"),
+        h("label.check", this.#deleted, "Deleted"),
         this.#compare,
       ),
       this.#tags,
-      h("div", { class: "history-counts" }, this.#found, this.#disk),
+      h("div.history-counts", this.#found, this.#disk),
       this.#empty,
       this.#list,
-      h("div", { class: "row" }, this.#more),
+      h("div.row", this.#more),
     );
     this.#words.addEventListener("input", () => this.#soon());
     this.#deleted.addEventListener("change", () => void this.#load());
-    this.#more.addEventListener("click", () => {
-      this.#limit += PAGE;
-      void this.#load();
-    });
-    this.#compare.addEventListener("click", () => this.#goCompare());
     this.hear("runs", () => void this.#load());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => {
@@ -109,15 +106,12 @@ export class RunSearch extends Part {
     if (this.#words.value.trim()) query.set("text", this.#words.value.trim());
     for (const tag of this.#wantedTags) query.append("tag", tag);
     if (this.#deleted.checked) query.set("deleted", "true");
-    try {
+    await attemptIn(this.#found, async () => {
       /** @type {History} */
       const found = await request("GET", `/history?${query}`);
       // An answer that was overtaken by the next question is of no use.
       if (asked === this.#asked) this.#take(found);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#found, error.message);
-    }
+    });
   }
 
   /** @param {History} found */
@@ -156,19 +150,15 @@ export class RunSearch extends Part {
    * @param {number} count
    */
   #tag(tag, count) {
-    const button = h(
-      "button",
-      { type: "button", class: "tag-chip", "aria-pressed": String(this.#wantedTags.has(tag)) },
-      tag,
-      " ",
-      h("span", { class: "figure" }, count),
+    return button(
+      [tag, " ", h("span.figure", count)],
+      () => {
+        if (!this.#wantedTags.delete(tag)) this.#wantedTags.add(tag);
+        this.#limit = PAGE;
+        void this.#load();
+      },
+      { class: "tag-chip", "aria-pressed": String(this.#wantedTags.has(tag)) },
     );
-    button.addEventListener("click", () => {
-      if (!this.#wantedTags.delete(tag)) this.#wantedTags.add(tag);
-      this.#limit = PAGE;
-      void this.#load();
-    });
-    return button;
   }
 
   /** @param {Run} run */
@@ -186,27 +176,23 @@ export class RunSearch extends Part {
     });
     return h(
       "li",
-      {},
       run.deleted_at ? null : choose,
       h(
-        "div",
-        { class: "item-words" },
+        "div.item-words",
         h(
-          "p",
-          { class: "run-line" },
-          run.deleted_at ? h("b", {}, run.name) : h("a", { href: runHref(run.id) }, run.name),
-          h("span", { class: "state-chip", "data-state": run.state }, run.state),
-          run.aligned ? h("span", { class: "mark-chip" }, "aligned with truth") : null,
-          run.rerun_of ? h("span", { class: "mark-chip" }, "re-run") : null,
-          ...run.tags.map((tag) => h("span", { class: "tag-chip plain" }, tag)),
+          "p.run-line",
+          run.deleted_at ? h("b", run.name) : h("a", { href: runHref(run.id) }, run.name),
+          h("span.state-chip", { "data-state": run.state }, run.state),
+          run.aligned ? h("span.mark-chip", "aligned with truth") : null,
+          run.rerun_of ? h("span.mark-chip", "re-run") : null,
+          ...run.tags.map((tag) => h("span.tag-chip.plain", tag)),
         ),
-        h("p", { class: "hint" }, facts(run)),
-        run.reason ? h("p", { class: "hint" }, sentence(run.reason)) : null,
-        run.notes ? h("p", { class: "run-notes" }, run.notes) : null,
+        h("p.hint", facts(run)),
+        run.reason ? h("p.hint", sentence(run.reason)) : null,
+        run.notes ? h("p.run-notes", run.notes) : null,
         run.deleted_at
           ? h(
-              "p",
-              { class: "hint" },
+              "p.hint",
               `Deleted ${when(run.deleted_at)}; gone for good ${counted(Math.round(this.#undoDays), "day")} later.`,
             )
           : null,
@@ -217,31 +203,17 @@ export class RunSearch extends Part {
 
   /** @param {Run} run */
   #remover(run) {
-    const button = h(
-      "button",
-      {
-        type: "button",
-        class: "button icon-button",
-        disabled: run.state === "running",
-        "aria-label": `Delete run ${run.name}`,
-        title: "Delete",
-      },
-      icon("trash"),
-    );
-    button.addEventListener("click", () => void this.#remove(run));
-    return button;
+    return iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
+      disabled: run.state === "running",
+      title: "Delete",
+    });
   }
 
   /** @param {Run} run */
   #bringBack(run) {
-    const button = h(
-      "button",
-      { type: "button", class: "button", "aria-label": `Bring back run ${run.name}` },
-      icon("undo"),
-      "Bring back",
-    );
-    button.addEventListener("click", () => void recover(this.hub, run));
-    return button;
+    return button([icon("undo"), "Bring back"], () => recover(this.hub, run), {
+      "aria-label": `Bring back run ${run.name}`,
+    });
   }
 
   /** @param {Run} run */
@@ -296,12 +268,10 @@ export async function removeRun(hub, run) {
  * @param {Run} run
  */
 async function recover(hub, run) {
-  try {
+  await attempt(async () => {
     await request("POST", `/runs/${encodeURIComponent(run.id)}/recover`);
     notify(`Run ${run.name} is back.`);
-  } catch (error) {
-    notifyError(error);
-  }
+  });
   hub.tell("runs");
 }
 

@@ -1,8 +1,8 @@
 /** One run: its speeds against truth, what is known of it, and what can be made of it. */
 
 import { ApiError, request } from "../api.js";
-import { h, icon, setText } from "../dom.js";
-import { notify, notifyError } from "../notice.js";
+import { button, details, h, icon, setText, table, tableRow } from "../dom.js";
+import { attempt, notify } from "../notice.js";
 import { Part } from "../part.js";
 import { sentence } from "../words.js";
 import { AlignmentPanel } from "./alignment-panel.js";
@@ -24,21 +24,21 @@ export class RunView extends Part {
   /** Called when the live parts are wanted. @type {() => void} */
   left = () => {};
 
-  #facts = h("p", { class: "hint" });
-  #state = h("span", { class: "state-chip" });
-  #reason = h("p", { class: "hint" });
-  #original = h("a", {}, "Compare with the run it was made from");
-  #play = h("button", { type: "button", class: "button" }, icon("play"), "Play recording");
-  #remove = h("button", { type: "button", class: "button" }, icon("trash"), "Delete run");
-  #error = h("p", { class: "field-error", role: "alert" });
-  #waiting = h("p", { class: "empty", role: "status" });
+  #facts = h("p.hint");
+  #state = h("span.state-chip");
+  #reason = h("p.hint");
+  #original = h("a", "Compare with the run it was made from");
+  #play = button([icon("play"), "Play recording"], () => this.#open());
+  #remove = button([icon("trash"), "Delete run"], () => this.#delete());
+  #error = h("p.field-error", { role: "alert" });
+  #waiting = h("p.empty", { role: "status" });
   #chart = new RunChart();
   #labels = new RunLabels();
   #truth = new AlignmentPanel();
   #rerun = new RerunForm();
   #files = new RunFiles();
-  #settings = h("div", { class: "stack" });
-  #body = h("div", { class: "run-view", hidden: true });
+  #settings = h("div.stack");
+  #body = h("div.run-view", { hidden: true });
   /** @type {string | null} */
   #id = null;
   /** @type {Run | null} */
@@ -52,12 +52,11 @@ export class RunView extends Part {
 
   build() {
     const head = h(
-      "div",
-      { class: "run-head" },
+      "div.run-head",
       this.#state,
       this.#facts,
       this.#original,
-      h("div", { class: "row" }, this.#play, this.#remove),
+      h("div.row", this.#play, this.#remove),
     );
     this.#body.append(
       head,
@@ -65,18 +64,15 @@ export class RunView extends Part {
       this.#waiting,
       this.#chart,
       h(
-        "div",
-        { class: "run-columns" },
-        h("div", { class: "stack" }, this.#truth, this.#files),
-        h("div", { class: "stack" }, this.#labels, this.#rerun, this.#settings),
+        "div.run-columns",
+        h("div.stack", this.#truth, this.#files),
+        h("div.stack", this.#labels, this.#rerun, this.#settings),
       ),
     );
     this.append(this.#error, this.#body);
     for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
     this.#labels.changed = (run) => this.#takeRun(run);
     this.#truth.aligned = () => void this.#load();
-    this.#play.addEventListener("click", () => void this.#open());
-    this.#remove.addEventListener("click", () => void this.#delete());
     this.hear("reconnected", () => void this.#load());
     this.hear("status", () => {
       const id = this.hub.status?.run?.id ?? null;
@@ -154,20 +150,17 @@ export class RunView extends Part {
     if (other) this.#settings.replaceChildren(settingsOf(run));
   }
 
-  /** As a source, with a slider for every frame. */
+  /** Open the recording as a source, with a slider for every frame. */
   async #open() {
     const run = this.#run;
     if (!run || this.#play.getAttribute("aria-disabled")) return;
     this.#play.setAttribute("aria-disabled", "true");
-    try {
+    await attempt(async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
       notify(`The recording of ${run.name} is open and plays.`);
       this.left();
-    } catch (error) {
-      notifyError(error);
-    } finally {
-      this.#play.removeAttribute("aria-disabled");
-    }
+    });
+    this.#play.removeAttribute("aria-disabled");
   }
 
   async #delete() {
@@ -185,29 +178,16 @@ function settingsOf(run) {
     ["Recorded images", record ?? "no recording"],
     ...Object.entries(versions),
   ];
-  const table = (/** @type {[string, string][]} */ rows) =>
+  const listed = (/** @type {[string, unknown][]} */ rows) =>
     h(
-      "table",
-      { class: "settings" },
-      h(
-        "tbody",
-        {},
-        ...rows.map(([name, value]) =>
-          h("tr", {}, h("th", { scope: "row" }, name), h("td", {}, value)),
-        ),
+      "div.scroll-x",
+      table(
+        "settings",
+        [],
+        rows.map(([name, value]) => tableRow(name, String(value))),
       ),
     );
-  return h(
-    "details",
-    {},
-    h("summary", {}, "Settings of this run"),
-    h("div", { class: "scroll-x" }, table(lines)),
-    h(
-      "div",
-      { class: "scroll-x" },
-      table(Object.entries(parameters).map(([name, value]) => [name, String(value)])),
-    ),
-  );
+  return details("Settings of this run", listed(lines), listed(Object.entries(parameters)));
 }
 
 customElements.define("observer-run", RunView);

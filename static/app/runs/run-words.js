@@ -1,6 +1,6 @@
 /** Runs in words. Pure functions. */
 
-import { duration, when } from "../words.js";
+import { counted, duration, when } from "../words.js";
 
 /** @typedef {import("./types.js").Run} Run */
 
@@ -18,15 +18,7 @@ export function size(bytes) {
   return `${unit === 0 || value >= 99.5 ? value.toFixed(0) : value.toPrecision(2)} ${UNITS[unit]}`;
 }
 
-/**
- * @param {number} count
- * @param {string} one as in "run"
- */
-export function counted(count, one) {
-  return `${count} ${one}${count === 1 ? "" : "s"}`;
-}
-
-/** What a list says of a run below its name. @param {Run} run */
+/** Return the line that lists show below a run's name. @param {Run} run */
 export function facts(run) {
   return [
     run.source,
@@ -40,12 +32,12 @@ export function facts(run) {
     .join(" · ");
 }
 
-/** Whether its recording can be played and observed again. @param {Run} run */
+/** Say whether its recording can be played and observed again. @param {Run} run */
 export function hasImages({ state, record }) {
   return state !== "running" && record !== null && record !== "none";
 }
 
-/** Where a run is shown: the page's own address. @param {string} id */
+/** Return the page's address of a run. @param {string} id */
 export function runHref(id) {
   return `#history/${encodeURIComponent(id)}`;
 }

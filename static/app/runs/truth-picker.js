@@ -1,11 +1,21 @@
 /** Files of motion capture: send one in, see what was understood of it, choose one. */
 
 import { ApiError, request } from "../api.js";
-import { field, h, icon, setText } from "../dom.js";
-import { confirmed, notifyError } from "../notice.js";
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  iconButton,
+  onDrop,
+  setText,
+  table,
+  tableRow,
+} from "../dom.js";
+import { attempt, confirmed } from "../notice.js";
 import { Part } from "../part.js";
-import { fixed, sentence, when } from "../words.js";
-import { counted } from "./run-words.js";
+import { counted, fixed, sentence, when } from "../words.js";
 
 /** @typedef {import("./types.js").TruthFile} TruthFile */
 
@@ -30,47 +40,33 @@ export class TruthPicker extends Part {
     step: "any",
     placeholder: "as the file says",
   });
-  #drop = h("div", { class: "drop" });
+  #drop = h("div.drop");
   #select = h("select", { id: "truth-select" });
-  #remove = h(
-    "button",
-    {
-      type: "button",
-      class: "button icon-button",
-      "aria-label": "Delete this truth file",
-      title: "Delete this truth file",
-    },
-    icon("trash"),
-  );
-  #choice = h("div", { class: "field" });
-  #sending = h("p", { class: "hint", role: "status" });
-  #error = h("p", { class: "field-error", id: "truth-error", role: "alert" });
-  #angles = h("div", {
-    class: "row",
+  #remove = iconButton("trash", "Delete this truth file", () => this.#delete());
+  #choice = h("div.field");
+  #sending = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { id: "truth-error", role: "alert" });
+  #angles = h("div.row", {
     role: "group",
     "aria-label": "How the angles are meant",
     hidden: true,
   });
-  #understood = h("div", { class: "stack understood" });
+  #understood = h("div.stack.understood");
   /** @type {TruthFile[]} */
   #all = [];
-  /** What was sent and was not clear. @type {File | null} */
+  /** The file whose angles were not clear. @type {File | null} */
   #unclear = null;
   #busy = false;
 
   build() {
     this.#choice.append(
       h("label", { for: "truth-select" }, "Truth"),
-      h("div", { class: "row" }, this.#select, this.#remove),
+      h("div.row", this.#select, this.#remove),
     );
-    const helical = h(
-      "button",
-      { type: "button", class: "button" },
-      "Helical, as Tracker writes them",
+    const helical = button("Helical, as Tracker writes them", () =>
+      this.#send(this.#unclear, "helical"),
     );
-    const euler = h("button", { type: "button", class: "button" }, "Euler angles XYZ");
-    helical.addEventListener("click", () => void this.#send(this.#unclear, "helical"));
-    euler.addEventListener("click", () => void this.#send(this.#unclear, "euler_xyz"));
+    const euler = button("Euler angles XYZ", () => this.#send(this.#unclear, "euler_xyz"));
     this.#angles.append(helical, euler);
     this.#drop.append(
       h(
@@ -81,16 +77,11 @@ export class TruthPicker extends Part {
       ),
       this.#file,
       h(
-        "p",
-        { class: "hint", id: "truth-help" },
+        "p.hint",
+        { id: "truth-help" },
         "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content.",
       ),
-      h(
-        "details",
-        {},
-        h("summary", {}, "Where the file tells no rate"),
-        field("Rate, Hz", this.#rate),
-      ),
+      details("Where the file tells no rate", field("Rate, Hz", this.#rate)),
       this.#error,
       this.#angles,
       this.#sending,
@@ -98,8 +89,7 @@ export class TruthPicker extends Part {
     this.append(this.#choice, this.#understood, this.#drop);
     this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0] ?? null));
     this.#select.addEventListener("change", () => this.#tell());
-    this.#remove.addEventListener("click", () => void this.#delete());
-    this.#listenForDrop();
+    onDrop(this.#drop, ([file]) => this.#send(file ?? null));
   }
 
   /** @returns {TruthFile | null} */
@@ -107,7 +97,7 @@ export class TruthPicker extends Part {
     return this.find(this.#select.value);
   }
 
-  /** Whether the motion capture that the run's own recording holds is chosen. */
+  /** True where the motion capture in the run's own recording is chosen. */
   get live() {
     return this.#select.value === LIVE;
   }
@@ -126,21 +116,6 @@ export class TruthPicker extends Part {
   #choose(id) {
     this.#select.value = id === LIVE || this.find(id) ? (id ?? "") : "";
     this.#tell();
-  }
-
-  #listenForDrop() {
-    for (const type of ["dragenter", "dragover"]) {
-      this.#drop.addEventListener(type, (event) => {
-        event.preventDefault();
-        this.#drop.toggleAttribute("data-over", true);
-      });
-    }
-    this.#drop.addEventListener("dragleave", () => this.#drop.removeAttribute("data-over"));
-    this.#drop.addEventListener("drop", (event) => {
-      event.preventDefault();
-      this.#drop.removeAttribute("data-over");
-      void this.#send(event.dataTransfer?.files[0] ?? null);
-    });
   }
 
   async #load(chosen = this.#select.value) {
@@ -209,11 +184,7 @@ export class TruthPicker extends Part {
       ))
     )
       return;
-    try {
-      await request("DELETE", `/truth/${encodeURIComponent(file.id)}`);
-    } catch (error) {
-      notifyError(error);
-    }
+    await attempt(() => request("DELETE", `/truth/${encodeURIComponent(file.id)}`));
     this.#select.focus();
     await this.#load("");
   }
@@ -229,7 +200,7 @@ function naming(message, name) {
 }
 
 /**
- * What the file was taken for, for a person to see whether that is right.
+ * Show how the file was understood, for a person to see whether that is right.
  *
  * @param {TruthFile} file
  */
@@ -241,44 +212,28 @@ function understood({ format, info }) {
     seconds === null ? null : `${fixed(seconds, 1)} s`,
     counted(bodies.length, "body").replace("bodys", "bodies"),
   ];
-  const heads = ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"];
   return [
-    h("p", {}, "Understood as ", h("b", {}, facts.filter(Boolean).join(", ")), "."),
+    h("p", "Understood as ", h("b", facts.filter(Boolean).join(", ")), "."),
     h(
-      "div",
-      { class: "scroll-x", role: "region", "aria-label": "What the file holds", tabindex: "0" },
-      h(
-        "table",
-        {},
-        h("thead", {}, h("tr", {}, ...heads.map((text) => h("th", { scope: "col" }, text)))),
-        h(
-          "tbody",
-          {},
-          ...bodies.map((body) =>
-            h(
-              "tr",
-              {},
-              h("th", { scope: "row" }, body.name),
-              h("td", {}, body.has_orientation ? "known" : "not known"),
-              h(
-                "td",
-                {},
-                body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
-              ),
-              h("td", {}, body.gaps),
-              h(
-                "td",
-                {},
-                body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
-              ),
-              h("td", {}, fixed(body.highest_speed_mps, 2)),
-            ),
+      "div.scroll-x",
+      { role: "region", "aria-label": "What the file holds", tabindex: "0" },
+      table(
+        "",
+        ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"],
+        bodies.map((body) =>
+          tableRow(
+            body.name,
+            body.has_orientation ? "known" : "not known",
+            body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
+            body.gaps,
+            body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
+            fixed(body.highest_speed_mps, 2),
           ),
         ),
       ),
     ),
     ...(notes.length > 0
-      ? [h("ul", { class: "plain-list" }, ...notes.map((note) => h("li", {}, sentence(note))))]
+      ? [h("ul.plain-list", ...notes.map((note) => h("li", sentence(note))))]
       : []),
   ];
 }

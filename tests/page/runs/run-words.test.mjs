@@ -2,6 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import * as words from "../../../static/app/runs/run-words.js";
+import { counted } from "../../../static/app/words.js";
 import { run } from "../made.mjs";
 
 test("sizes have two or three digits and the next unit in time", () => {
@@ -19,7 +20,7 @@ test("sizes have two or three digits and the next unit in time", () => {
 
 test("one is not many", () => {
   assert.deepEqual(
-    [0, 1, 2].map((count) => words.counted(count, "run")),
+    [0, 1, 2].map((count) => counted(count, "run")),
     ["0 runs", "1 run", "2 runs"],
   );
 });
