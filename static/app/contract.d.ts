@@ -456,7 +456,7 @@ export interface components {
       why: string;
     };
     /**
-     * @description How far the robot has driven by its own wheels, summed up since its start; it drifts.
+     * @description Pose of the robot by its own wheels, accumulated since its start; it drifts.
      *
      *     Attributes:
      *         x, y: metres, of the robot's base in the plane it drives on: forward and left as it stood
@@ -560,7 +560,7 @@ export interface components {
       report: components["schemas"]["RobotReport"];
     };
     /**
-     * @description Where the connection stands.
+     * @description State of the connection.
      * @enum {string}
      */
     RobotPhase: "connecting" | "connected" | "waiting" | "refused" | "closed";
@@ -569,7 +569,7 @@ export interface components {
       model: string | null;
     };
     /**
-     * @description How a robot is at this moment. What it does not tell is None.
+     * @description Present state of a robot. What it does not tell is None.
      *
      *     Attributes:
      *         phase: of the connection. trouble: one sentence of what is wrong with it, None while
@@ -805,7 +805,7 @@ export interface components {
       separation_m: number | null;
     };
     /**
-     * @description What is truly known of one body, in the world frame of the observation.
+     * @description Ground truth of one body, in the world frame of the observation.
      *
      *     ``time``: only of motion capture, the instant on the source's clock at which it was measured,
      *     up to 0.1 s before the frame. ``track_id``: the reported obstacle it was matched to.
