@@ -115,12 +115,12 @@ async def test_it_starts_answers_observes_and_leaves_nothing() -> None:
         assert health.heartbeat_age_s is not None
         assert health.heartbeat_age_s < 2
         value = await supervisor.request(numbers())
-        assert value["state"] == "preview"
+        assert value.state.state == "preview"
         assert watched.all(StateEvent)[-1].state is EngineState.PREVIEW
         await watched.wait(ObservationEvent, lambda e: e.sequence == 20)
         sequences = [e.sequence for e in watched.all(ObservationEvent)]
         assert sequences == list(range(len(sequences)))
-        assert await supervisor.request(WatchViews(("plain",))) == {}
+        assert await supervisor.request(WatchViews(("plain",))) is None
         latest = await watched.until(supervisor.views["plain"].read, "a picture")
         assert latest.payload.startswith(b"\xff\xd8")
         assert supervisor.cloud.read() is None
@@ -363,7 +363,7 @@ async def test_the_real_engine_plays_observes_and_draws_a_stereo_folder(
         value = await supervisor.request(
             OpenSource(str(stereo_folder), None, parameters, 4, run_id="r", segment=2)
         )
-        assert value["state"] == "running"
+        assert value.state.state == "running"
         event = await watched.wait(ObservationEvent, lambda e: e.line["segment"] == 3)
         events = watched.all(ObservationEvent)
         assert [e.line["frame"] for e in events] == list(range(len(events)))
@@ -379,17 +379,17 @@ async def test_the_real_engine_plays_observes_and_draws_a_stereo_folder(
         cloud = await watched.until(supervisor.cloud.read, "a cloud")
         assert cloud.header["count"] > 1000
         assert len(cloud.payload) == 15 * cloud.header["count"]
-        frame = (await supervisor.request(SetParameters(parameters, 5)))["frame"]
+        frame = await supervisor.request(SetParameters(parameters, 5))
         await watched.wait(
             ObservationEvent,
             lambda e: e.line["frame"] >= frame and e.line["parameters_revision"] == 5,
         )
         playback = await supervisor.request(SetPlayback(paused=True))
-        assert playback["paused"] is True
+        assert playback.paused is True
         text = (stereo_folder / "calibration.yaml").read_text()
         preview = await supervisor.request(PreviewCalibration(text))
-        assert preview["vertical_error_px"] == pytest.approx(0.0, abs=0.3)
-        assert preview["jpeg"].startswith(b"\xff\xd8")
+        assert preview.vertical_error_px == pytest.approx(0.0, abs=0.3)
+        assert preview.jpeg.startswith(b"\xff\xd8")
 
 
 async def test_the_real_engine_says_what_to_do_without_a_calibration(stereo_folder: Path) -> None:

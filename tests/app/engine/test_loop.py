@@ -116,7 +116,7 @@ def test_the_guards_parameters_never_reach_the_observer(bench: Bench) -> None:
     bench.value(opening("many"))
     observer = bench.observers[0]
     before = observer.parameters
-    frame = bench.value(SetParameters({"guard.step_m": 0.2}, revision=1))["frame"]
+    frame = bench.value(SetParameters({"guard.step_m": 0.2}, revision=1))
     bench.wait(ObservationEvent, lambda e: e.line["frame"] >= frame)
     assert observer.parameters is before
     assert not hasattr(before, "guard")

@@ -48,7 +48,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     assert stops["observer"]["separation_m"] == 0.4
     assert stops["observer"]["stood_ms"] == pytest.approx(500, abs=1)
     drive.come_to_rest("observer", "lease", "its operator is gone")
-    await eventually(lambda: served.server.driving.facts()["check"]["record"])
+    await eventually(lambda: served.server.driving.facts().check.record)
     now = (await http.get("/api/robots/check")).json()
     TypeAdapter(ChecksNow).validate_python(now)
     assert now["check"]["outcome"] == "incomplete"
@@ -100,7 +100,7 @@ async def test_what_cannot_be_is_refused_in_one_sentence(
             "/api/robots/check", content=body, headers={"Content-Type": "application/json"}
         )
         assert answer.status_code == 422, body
-    assert served.server.driving.facts()["check"] is None
+    assert served.server.driving.facts().check is None
     for name in (
         "..%2fcanary", "%2e%2e%2fcanary", "..%5ccanary", "canary", "a%00b", "%2fetc%2fpasswd",
         "2026-11-22T0209-observer", "2026-11-22T0209-observer%0a", "x" * 101,

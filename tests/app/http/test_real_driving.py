@@ -100,7 +100,7 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
             await asyncio.sleep(1.0)
             # The key is held all the time: what recovers restarts nothing.
             assert not [each for each in log.since(stood_until) if not each.stands]
-            assert driving.facts()["robots"]["obstacle"]["state"] == "armed"
+            assert driving.facts().robots["obstacle"].state == "armed"
             page.speed_mps = 0.0
             await asyncio.sleep(0.3)
             page.speed_mps = 0.3
@@ -111,9 +111,7 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
             left = time.monotonic()
             await until(lambda: log.first_standing(left), "zero")
             gone_s = zero_after(robot, left)
-            await until(
-                lambda: driving.facts()["robots"]["obstacle"]["state"] == "disarmed", "disarming"
-            )
+            await until(lambda: driving.facts().robots["obstacle"].state == "disarmed", "disarming")
             kinds = [incident.kind for incident in driving.incidents.newest]
             assert "expired" in kinds
             assert "lease" in kinds

@@ -67,7 +67,7 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         change = {"paused": True, "seek": 5}
         sought = (await served.http.post("/api/playback", json=change)).json()
         assert (sought["paused"], sought["seekable"]) == (True, True)
-        await eventually(lambda: server.source.state.playback["frame"] == 5, 40)
+        await eventually(lambda: server.source.state.playback.frame == 5, 40)
         beyond = await served.http.post("/api/playback", json={"seek": 100_000})
         assert beyond.status_code == 422
 

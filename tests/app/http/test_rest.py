@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from dataclasses import asdict
 from typing import Any
 
 from app.contract.commands import ExplainPixel
 from app.contract.events import DenseStereoEvent
+from app.contract.status import CameraMotion, Decomposition, EgoMotionStatus
 
 
 async def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(
@@ -59,24 +61,18 @@ async def test_what_is_no_pixel_is_refused_in_one_sentence(http: Any, peer: Any)
 
 
 async def test_the_status_tells_how_the_camera_moved(http: Any, peer: Any) -> None:
-    motion = {
-        "model": "affine",
-        "status": "ok",
-        "matches": 50,
-        "inliers": 45,
-        "dt": 0.133,
-        "decomposition": {
-            "translation_px": [5.0, 0.1],
-            "rotation_rad": 0.01,
-            "shear": None,
-            "scale": [1.0, 1.01],
-        },
-        "motion": {"rotation_rad": [0.0, 0.01, 0.0], "translation_m": [0.02, 0.0, 0.0]},
-    }
-
+    motion = EgoMotionStatus(
+        model="affine",
+        status="ok",
+        matches=50,
+        inliers=45,
+        dt=0.133,
+        decomposition=Decomposition([5.0, 0.1], 0.01, None, [1.0, 1.01]),
+        motion=CameraMotion([0.0, 0.01, 0.0], [0.02, 0.0, 0.0]),
+    )
     assert (await http.get("/api/status")).json()["ego_motion"] is None
     peer.observe(ego_motion=motion)
-    assert (await http.get("/api/status")).json()["ego_motion"] == motion
+    assert (await http.get("/api/status")).json()["ego_motion"] == asdict(motion)
 
 
 # --- the description -----------------------------------------------------------------------

@@ -138,7 +138,7 @@ async def test_a_stop_waits_for_nobody_and_outlives_the_process(
     await eventually(lambda: drive.robots)
     kinds = [type(command) for command in drive.commands[before:]]
     assert kinds.index(StopRobots) < kinds.index(ConnectRobot)
-    assert drive.stopped["by"] == "somebody at 127.0.0.1"
+    assert drive.stopped.by == "somebody at 127.0.0.1"
     assert (await http.get("/api/robots")).json()["process"]["restarts"] == 1
 
 
@@ -340,9 +340,7 @@ async def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_arm
     drive.leases["observer"] = ("lease", "Anna")
     await http.post("/api/robots/observer/arm", json={"lease": "lease"})
     peer.world = "simulated:lab/2"
-    peer.robots = (
-        vars(RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "the same again")),
-    )
+    peer.robots = (RobotPort("observer", "socket://127.0.0.1:5009", "amigo-sh", "the same again"),)
     wanted = {"name": "to_and_fro", "leases": {"observer": "lease"}}
     begun = await http.post("/api/runs", json={"programme": wanted})
     assert begun.status_code == 201, begun.text
@@ -352,7 +350,7 @@ async def test_a_simulated_world_begins_anew_with_its_run_and_its_robots_are_arm
     assert drive.robots["observer"].world == "simulated:lab/2"
     await http.post(f"/api/runs/{begun.json()['id']}/stop")
     # A stop in between is not undone by anything.
-    peer.robots = (vars(RobotPort("observer", "socket://127.0.0.1:5010", "amigo-sh", "x")),)
+    peer.robots = (RobotPort("observer", "socket://127.0.0.1:5010", "amigo-sh", "x"),)
     drive.stops_at_connecting = True
     answer = await http.post("/api/runs", json={"programme": wanted})
     assert answer.status_code == 409

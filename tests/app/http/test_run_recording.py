@@ -11,7 +11,10 @@ import pytest
 from app.contract.commands import RecordRobots, SaveRing
 from app.contract.drive import IncidentEvent
 from app.contract.events import EngineState
+from app.contract.robots import RobotNow, Velocity
 from app.server.runs import saved_clips as rings
+from observer.robots.contract import RobotPhase, RobotReport
+from observer.types import Odometry
 
 CONTENT = b"\x89MCAP0\r\n and so on"
 
@@ -89,15 +92,18 @@ async def test_robots_are_told_of_in_the_recording(
     peer.observe()
     received = served.server.source.latest.received
     time = served.server.source.latest.line["time"]
-    report = {
-        "received": received + 0.5,
-        "odometry": {"x": 1.0, "y": 2.0, "yaw": 0.5},
-        "speed_mps": 0.2,
-        "turn_rate_radps": 0.1,
-        "battery_v": 12.5,
-    }
-    sent = {"speed_mps": 0.3, "turn_rate_radps": 0.0}
-    robot = {"state": "moving", "operator": "Ann", "why": None, "sent": sent, "report": report}
+    report = RobotReport(
+        RobotPhase.CONNECTED,
+        received=received + 0.5,
+        odometry=Odometry(1.0, 2.0, 0.5),
+        speed_mps=0.2,
+        turn_rate_radps=0.1,
+        battery_v=12.5,
+    )
+    sent = Velocity(0.3, 0.0)
+    robot = RobotNow(
+        "port", "Robbie", "real", "moving", "Ann", True, None, sent, sent, None, report
+    )
     for _ in range(3):
         drive.tell(robots={"observer": robot, "obstacle": None})
     drive.publish(IncidentEvent("observer", "guard", "it stopped", 7.0, 0.3))

@@ -14,6 +14,7 @@ import pytest
 
 from app.contract.commands import ChangeCalibration, OpenSource
 from app.contract.events import EngineState
+from app.contract.status import CalibrationReference
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage, StorageBusy, StorageFull
@@ -309,7 +310,7 @@ async def test_a_new_name_is_told_everywhere(
     record = await server.calibrating.save("Bench", activate=True)
     before = len(opens(peer))
     renamed = await server.calibrating.rename(record.id, "Robot 3")
-    assert status(server).calibration == {"id": record.id, "name": "Robot 3"}
+    assert status(server).calibration == CalibrationReference(record.id, "Robot 3")
     await server.calibrating.activate(record.id)
     assert len(opens(peer)) == before
     with pytest.raises(Conflict, match="Robot 3 is in use"):

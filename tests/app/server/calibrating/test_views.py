@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from app.contract.calibrating import CapturedView
 from app.contract.commands import BeginCalibration, ChangeCalibration, CloseSource, OpenSource
 from app.contract.events import EngineState
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
@@ -221,7 +222,7 @@ async def test_what_is_seen_is_in_the_status(peer: Any, server: Server) -> None:
     assert facts.look.words == "Captured 1"
     assert facts.look.covered == "left"
     assert facts.size == (512, 256)
-    assert facts.views == [{"name": "1", "left": 54, "right": 54, "picture": True}]
+    assert facts.views == [CapturedView("1", 54, 54, True)]
     assert (facts.computing, facts.trouble, facts.result) == (None, None, None)
 
 

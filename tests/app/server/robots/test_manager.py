@@ -207,7 +207,7 @@ async def test_a_stop_while_another_one_is_reset_holds(drive: Any, server: Serve
     await server.driving.reset("Anna")
     drive.start_process()
     await until(lambda: drive.stopped)
-    assert drive.stopped["by"] == "Bert"
+    assert drive.stopped.by == "Bert"
 
 
 async def test_a_stop_that_nobody_heard_is_told_the_next_process(
@@ -220,7 +220,7 @@ async def test_a_stop_that_nobody_heard_is_told_the_next_process(
     assert not drive.of(StopRobots)
     drive.start_process()
     await until(lambda: drive.stopped)
-    assert drive.stopped["by"] == "Anna"
+    assert drive.stopped.by == "Anna"
     # Once undone, it is not brought back.
     await server.driving.reset("Anna")
     drive.lose()
@@ -349,7 +349,8 @@ async def test_a_stop_goes_to_the_run_of_its_incident_also_behind_its_end(
     }
     await server.runs.stop(second)
     (kept,) = await server.runs.archive.incidents(first)
-    assert {role: asdict(each) for role, each in kept.stops.items()} == incident.stops
+    told = {role: asdict(each) for role, each in incident.stops.items()}
+    assert {role: asdict(each) for role, each in kept.stops.items()} == told
     (other,) = await server.runs.archive.incidents(second)
     assert (other.sentence, other.stops) == ("a wheel stalled", {})
 
