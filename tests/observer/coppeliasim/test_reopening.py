@@ -66,8 +66,8 @@ def test_opened_again_it_is_closed_first_and_begins_anew(shared: Any, desk: Desk
         reply = desk.open(shared.spec)
         assert reply is not None
         assert reply.error is None
-        assert reply.value["has_truth"]
-        assert reply.value["playback"]["frame_count"] is None
+        assert reply.value.state.has_truth
+        assert reply.value.state.playback.frame_count is None
         assert desk.play(3) == pytest.approx([0.0, 0.05, 0.1])
 
 

@@ -19,6 +19,7 @@ PACKAGES = {
     "foxglove": "foxglove-sdk",
     "pydantic_core": "pydantic",
     "serial": "pyserial",
+    "typing_extensions": "typing-extensions",
     "yaml": "pyyaml",
 }
 # Used where the user has it: a notebook's tables.
