@@ -12,9 +12,7 @@ from observer.types import Image
 
 
 class CalibrationAgeing:
-    """Ageing watch that receives every observed frame of one session; takes under 0.1 ms a
-    frame.
-    """
+    """Ageing watch fed with every observed frame of one session; takes under 0.1 ms a frame."""
 
     def __init__(self, camera: StereoCamera, mount: CameraMount | None) -> None:
         self._watch = AgeingWatch(camera, mount)

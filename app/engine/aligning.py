@@ -196,7 +196,7 @@ class AlignmentThread:
     def _take(self, line: Mapping[str, Any], received: float) -> None:
         seen = float(line["time"])
         if self._source_clock.add(seen, received):
-            # The clock stopped or restarted: the previous result no longer holds.
+            # The source stalled or restarted: the previous result no longer holds.
             self._carried = None
             self._begin_anew()
             self._source_clock.add(seen, received)
@@ -254,9 +254,7 @@ def _believable(found: Alignment, known: Alignment) -> bool:
 
 
 def _carried(before: Alignment) -> Alignment | None:
-    """Return what still holds when the same source is reopened: delays, roles, the camera's
-    place.
-    """
+    """Return what survives a reopening of the source: delays, roles, the camera's place."""
     if before.observer is None or before.T_body_camera is None:
         # Nothing tells where the new world lies.
         return None

@@ -84,9 +84,7 @@ def vertical_error(left: Image, right: Image) -> tuple[float | None, int]:
 def _board_rows(
     frame: StereoFrame, rectification: Rectification, board: Board
 ) -> Float64Array | None:
-    """Return (N,) rows of the board's corners, left minus right; None unless both images show
-    it.
-    """
+    """Return (N,) rows of board corners, left minus right; None unless both images show it."""
     left = detect_board(as_gray(frame.left), board, quick=True)
     right = detect_board(as_gray(frame.right), board, quick=True)
     if left is None or right is None:

@@ -149,8 +149,8 @@ def _coarser_search(parameters: StereoParameters, factor: int) -> StereoParamete
 
 
 def _coarser(image: Image, factor: int) -> Image:
-    """Return the mean of each ``factor`` by ``factor`` block; a remainder at right and bottom is
-    cut.
+    """Return the mean of each ``factor`` by ``factor`` block; cut the remainder at right and
+    bottom.
     """
     if factor == 1:
         return image

@@ -23,7 +23,7 @@ _HERE_PX = 1
 # Extra rows matched above and below, so that the matcher has paths to follow.
 _MARGIN_PX = 48
 _LEAST_KNOWN = 0.3
-# On a flat place, half of the disparities, and the one in the middle, lie this close to one plane.
+# Maximum distance from one plane on a flat place: for half of its disparities, and for its middle.
 _MAX_SPREAD_PX = 0.5
 _MAX_HERE_PX = 1.0
 _MAX_DISPARITY_PX = 256

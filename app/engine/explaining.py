@@ -88,9 +88,7 @@ def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstac
 
 
 def ego_motion_facts(trace: Mapping[str, Any], parameters: Parameters) -> EgoMotionStatus | None:
-    """Return the camera's motion between both frames as ``ObservationEvent.ego_motion`` holds
-    it.
-    """
+    """Return the camera's motion between frames as ``ObservationEvent.ego_motion`` holds it."""
     ego = trace.get("ego_motion")
     if ego is None:
         return None

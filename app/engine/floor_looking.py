@@ -16,7 +16,7 @@ _MOST_POINTS = 20_000
 
 
 def look_at_floor(observed: Observed | None) -> FloorPoints:
-    """Return points of the newest pair, ``(N, 3)`` float64 metres in the camera frame, and its
+    """Return the newest pair's points, ``(N, 3)`` float64 metres in the camera frame, and its
     frame.
 
     Raises:

@@ -110,7 +110,7 @@ class LiveTruth:
         self._facts: LiveTruthStatus | None = None
 
     def use(self, order: LiveTruthOrder | None) -> None:
-        """Listen to this order from now on; an existing connection to it continues.
+        """Listen to this order from now on; keep an open connection to the same motion capture.
 
         Raises:
             TruthError: the text names no live motion capture; nothing is changed then.
@@ -256,9 +256,7 @@ class LiveTruth:
         return aligned if aligned is not None and aligned.session == self._session else None
 
     def _room(self, aligned: Aligned, newest: NewestTruth, segment: int) -> Pose | None:
-        """Return ``T_world_room``: from the alignment, or from where motion capture sees the
-        observer.
-        """
+        """Return ``T_world_room``, by the alignment or by motion capture's view of the observer."""
         known = aligned.alignment.T_world_room.get(segment, self._placed.get(segment))
         if known is not None:
             return known

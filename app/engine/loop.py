@@ -35,7 +35,7 @@ from observer.types import FullTrace, StereoFrame
 BEAT_INTERVAL_S = 0.05
 # Interval at which the page receives the playback position or a live source's figures on their own.
 _POSITION_INTERVAL_S = 0.5
-# Nothing here needs an orderly end; what is left ends with the process.
+# Time for the truth's threads to end. They need no orderly end; the rest ends with the process.
 _TRUTH_ENDS_S = 1.0
 
 
@@ -120,7 +120,7 @@ class Engine:
             self._truth.join(_TRUTH_ENDS_S)
 
     def beat(self) -> None:
-        """Send a heartbeat if one is due. Only the loop's own thread beats; calls by others do
+        """Send a heartbeat if one is due. Only the loop's own thread beats; other calls do
         nothing.
         """
         now = self._clock()
@@ -144,9 +144,7 @@ class Engine:
         return self._ended or self._commands.leaving
 
     def _forget(self) -> None:
-        """Drop the observations of a closed source, so that they are neither shown nor
-        explained.
-        """
+        """Drop the observations of a closed source: they are no longer shown or explained."""
         self._publisher.forget()
         self._explainer.forget()
 
@@ -282,9 +280,7 @@ class Engine:
         self._publisher.publish(observed)
 
     def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:
-        """Return the frame with the wheels' odometry, for live cameras on a robot driven from
-        here.
-        """
+        """Return the frame with wheel odometry, for live cameras on a robot driven from here."""
         if self._sight is None or frame.odometry is not None or session.world != REAL_WORLD:
             return frame
         odometry = self._sight.odometry(frame.received)

@@ -140,8 +140,9 @@ def close_opened(opened: OpenedSource) -> None:
 
 
 def read_first(player: Player) -> tuple[SkippedFrame, ...]:
-    """Read the first frame ahead: some sources do their heavy work then, which would stop the
-    engine's heartbeat.
+    """Read the first frame ahead.
+
+    Some sources do their heavy work at that point, which would stop the engine's heartbeat.
 
     Returns:
         The frames that could not be read before it.

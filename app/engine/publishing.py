@@ -25,7 +25,7 @@ _DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
 @dataclass(frozen=True, eq=False)
 class _DenseJob:
     pair: DensePair
-    # Source generation: work begun for a source closed since is not shown.
+    # Epoch of the source: a job from a source closed meanwhile is not shown.
     epoch: int
 
 

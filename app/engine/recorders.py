@@ -35,8 +35,8 @@ class Recorders:
     ) -> RunRecorder | None:
         """Begin a recording of the opened source, where ordered.
 
-        Do not call it in the loop's thread: it opens a file. Where a run continues, an obstacle to
-        recording is only reported. For a live source, which cannot be played again, the last half
+        Do not call it in the loop's thread: it opens a file. Where a run continues, a failure
+        to begin is only reported. For a live source, which cannot be played again, the last half
         minute is kept in any case.
 
         Args:

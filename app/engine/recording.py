@@ -330,7 +330,8 @@ class RunRecorder:
         self._close()
 
     def _close(self) -> None:
-        # A caller may keep the outcome for long: do not keep a quarter of a gigabyte with it.
+        # Callers may keep this object for long to ask for the outcome; free its quarter of a
+        # gigabyte.
         writer, self._writer, self._ring = self._writer, None, None
         if writer is None:
             return

@@ -9,9 +9,7 @@ from observer.recording.errors import RecordingError
 
 
 def refusal(number: int, error: DynamicObserverError) -> Reply:
-    """Return the refusal for a request that is invalid, not possible now, or failed for a known
-    reason.
-    """
+    """Return the refusal of a request: invalid, not possible now, or failed for a known reason."""
     if isinstance(error, NotNow):
         return Reply(number, error=str(error), refusal="state")
     if isinstance(error, RecordingError) and error.full:

@@ -128,7 +128,7 @@ class Session(PlayedSource):
             )
 
     def end_run(self) -> RunRecorder | None:
-        """Keep nothing from now on; the caller ends the returned recorder."""
+        """End the run and keep nothing from now on; the caller ends the returned recorder."""
         self.run_id = None
         recorder = self.stop_recording()
         self.recorder = self._record_again()

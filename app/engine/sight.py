@@ -73,9 +73,7 @@ class SightTeller:
         self._sight.write(sight.facts())
 
     def odometry(self, received: float) -> Odometry | None:
-        """Return the observer's odometry when a frame was received; None where the wheels sent
-        none.
-        """
+        """Return the observer's odometry when a frame was received; None without any."""
         return odometry_at(self._read_history(), received)
 
     def _robot_is_there(self) -> bool:

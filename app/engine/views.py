@@ -168,7 +168,7 @@ _FINELY_DRAWN = ("left", "residual")
 
 
 def _nothing(size: tuple[int, int], sentence: str, reasons: tuple[str, ...]) -> Image:
-    """Draw a dark picture of this height and width that gives the reason for its being empty."""
+    """Draw a dark picture of this height and width that says why it is dark."""
     height, width = size
     canvas = np.full((height, width, 3), _DARK, dtype=np.uint8)
     scale = _TEXT_SCALE * max(1.0, width / _LETTERS / _LETTER_PX)
