@@ -109,9 +109,7 @@ class DriveLoop:
         self._say_goodbye()
 
     def tick(self, now: float, late_s: float = 0.0) -> None:
-        """Run one tick, this late. A failure stops all robots, and the loop goes on to report
-        it.
-        """
+        """Run one tick, this late. A failure stops all robots; the loop goes on to report it."""
         self._jitter.add(late_s)
         try:
             self._turn(now)

@@ -341,9 +341,7 @@ class Roles:
             self._end_profile(now, f"the {role} {why}")
 
     def _end_profile(self, now: float, why: str | None) -> None:
-        """End the profile at zero; ``why`` it ends early, one sentence, or None at its regular
-        end.
-        """
+        """End the profile at zero; ``why`` it ends early, one sentence, None for a regular end."""
         playing, self.playing = self.playing, None
         if playing is None:
             return

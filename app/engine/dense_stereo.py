@@ -149,9 +149,7 @@ def _coarser_search(parameters: StereoParameters, factor: int) -> StereoParamete
 
 
 def _coarser(image: Image, factor: int) -> Image:
-    """Return the mean of each ``factor`` by ``factor`` block; cut the remainder at right and
-    bottom.
-    """
+    """Return the mean of each ``factor`` by ``factor`` block; cut the rest at right and bottom."""
     if factor == 1:
         return image
     height, width = (side // factor for side in image.shape[:2])

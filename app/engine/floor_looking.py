@@ -16,8 +16,9 @@ _MOST_POINTS = 20_000
 
 
 def look_at_floor(observed: Observed | None) -> FloorPoints:
-    """Return the newest pair's points, ``(N, 3)`` float64 metres in the camera frame, and its
-    frame.
+    """Return the newest pair's points, ``(N, 3)`` metres in the camera frame, and its frame.
+
+    The points are float64.
 
     Raises:
         NotNow: there is no pair, or one image only.

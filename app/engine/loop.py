@@ -120,9 +120,7 @@ class Engine:
             self._truth.join(_TRUTH_ENDS_S)
 
     def beat(self) -> None:
-        """Send a heartbeat if one is due. Only the loop's own thread beats; other calls do
-        nothing.
-        """
+        """Send a heartbeat if one is due; only calls from the loop's own thread do anything."""
         now = self._clock()
         if now < self._next_beat or threading.get_ident() != self._thread:
             return

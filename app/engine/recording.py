@@ -96,9 +96,7 @@ class RunRecorder:
         self._thread.start()
 
     def facts(self) -> RecordingStatus | None:
-        """Return the facts as ``StateEvent.recording`` holds them; None where only the ring is
-        kept.
-        """
+        """Return the facts as ``StateEvent.recording`` holds them; None with only the ring kept."""
         if self._order is None:
             return None
         return RecordingStatus(
