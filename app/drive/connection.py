@@ -14,7 +14,7 @@ class Connection:
     """Robot of a role.
 
     Attributes:
-        port: as people may see it, see ``observer.robot_opening.shown_port``.
+        port: in the form shown to people, see ``observer.robot_opening.shown_port``.
         world, name: as requested.
         robot: None until it is opened.
         trouble: one sentence on why it could not be opened; None while nothing is wrong.

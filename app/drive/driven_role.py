@@ -121,7 +121,7 @@ class DrivenRole:
         """Switch the motors on, at zero.
 
         Raises:
-            ProcessRefused: one sentence of what is missing.
+            ProcessRefused: the missing condition, one sentence.
         """
         if self.robot is not None:
             self.report = self.robot.report()

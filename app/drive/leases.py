@@ -47,7 +47,7 @@ class Leases:
         """Check that this is the role's lease.
 
         Raises:
-            ProcessRefused: it is not in force.
+            ProcessRefused: the lease is not in force.
         """
         held = self._held.get(role)
         if held is None or held.id != lease:
@@ -60,7 +60,7 @@ class Leases:
         """Release the lease.
 
         Raises:
-            ProcessRefused: it is not in force.
+            ProcessRefused: the lease is not in force.
         """
         self.check(role, lease)
         del self._held[role]

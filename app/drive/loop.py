@@ -66,7 +66,7 @@ class DriveLoop:
         """Set up the loop.
 
         Args:
-            attendants: those of ``roles``; waited for at the end.
+            attendants: those of ``roles``; the loop waits for them at the end.
             send: takes replies and events; returns at once.
             newest_sight: returns the newest sight at an instant; returns at once.
             write_wheels: takes the content of the slot ``WHEELS_NAME``.

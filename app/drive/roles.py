@@ -145,7 +145,7 @@ class Roles:
     def _tick(self, now: float) -> Tick:
         return Tick(
             now,
-            # A loop that stood still makes up for nothing.
+            # A loop that stalled makes up for nothing.
             0.0 if self._before is None else min(now - self._before, _MOST_DT_S),
             self.sight,
             None if self.stopped is None else self.stopped.by,
@@ -175,7 +175,7 @@ class Roles:
         """Carry out a command; return its answer, or a placeholder for one that follows.
 
         Raises:
-            ProcessRefused, InputError: one sentence of why not.
+            ProcessRefused, InputError: the reason, one sentence.
         """
         match command:
             case StopRobots():

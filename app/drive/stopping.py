@@ -167,7 +167,7 @@ class StopWatch:
         if speed is not None and abs(speed) < STANDS_MPS:
             return None
         if self._sent == ZERO and (lately is None or abs(lately) < STANDS_MPS):
-            # Whatever stopped it, it stands by now.
+            # Whatever the cause, the robot stands already.
             return None
         before = speed
         if incident.kind == "guard" and self._slowed is not None:

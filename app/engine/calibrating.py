@@ -86,7 +86,7 @@ def open_calibration(
     """Open the source and read its first frame; if refused, leave nothing open.
 
     Raises:
-        InputError: one sentence of what is wrong with the source.
+        InputError: one sentence on the fault in the source.
     """
     opened = open_source(command.source)
     try:

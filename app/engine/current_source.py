@@ -93,7 +93,7 @@ class CurrentSource:
 
         Raises:
             NotNow: something else is being opened, or a run is going.
-            TruthError: live truth is named wrongly.
+            TruthError: the spec of the live truth is invalid.
         """
         if self.opening is not None:
             raise NotNow(

@@ -38,9 +38,9 @@ class DensePair:
     Attributes:
         left: (H, W) grey or (H, W, 3) BGR. right: the same, or None where none is known.
         disparity: (H, W) pixels, where the method has computed it.
-        instant: of this very pair: frame, time, received, segment and T_world_camera (16 numbers
-            by rows, or None), as the cloud's header holds them.
-        reasons: what the observation says of itself.
+        instant: facts of this very pair, as the cloud's header holds them: frame, time, received,
+            segment and T_world_camera (16 numbers by rows, or None).
+        reasons: those given in the observation.
     """
 
     left: Image

@@ -75,7 +75,7 @@ def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> fl
     """Return the disparity of the plane through the surroundings: a floor's grows from row to row.
 
     Raises:
-        InputError: too little is known around it, or it is no plane.
+        InputError: too few disparities are known around it, or they form no plane.
     """
     rows, columns = _around(row), _around(column)
     place = strip[rows, columns].astype(np.float64)

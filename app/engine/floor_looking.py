@@ -21,7 +21,7 @@ def look_at_floor(observed: Observed | None) -> FloorPoints:
     The points are float64.
 
     Raises:
-        NotNow: there is no pair, or one image only.
+        NotNow: there is no pair, or only one image.
     """
     right = None if observed is None else observed.trace.get("right")
     if observed is None or right is None:

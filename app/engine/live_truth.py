@@ -113,7 +113,7 @@ class LiveTruth:
         """Listen to this order from now on; keep an open connection to the same motion capture.
 
         Raises:
-            TruthError: the text names no live motion capture; nothing is changed then.
+            TruthError: the spec names no live motion capture; nothing was changed.
         """
         if order == self.order:
             return

@@ -15,8 +15,8 @@ class Opening:
 
     Attributes:
         request, command: the request that asked for it.
-        session, error: the result, one of them, once it is done.
-        abandoned: nobody waits for it any more; its session is only to be closed.
+        session, error: the result; one of them is set once it is done.
+        abandoned: nobody waits for it any more; its session only needs to be closed.
         lender: the session that lent its source, and that goes on if the opening is refused.
         before: the session that had to be closed for it, to be reopened if the opening is refused.
         parameters: with their revision, if they were set meanwhile.

@@ -240,7 +240,7 @@ class Player:
 
         Raises:
             InputError: a value is out of range, or the source is live or cannot seek.
-            NotNow: steps were asked for while playing.
+            NotNow: steps were requested while playing.
             SourceError: the source cannot be rewound.
         """
         moved = restart or seek is not None

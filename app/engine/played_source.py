@@ -36,7 +36,7 @@ class PlayedSource:
     """Source and its player. Used by one thread at a time.
 
     Attributes:
-        spec: the text it was opened by, passwords included.
+        spec: the text it was opened with, passwords included.
         resting: it is not read, because its source is being handed on.
         skipped: frames that could not be read while opening, before the first one.
         robots: of the source's own world; reached while it is observed.

@@ -203,7 +203,7 @@ class RunRecorder:
                 file.
 
         Raises:
-            NotNow: none is kept at the moment.
+            NotNow: no last half minute is kept at the moment.
         """
         ring, trouble = self._ring, self._trouble
         if ring is None or trouble is not None or self._ending:
@@ -354,7 +354,7 @@ def make_room(path: Path, reserve_bytes: int) -> None:
     """Check that a file can be begun.
 
     Raises:
-        RecordingError: it cannot, or the disk is almost full.
+        RecordingError: the file cannot be begun, or the disk is almost full.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

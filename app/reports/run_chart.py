@@ -27,7 +27,7 @@ CSV_COLUMNS = ("source", "label", "role", "track_id", "body", "segment", "time_s
 def chart_values(gathered: Gathered) -> dict[str, Any]:
     """Return the answer of ``GET /api/runs/{id}/chart`` except the run itself.
 
-    Gaps are places at which a speed is None. Times are the source's, seconds.
+    A speed of None marks a gap. Times are on the source's clock, seconds.
     """
     alignment = gathered.alignment
     return {

@@ -1,7 +1,7 @@
 """Latest value of something large (an image, a cloud), passed through shared memory.
 
-One process writes, any number read; nobody waits for anybody. The memory is an anonymous file
-that is inherited by its descriptor, so that nothing is left behind however a process ends.
+One process writes, any number read, and none of them waits. The memory is an anonymous file whose
+descriptor is inherited, so that nothing is left behind however a process ends.
 
 Layout, in native 8 byte words::
 
@@ -9,11 +9,11 @@ Layout, in native 8 byte words::
     then twice: sequence (0 while it is written) | header bytes | payload bytes | CRC-32
     then the two buffers of ``capacity`` bytes, rounded up to words
 
-A value goes into the buffer that was *not* published last, so a reader has the whole time until
-the next but one write to copy it out. The buffer's sequence, compared before and after copying,
-shows an overwritten read (a seqlock); the CRC catches what a weakly ordered processor could
-still let through. A writer that dies halfway leaves the value published before it intact, and
-its successor continues the sequence.
+A value goes into the buffer that was *not* published last, so a reader has time until the next
+write but one to copy it. Comparing the buffer's sequence before and after the copy reveals an
+overwritten read (a seqlock); the CRC catches the cases that a weakly ordered processor could still
+let through. A writer that dies halfway leaves the previously published value intact, and its
+successor continues the sequence.
 """
 
 from __future__ import annotations

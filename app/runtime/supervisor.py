@@ -75,7 +75,7 @@ class ProcessHealth:
 class ProcessSupervisor(Generic[_Command, _Event]):
     """Supervisor of the processes of one kind. All methods belong to the event loop's thread.
 
-    A subclass defines its kind by the class attributes and the methods after ``what a subclass defines``.
+    A subclass defines its kind: the class attributes, and the methods marked as such below.
     """
 
     what: ClassVar[str]
@@ -146,7 +146,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         """Start the first process and wait until it is ready.
 
         Raises:
-            ProcessUnavailable: it ended in all attempts; nothing is left running.
+            ProcessUnavailable: all attempts failed; nothing is left running.
         """
         if self._watching is not None or self._closed:
             raise RuntimeError("a supervisor is started once")

@@ -98,9 +98,7 @@ def floor_lines(half_width_m: int, step_m: float = 1.0) -> Float64Array:
 
 
 def padded(rows: NDArray[Any], count: int) -> NDArray[Any]:
-    """Return exactly ``count`` rows: the first ones, or the last one repeated, which stays
-    unseen.
-    """
+    """Return exactly ``count`` rows, repeating the last one, unseen, where there are fewer."""
     if len(rows) >= count:
         return rows[:count]
     return np.concatenate([rows, np.repeat(rows[-1:], count - len(rows), axis=0)])

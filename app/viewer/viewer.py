@@ -150,7 +150,7 @@ class ViserViewer:
                 try:
                     self._update()
                 except Exception:
-                    # One broken picture must not end the viewer, nor the viewer the server.
+                    # A faulty picture must not end the viewer, nor the viewer the server.
                     log.exception("viewer_update_failed")
                     self._stopping.wait(1.0)
 
