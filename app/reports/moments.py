@@ -1,9 +1,9 @@
 """Frames shown as pictures in a report, re-run with the full trace.
 
 The rule: the frame with the most significant confirmed, moving obstacle; among equals the first.
-The picture of false points shows another frame. The candidates are some frames spread over all
-those in which something moving was seen; the one chosen is that in which the published method marks
-most points as moving that lie on no moving body.
+For the picture of false points, the candidates are some frames spread over all those in which
+something moving was seen; the one chosen is that in which the published method marks most points as
+moving that lie on no moving body.
 """
 
 from __future__ import annotations

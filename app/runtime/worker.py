@@ -149,7 +149,7 @@ class LastingWorker:
         """
         process = self._started()
         if process is None:
-            # It ended between two jobs: it was killed, and nobody has waited for its end.
+            # It was ended between two jobs: killed, but not yet waited for.
             self._let_go()
             return None
         assert process.stdin is not None
