@@ -1,4 +1,6 @@
-"""What the person who starts the server may choose: arguments, then environment, then defaults.
+"""Settings of the server: from arguments, then environment, then defaults.
+
+The person who starts the server may choose them.
 
 Environment variables are named ``DYNAMIC_OBSERVER_`` and the setting, as in
 ``DYNAMIC_OBSERVER_PORT``; several host names are separated by commas.
@@ -23,9 +25,9 @@ _MEGABYTE = 1024 * 1024
 
 
 def default_data_folder() -> Path:
-    """Where a program keeps what must outlive it (XDG base directories)."""
+    """Return the folder for data that must outlive the program (XDG base directories)."""
     base = os.environ.get("XDG_DATA_HOME", "")
-    # The specification asks for relative paths to be ignored.
+    # The specification says to ignore relative paths.
     root = Path(base) if base.startswith("/") else Path.home() / ".local" / "share"
     return root / "dynamic-observer"
 
@@ -77,7 +79,7 @@ class Settings(BaseSettings):
     @classmethod
     def _live_truth(cls, value: str | None) -> str | None:
         if value is not None:
-            # It brings numpy, which the command line does without as long as it can.
+            # This imports numpy, which the command line avoids as long as possible.
             from observer.truth.live.opening import check_live
 
             try:
@@ -126,10 +128,10 @@ class Settings(BaseSettings):
 
     @property
     def tls(self) -> bool:
-        """Whether the server speaks https."""
+        """Return true if the server speaks https."""
         return self.tls_cert is not None
 
     @property
     def database_location(self) -> str | Path:
-        """What ``Storage`` is opened with."""
+        """Return the argument with which to open ``Storage``."""
         return self.database if self.database is not None else self.data / "observer.sqlite"

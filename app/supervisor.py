@@ -1,4 +1,4 @@
-"""Keeps one engine process at work, with a second one that stands by.
+"""Supervisor of one engine process, with a second one on standby.
 
 Starting an engine takes longer on a busy machine than the two seconds within which a lost one must
 be replaced.
@@ -27,29 +27,29 @@ from app.runtime.latest import LatestReader, create_slot
 from app.runtime.supervisor import ProcessHealth, ProcessSupervisor, SupervisorLimits
 
 ENGINE_COMMAND = module_command("app.engine")
-# A JPEG of 1280 pixels width stays below 1 MB, 20000 points take 300 KB; memory is only taken
-# as far as values reach.
+# A JPEG 1280 pixels wide stays below 1 MB, 20000 points take 300 KB; memory is used only as far as
+# values reach.
 _SLOT_BYTES = 4 * 1024 * 1024
-# A sight of 100 obstacles and 200 directions takes 40 KB, a second of two robots' wheels 5 KB.
+# A sight of 100 obstacles and 200 directions takes 40 KB, one second of two robots' wheels 5 KB.
 _SHARED_SLOT_BYTES = 256 * 1024
 
 EngineHealth = ProcessHealth
 
 
 class EngineRefused(ProcessRefused):
-    """The engine answered that it will not or could not."""
+    """Refusal by an engine that would not or could not carry out a request."""
 
 
 class EngineUnavailable(ProcessUnavailable):
-    """There is no engine that could answer at this moment."""
+    """Lack of an engine that could answer at this moment."""
 
 
 class Supervisor(ProcessSupervisor[ToEngine[Any], Event]):
-    """Owns the engine processes. All methods belong to the event loop's thread.
+    """Supervisor of the engine processes. All methods belong to the event loop's thread.
 
     ``views`` and ``cloud`` read the latest images and cloud of whichever engine writes them.
-    ``shared_slots`` are the descriptors, by name, of what engine and drive process tell each other
-    past this process; they stay open until ``stop``.
+    ``shared_slots`` are the descriptors, by name, of the slots through which engine and drive
+    process communicate directly, past this process; they stay open until ``stop``.
     """
 
     what: ClassVar[str] = "engine"
@@ -64,9 +64,10 @@ class Supervisor(ProcessSupervisor[ToEngine[Any], Event]):
         command: Sequence[str] = ENGINE_COMMAND,
         limits: SupervisorLimits | None = None,
     ) -> None:
-        """
+        """Set up the supervisor.
+
         Args:
-            command: starts an engine; its arguments are put behind it.
+            command: starts an engine; its arguments are appended.
         """
         self._drawn = {name: create_slot(_SLOT_BYTES) for name in (*VIEW_NAMES, CLOUD_NAME)}
         self.shared_slots: Mapping[str, int] = {

@@ -1,4 +1,4 @@
-"""Which versions compute a run."""
+"""Versions of the software that computes a run."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from observer.version import library_version
 
 
 def versions() -> dict[str, str]:
-    """What computes a run, by name."""
+    """Return the versions of everything that computes a run, by name."""
     packages = ("numpy", "opencv-python-headless")
     return {
         "dynamic-observer": library_version(),

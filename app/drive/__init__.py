@@ -1,1 +1,1 @@
-"""The drive process: sole writer of both robots, with the guard inside it."""
+"""Drive process: sole writer of both robots, with the guard inside it."""

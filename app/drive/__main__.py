@@ -1,4 +1,7 @@
-"""``python -m app.drive``: started by ``app.drive.supervisor`` only, descriptors as arguments."""
+"""Entry point ``python -m app.drive``.
+
+Only ``app.drive.supervisor`` starts it, passing descriptors as arguments.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ from observer.processes import die_with_parent
 def main() -> None:
     """Drive the robots that the library can open."""
     arguments = parse_arguments(sys.argv[1:], "drive")
-    # Until the loop runs there is no robot to stop, and the signal ends the process.
+    # Until the loop runs there is no robot to stop, so the signal ends the process.
     die_with_parent(arguments.parent, signal.SIGTERM)
 
     from app.drive.process import run_drive

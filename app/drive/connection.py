@@ -1,4 +1,4 @@
-"""What a role is connected to, and what all roles share at one tick."""
+"""Connection of a role, and the state all roles share at one tick."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from observer.robots.contract import Robot
 
 @dataclass(frozen=True)
 class Connection:
-    """A role's robot.
+    """Robot of a role.
 
     Attributes:
-        port: as people may see it, see ``observer.robot_opening.shown_port``.
-        world, name: as asked for.
+        port: in the form shown to people, see ``observer.robot_opening.shown_port``.
+        world, name: as requested.
         robot: None until it is opened.
-        trouble: one sentence of why it could not be, None while nothing is wrong.
+        trouble: one sentence on why it could not be opened; None while nothing is wrong.
     """
 
     port: str
@@ -29,12 +29,13 @@ class Connection:
 
 @dataclass(frozen=True)
 class Tick:
-    """What is the same for all roles at one tick.
+    """Values that are the same for all roles at one tick.
 
     Attributes:
-        now: the host's monotonic clock. dt: seconds since the tick before.
-        sight: the newest.
-        stopped: by whom, while the stop is latched.
+        now: the host's monotonic clock.
+        dt: seconds since the previous tick.
+        sight: the newest sight.
+        stopped: who stopped the robots, while the stop is latched.
     """
 
     now: float

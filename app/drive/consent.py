@@ -1,4 +1,4 @@
-"""What the one who holds a lease asks for, and whether it still counts."""
+"""Commands and signs of presence of a lease holder, and their expiry."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ ZERO: Velocity = (0.0, 0.0)
 
 
 class Consent:
-    """Of one role. Pure: whoever calls tells the time.
+    """Consent of one role's operator. It reads no clock: the caller passes the time.
 
-    A command or a sign of presence counts for ``COMMAND_FRESH_S`` after it was given. Once one
-    expired, a latch holds: no velocity counts until the operator has let go, so that a link that
-    recovers while a key is held restarts nothing. Letting go is a command with zero velocity, or
-    being present for ``COMMAND_FRESH_S`` without any velocity.
+    A command or a sign of presence is valid for ``COMMAND_FRESH_S`` after it was issued. Once one
+    has expired, a latch holds: no velocity is accepted until the operator has let go, so a link
+    that recovers while a key is held restarts nothing. Letting go is a command with zero velocity,
+    or being present for ``COMMAND_FRESH_S`` without any velocity.
 
     Attributes:
         present: a command or sign of presence is in force.
@@ -35,31 +35,31 @@ class Consent:
 
     @property
     def velocity(self) -> Velocity:
-        """As asked for, m/s and rad/s; whether it may be driven is for the caller to say."""
+        """Return the requested velocity, m/s and rad/s; the caller decides if it may be driven."""
         return self._velocity
 
     @property
     def sign(self) -> float | None:
-        """When what still counts was given: the velocity, or else the newest sign of presence.
+        """Return the issue time of the valid velocity, or else of the newest sign of presence.
 
-        None where nobody gave any yet; behind ``withdraw`` it is the newest of either.
+        None where nobody has sent any yet; after ``withdraw`` it is the newest of either.
         """
         moment = self._issued if self._velocity == ZERO else self._velocity_issued
         return moment if math.isfinite(moment) else None
 
     def take(self, sequence: int, issued: float, velocity: Velocity | None, now: float) -> float:
-        """A command, or with no velocity a sign of presence.
+        """Accept a command, or with no velocity a sign of presence.
 
         Returns:
             Its age, seconds.
 
         Raises:
-            ProcessRefused: it is too old, not the newest, or no number; nothing was changed.
+            ProcessRefused: it is too old, not the newest, or not finite; nothing was changed.
         """
         numbers = (issued, *(velocity or ()))
         if not all(math.isfinite(number) for number in numbers):
             raise ProcessRefused("a command's time and velocities must be finite numbers", "input")
-        # What comes from the future would live too long.
+        # A command dated in the future would stay valid for too long.
         issued = min(issued, now)
         age = now - issued
         if age >= COMMAND_FRESH_S:
@@ -89,7 +89,7 @@ class Consent:
         return age
 
     def look(self, now: float) -> bool:
-        """Let expire what is too old; whether anything did."""
+        """Expire everything too old; return true if anything expired."""
         moved = self._velocity != ZERO and now - self._velocity_issued >= COMMAND_FRESH_S
         left = self.present and now - self._issued >= COMMAND_FRESH_S
         if left:
@@ -99,11 +99,11 @@ class Consent:
         return moved or left
 
     def withdraw(self) -> None:
-        """Forget the velocity; another one counts only once the operator has let go."""
+        """Drop the velocity; a new one is accepted only once the operator has let go."""
         self._velocity = ZERO
         self._quiet_since = None
         self.released = False
 
     def arm(self) -> None:
-        """The robot gets armed: an operator who asks for no velocity need not let go first."""
+        """Note the arming: an operator who requests no velocity need not let go first."""
         self.released = self._velocity == ZERO

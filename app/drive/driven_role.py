@@ -1,6 +1,6 @@
-"""One role: its robot, whether it is armed, and what it is sent at this moment.
+"""State of one role: its robot, whether it is armed, and its command at this moment.
 
-Nothing here waits or looks at a clock; the loop tells the time. The states::
+Nothing here waits or reads a clock; the loop passes the time. The states::
 
     no robot --ConnectRobot--> connecting --> disarmed --ArmRobot--> armed <--> moving
                                waiting, refused   ^------- whatever disarms ------'
@@ -25,10 +25,10 @@ from observer.robots.contract import Explained, Robot, RobotPhase, RobotReport, 
 
 _log = logging.getLogger(__name__)
 
-# What would expire before the next tick counts no more at this one: nothing moves by a command
-# that is too old, and a tick that comes late has that much to spare.
+# A command that would expire before the next tick is already invalid at this one: nothing moves by
+# a command that is too old, and a late tick has that much margin.
 _NEXT_LOOK_S = 0.02
-# Without sight for this long the observer is disarmed.
+# The observer is disarmed after this long without sight.
 BLIND_S = 1.0
 _EXPIRED = "no command or sign of presence came in time"
 _GUARD_FAILED = "the guard failed; see the drive process's messages"
@@ -37,18 +37,18 @@ State = Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused
 
 
 class DrivenRole:
-    """See the module.
+    """Driver of one role; see the module.
 
     Attributes:
-        connection: None while no robot was asked for.
-        consent: of who holds its lease.
+        connection: None while no robot was requested.
+        consent: of the holder of its lease.
         armed: its motors may be on.
-        asked: velocity that is asked for, whether or not it may be driven.
-        sent: velocity that really went out last.
-        hindrance: why it does not drive as asked, one sentence.
-        why_disarmed: what took its motors away last.
-        verdict: the guard's last one.
-        report: the robot's last one.
+        asked: requested velocity, whether or not it may be driven.
+        sent: velocity really sent last.
+        hindrance: the reason why it does not drive as requested, one sentence.
+        why_disarmed: the reason for the last disarming.
+        verdict: the guard's last verdict.
+        report: the robot's last report.
     """
 
     def __init__(self, role: Role, guard: Guarding) -> None:
@@ -59,7 +59,8 @@ class DrivenRole:
         self.armed = False
         self.asked = ZERO
         self.sent = ZERO
-        # Where the ramp goes on from: ports round what is sent, and many a step is below that.
+        # Starting value of the ramp: ports round the sent velocity, and many steps are smaller than
+        # that.
         self._reached = ZERO
         self.hindrance: str | None = None
         self.why_disarmed: str | None = None
@@ -72,12 +73,12 @@ class DrivenRole:
 
     @property
     def robot(self) -> Robot | None:
-        """What is driven, once it is opened."""
+        """Return the driven robot, once it is opened."""
         return None if self.connection is None else self.connection.robot
 
     @property
     def state(self) -> State | None:
-        """In one word; None without a robot."""
+        """Return the state in one word; None without a robot."""
         connection, report = self.connection, self.report
         if connection is None:
             return None
@@ -94,7 +95,7 @@ class DrivenRole:
         return "armed" if self.sent == ZERO else "moving"
 
     def connect(self, connection: Connection | None) -> Robot | None:
-        """Have another robot, or none; the one before, at zero, is for the caller to close."""
+        """Replace the robot, or drop it; the caller closes the previous one, which is at zero."""
         before = self.robot
         if before is not None:
             before.disable()
@@ -108,7 +109,7 @@ class DrivenRole:
         return before
 
     def let_go(self) -> Robot | None:
-        """Give the robot up, without another word to it; it is for the caller to close."""
+        """Give up the robot without sending it anything more; the caller closes it."""
         robot, self.connection = self.robot, None
         self.armed = False
         self.sent = self._reached = ZERO
@@ -117,10 +118,10 @@ class DrivenRole:
     # --- arming ----------------------------------------------------------------------------
 
     def arm(self, tick: Tick) -> None:
-        """Motors on, at zero.
+        """Switch the motors on, at zero.
 
         Raises:
-            ProcessRefused: one sentence of what is missing.
+            ProcessRefused: the missing condition, one sentence.
         """
         if self.robot is not None:
             self.report = self.robot.report()
@@ -141,10 +142,10 @@ class DrivenRole:
     def disarm(
         self, now: float, kind: IncidentKind | None = None, sentence: str | None = None
     ) -> None:
-        """Zero, motors off.
+        """Send zero and switch the motors off.
 
         Args:
-            kind, sentence: of the incident that this is; None where somebody simply wanted it.
+            kind, sentence: of the resulting incident; None where somebody simply requested it.
         """
         robot = self.robot
         self._still(now, kind if self.armed else None, sentence or "")
@@ -155,7 +156,7 @@ class DrivenRole:
         self.armed = False
 
     def stop(self) -> None:
-        """As hard as it can, motors off; who latches it is the caller."""
+        """Stop as hard as possible, motors off; the caller latches the stop."""
         if self.armed:
             self.why_disarmed = "all robots were stopped"
         self.armed = False
@@ -166,18 +167,18 @@ class DrivenRole:
             robot.stop()
 
     def rest(self) -> None:
-        """Zero at once, still armed, until the operator has let go."""
+        """Send zero at once and stay armed; drive again only once the operator has let go."""
         if self.armed and self.robot is not None:
             self.robot.drive(0.0, 0.0)
         self.sent = self._reached = ZERO
         self.consent.withdraw()
 
     def new_operator(self) -> None:
-        """What the one before asked for, and how it was numbered, counts no more."""
+        """Forget the previous operator's requests and their numbering."""
         self.consent = Consent()
 
     def clear(self) -> None:
-        """Forget the robot's fault; an armed one has none."""
+        """Clear the robot's fault; an armed robot has none."""
         robot = self.robot
         if robot is not None and not self.armed:
             robot.clear()
@@ -186,7 +187,7 @@ class DrivenRole:
     # --- every tick ------------------------------------------------------------------------
 
     def look(self, tick: Tick, *, played: bool) -> str | None:
-        """See whether what it takes to move is still there; why not, one sentence.
+        """Check that all conditions for moving still hold; return the reason if not, one sentence.
 
         Args:
             played: a programme moves it.
@@ -209,7 +210,8 @@ class DrivenRole:
             if trouble is None and lapsed and (played or self.sent != ZERO):
                 self._still(now, "expired", _EXPIRED)
             if self.armed and report.wanted is not None and not self.consent.released:
-                # It drives by itself, so nobody can let go of its controls: arm it anew.
+                # It drives autonomously, so nobody can let go of its controls: it must be armed
+                # anew.
                 self.disarm(now, None, trouble or _EXPIRED)
                 return self.why_disarmed
             if trouble is not None:
@@ -218,7 +220,7 @@ class DrivenRole:
         return self.why_disarmed
 
     def _stand_while_blind(self, tick: Tick) -> str | None:
-        """Why the sight is none to go by; then it stands, and after a second is disarmed."""
+        """Return why the sight is unusable; stand without it, and disarm after a second."""
         trouble = self._blindness(tick)
         if trouble is None:
             self._blind_since = None
@@ -227,7 +229,7 @@ class DrivenRole:
             self._blind_since = tick.now
             moved = self.sent != ZERO or self.asked != ZERO
             self._still(tick.now, "sight" if moved else None, trouble)
-        # Whatever was asked for meanwhile has to be let go of as well.
+        # Requests made meanwhile must be let go of as well.
         self.consent.withdraw()
         if tick.now - self._blind_since >= BLIND_S:
             self.disarm(tick.now, "sight", trouble)
@@ -243,10 +245,10 @@ class DrivenRole:
         return trouble
 
     def drive(self, tick: Tick, played: Velocity | None) -> Sent | None:
-        """Send what may be sent at this moment; what went out, None while it is not armed.
+        """Send the velocity permitted at this moment and return it; None while it is not armed.
 
         Args:
-            played: what a programme asks for, None while none moves this role.
+            played: velocity requested by a programme; None while none moves this role.
         """
         self.asked = self._asked(played)
         self.hindrance = self._hindrance(tick, played is not None)
@@ -256,7 +258,7 @@ class DrivenRole:
             self.sent = self._reached = ZERO
             return None
         wanted = ZERO if self.hindrance is not None else self.asked
-        # Also of one that is not armed: the zones are shown, and the guard must know the way.
+        # Also for an unarmed robot: the zones are shown, and the guard must know the path.
         verdict = self.verdict = self._ask_guard(report, tick, wanted)
         if not self.armed:
             self.sent = self._reached = ZERO
@@ -291,7 +293,7 @@ class DrivenRole:
         return sent
 
     def _asked(self, played: Velocity | None) -> Velocity:
-        """By a programme, by a robot that drives by itself while somebody is there, or by hand."""
+        """Return the velocity asked by a programme, an attended autonomous robot, or by hand."""
         if played is not None:
             return played
         if self.report is not None and self.report.wanted is not None:
@@ -314,13 +316,13 @@ class DrivenRole:
                 tick.now,
             )
         except Exception as error:  # noqa: BLE001
-            # Whatever is wrong in it, the robots stand, and the loop goes on to say so.
+            # Whatever fails in there, the robots stand, and the loop goes on to report it.
             if self.verdict is None or self.verdict.reason != _GUARD_FAILED:
                 _log.exception("the guard failed: %s", type(error).__name__)
             return Verdict("stop", True, 0.0, 0.0, _GUARD_FAILED, 0.0, (), ())
 
     def _hindrance(self, tick: Tick, played: bool) -> str | None:
-        """Why nothing may be driven at all, one sentence; None where something may."""
+        """Return why nothing may be driven at all, one sentence; None where something may."""
         if tick.stopped is not None:
             return reasons.stopped_by(tick.stopped)
         if not self.armed:
@@ -338,7 +340,7 @@ class DrivenRole:
     # --- telling ---------------------------------------------------------------------------
 
     def _still(self, now: float, kind: IncidentKind | None, sentence: str) -> None:
-        """Zero from here on, until the operator has let go."""
+        """Hold zero from here on, until the operator has let go."""
         if kind is not None:
             self._tell(now, kind, sentence)
         self.rest()
@@ -348,6 +350,6 @@ class DrivenRole:
         self._incidents.append(IncidentEvent(self.role, kind, sentence, now, speed))
 
     def incidents(self) -> list[IncidentEvent]:
-        """Those since the last call."""
+        """Return the incidents since the last call."""
         told, self._incidents = self._incidents, []
         return told

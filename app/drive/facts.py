@@ -1,4 +1,4 @@
-"""The drive process as ``DriveEvent.facts`` tells it."""
+"""Facts of the drive process as ``DriveEvent.facts`` holds them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _NOTHING = RobotReport(RobotPhase.CONNECTING)
 def drive_facts(
     roles: Roles, now: float, ticks: int, lateness: Lateness, priority: str
 ) -> DriveFacts:
-    """Everything at this instant."""
+    """Return all facts at this instant."""
     sight, playing = roles.sight, roles.playing
     return DriveFacts(
         stopped=roles.stopped,
@@ -41,7 +41,7 @@ def drive_facts(
 
 
 def role_facts(driven: DrivenRole, operator: str | None) -> RobotNow | None:
-    """One role; None without a robot."""
+    """Return the facts of one role; None without a robot."""
     connection, state, verdict = driven.connection, driven.state, driven.verdict
     if connection is None or state is None:
         return None
@@ -64,7 +64,7 @@ def role_facts(driven: DrivenRole, operator: str | None) -> RobotNow | None:
 
 
 def outline_of_facts(roles: Roles) -> Hashable:
-    """What differs whenever anything but a figure has changed."""
+    """Return a key that changes whenever anything but a figure has changed."""
     sight, playing = roles.sight, roles.playing
     return (
         roles.stopped,

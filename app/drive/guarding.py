@@ -1,4 +1,4 @@
-"""What the drive process asks of whatever guards its robots."""
+"""Interface between the drive process and the guard of its robots."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from observer.robots.contract import SonarReading
 
 
 class Guarding(Protocol):
-    """``observer.guard.guard.Guard`` fulfils it."""
+    """Interface of a guard; ``observer.guard.guard.Guard`` implements it."""
 
     def use(self, parameters: GuardParameters) -> None: ...
 
@@ -35,12 +35,12 @@ class Guarding(Protocol):
 
 
 def least(wanted: Velocity, permitted: Velocity) -> Velocity:
-    """What is permitted, should it be wanted as well: never more, never the other way."""
+    """Limit a velocity to the permitted one: never faster, never the other way."""
     return _within(wanted[0], permitted[0]), _within(wanted[1], permitted[1])
 
 
 def _within(wanted: float, permitted: float) -> float:
-    # Also where one of them is no number.
+    # This also covers values that are not numbers.
     if not wanted * permitted > 0.0:
         return 0.0
     return permitted if abs(permitted) < abs(wanted) else wanted

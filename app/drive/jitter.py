@@ -1,4 +1,4 @@
-"""How late the loop is."""
+"""Lateness of the drive loop."""
 
 from __future__ import annotations
 
@@ -8,7 +8,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Lateness:
-    """Of the ticks in the window, milliseconds behind their deadlines; None before the first."""
+    """Lateness of the ticks in the window, milliseconds; None before the first tick.
+
+    Lateness counts from a tick's deadline.
+    """
 
     p50_ms: float | None
     p99_ms: float | None
@@ -16,10 +19,10 @@ class Lateness:
 
 
 class Jitter:
-    """Lateness over the last ``window`` ticks.
+    """Statistics of lateness over the last ``window`` ticks.
 
     Attributes:
-        ticks: all so far.
+        ticks: number of all ticks so far.
     """
 
     def __init__(self, window: int = 1500) -> None:
@@ -27,12 +30,12 @@ class Jitter:
         self.ticks = 0
 
     def add(self, late_s: float) -> None:
-        """One more tick began so long behind its deadline."""
+        """Add a tick that began this long after its deadline."""
         self._late.append(late_s)
         self.ticks += 1
 
     def lateness(self) -> Lateness:
-        """Nearest-rank percentiles."""
+        """Return nearest-rank percentiles."""
         ordered = sorted(self._late)
         if not ordered:
             return Lateness(None, None, None)

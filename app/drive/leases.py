@@ -1,4 +1,4 @@
-"""Who drives which robot: at most one at a time."""
+"""Leases of the robots: at most one driver each at a time."""
 
 from __future__ import annotations
 
@@ -11,28 +11,28 @@ from observer.rig.rig import Role
 
 @dataclass(frozen=True)
 class Lease:
-    """The right to drive a role. ``id`` is known to its holder alone, ``operator`` to all."""
+    """Right to drive a role. Only its holder knows the ``id``; everybody knows the ``operator``."""
 
     id: str
     operator: str
 
 
 class Leases:
-    """The leases of all roles."""
+    """Leases of all roles."""
 
     def __init__(self) -> None:
         self._held: dict[Role, Lease] = {}
 
     def holder(self, role: Role) -> str | None:
-        """Who drives it."""
+        """Return the operator who holds the role's lease."""
         lease = self._held.get(role)
         return None if lease is None else lease.operator
 
     def take(self, role: Role, operator: str, takeover: bool) -> tuple[Lease, str | None]:
-        """A new lease, and who lost one by it.
+        """Return a new lease, and the operator who lost one to it.
 
         Raises:
-            ProcessRefused: somebody holds one, and it shall not be taken over.
+            ProcessRefused: somebody holds one, and the request does not take it over.
         """
         before = self.holder(role)
         if before is not None and not takeover:
@@ -44,10 +44,10 @@ class Leases:
         return lease, before
 
     def check(self, role: Role, lease: str) -> None:
-        """Nothing, if it is the role's lease.
+        """Check that this is the role's lease.
 
         Raises:
-            ProcessRefused: it is not in force.
+            ProcessRefused: the lease is not in force.
         """
         held = self._held.get(role)
         if held is None or held.id != lease:
@@ -57,10 +57,10 @@ class Leases:
             )
 
     def release(self, role: Role, lease: str) -> None:
-        """Give it back.
+        """Release the lease.
 
         Raises:
-            ProcessRefused: it is not in force.
+            ProcessRefused: the lease is not in force.
         """
         self.check(role, lease)
         del self._held[role]

@@ -1,6 +1,6 @@
-"""The drive loop: every 20 ms, whatever else happens.
+"""Drive loop: runs every 20 ms, whatever else happens.
 
-Nothing in it waits: requests come through a queue, answers and events leave by a bounded one,
+Nothing in it blocks: requests come through a queue, replies and events leave by a bounded one,
 robots and guard answer at once, and ports are opened and closed in threads of their own.
 """
 
@@ -36,11 +36,11 @@ from observer.rig.rig import Role
 _log = logging.getLogger(__name__)
 
 TICK_S = 0.02
-# In ticks: events, what the wheels tell, statistics of lateness.
+# Intervals in ticks: events, wheel odometry, lateness statistics.
 _EVENT_TICKS = 5
 _WHEELS_TICKS = 2
 _LATENESS_TICKS = 50
-# How long robots are given to be let go, at the end.
+# Time for releasing the robots at the end.
 _GOODBYE_S = 2.5
 _FAILED = "the drive process, which failed; see its messages"
 
@@ -48,7 +48,7 @@ Inbox = queue.SimpleQueue[Request | None]
 
 
 class DriveLoop:
-    """See the module. None in the inbox, or an end of the parent, ends the loop."""
+    """Drive loop; see the module. None in the inbox, or the end of the parent, ends the loop."""
 
     def __init__(
         self,
@@ -63,15 +63,16 @@ class DriveLoop:
         priority: Priority,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """
+        """Set up the loop.
+
         Args:
-            attendants: those of ``roles``; waited for at the end.
+            attendants: those of ``roles``; the loop waits for them at the end.
             send: takes replies and events; returns at once.
-            newest_sight: the newest sight at an instant; returns at once.
-            write_wheels: takes what the slot ``WHEELS_NAME`` has.
-            orphaned: whether the parent is gone.
-            priority: the loop's, to be told.
-            clock: the host's monotonic one.
+            newest_sight: returns the newest sight at an instant; returns at once.
+            write_wheels: takes the content of the slot ``WHEELS_NAME``.
+            orphaned: returns true once the parent is gone.
+            priority: the loop's, for the reports.
+            clock: the host's monotonic clock.
         """
         self._roles = roles
         self._attendants = attendants
@@ -92,7 +93,7 @@ class DriveLoop:
         self.leaving = False
 
     def run(self) -> None:
-        """Until it shall leave; then all robots are stopped and let go."""
+        """Run until told to leave; then stop and release all robots."""
         deadline = self._clock()
         while not self.leaving:
             deadline += TICK_S
@@ -101,14 +102,14 @@ class DriveLoop:
                 time.sleep(pause)
             now = self._clock()
             late = max(0.0, now - deadline)
-            # Ticks that were missed are not made up for.
+            # Missed ticks are not made up for.
             deadline += late // TICK_S * TICK_S
             self.tick(now, late)
             tidy(self._jitter.ticks)
         self._say_goodbye()
 
     def tick(self, now: float, late_s: float = 0.0) -> None:
-        """One turn, so late. What fails in it stops all robots, and the loop goes on to say so."""
+        """Run one tick, this late. A failure stops all robots; the loop goes on to report it."""
         self._jitter.add(late_s)
         try:
             self._turn(now)
@@ -132,7 +133,7 @@ class DriveLoop:
     # --- requests --------------------------------------------------------------------------
 
     def _take_requests(self, now: float) -> list[tuple[int, Callable[[], object]]]:
-        """Take all that came; the answers that are known behind the tick only."""
+        """Take all queued requests; return the answers that are known only after the tick."""
         answers: list[tuple[int, Callable[[], object]]] = []
         while True:
             try:
@@ -205,14 +206,14 @@ class DriveLoop:
     # --- the end ---------------------------------------------------------------------------
 
     def _say_goodbye(self) -> None:
-        """Every robot was stopped by the last tick; let them go, side by side."""
+        """Release every robot, in parallel; the last tick has stopped them."""
         for role, driven in self._roles.driven.items():
             self._attendants[role].close(driven.connect(None))
         until = self._clock() + _GOODBYE_S
         while any(each.busy for each in self._attendants.values()) and self._clock() < until:
             time.sleep(TICK_S)
             for each in self._attendants.values():
-                # What was being opened is closed.
+                # A robot still being opened is closed.
                 each.opened()
             self._jitter.add(0.0)
             self._tell(self._clock())

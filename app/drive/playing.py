@@ -1,4 +1,4 @@
-"""A motion profile while it is played."""
+"""Motion profile in progress."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from observer.rig.rig import Role
 
 @dataclass(frozen=True)
 class Playing:
-    """A motion profile since its beginning.
+    """Motion profile since its start.
 
     Attributes:
         started: the host's monotonic clock.
@@ -27,19 +27,19 @@ class Playing:
 
     @property
     def roles(self) -> tuple[Role, ...]:
-        """Those it moves."""
+        """Return the roles that it moves."""
         return self.profile.roles
 
     def over(self, now: float) -> bool:
-        """Whether it is played to its end."""
+        """Return true once it has been played to its end."""
         return self._sample(self.roles[0], now) is None
 
     def velocity(self, role: Role, now: float) -> Velocity:
-        """What the role shall drive at this instant; zero behind the end."""
+        """Return the velocity for a role at this instant; zero after the end."""
         return self._sample(role, now) or ZERO
 
     def facts(self, now: float) -> ProgrammeNow:
-        """As ``DriveEvent.facts`` has it."""
+        """Return the facts as ``DriveEvent.facts`` holds them."""
         progress = progress_at(self.profile, now - self.started, self.repeat)
         return filled(
             ProgrammeNow,

@@ -1,4 +1,4 @@
-"""Lets the drive loop run before everything else, as far as it is permitted."""
+"""Priority of the drive loop: before everything else, as far as permitted."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from app.runtime.heap import keep_for_good
 
 Priority = Literal["realtime", "raised", "normal"]
 
-# The lowest of the real-time priorities already goes before every ordinary process.
+# The lowest real-time priority already precedes every ordinary process.
 REALTIME = 1
 NICENESS = -15
-# A thread that computes gives way after this long.
+# A thread that computes yields after this long.
 _SWITCH_S = 0.001
 # capabilities(7): bit of CAP_SYS_NICE.
 _SYS_NICE = 23
 _MACHINE = Path("/")
-# Ticks between two collections of younger and of all objects.
+# Ticks between two garbage collections: of young objects, and of all.
 _YOUNG_TICKS = 50
 _ALL_TICKS = 1500
 
 
 def raise_priority() -> Priority:
-    """Take the highest priority that is permitted; threads started from here on have it too."""
+    """Take the highest permitted priority; threads started from here on inherit it."""
     if hasattr(os, "sched_setscheduler"):
         with contextlib.suppress(OSError):
             os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(REALTIME))
@@ -41,13 +41,13 @@ def raise_priority() -> Priority:
 
 
 def permitted_priority(root: Path = _MACHINE) -> Priority | None:
-    """What ``raise_priority`` may be expected to reach; None where it cannot be told.
+    """Return the priority that ``raise_priority`` can expect; None where it is unknown.
 
-    Changes nothing, so it is by what the kernel says of rights and limits: a kernel that divides
+    It changes nothing and relies on the rights and limits the kernel reports: a kernel that divides
     real-time by groups of processes may refuse all the same.
 
     Args:
-        root: of the file system in whose ``proc/self`` to look.
+        root: root of the file system whose ``proc/self`` to read.
     """
     try:
         status = (root / "proc" / "self" / "status").read_text(encoding="utf-8")
@@ -71,9 +71,9 @@ def _limit(limits: str, name: str) -> float:
 
 
 def calm_interpreter() -> None:
-    """No garbage collection but by ``tidy``, and quick changes between threads.
+    """Leave garbage collection to ``tidy`` and shorten the switch interval of threads.
 
-    Call it when everything is imported: what is there by now is never looked through again.
+    Call it when everything is imported: objects existing by then are never scanned again.
     """
     sys.setswitchinterval(_SWITCH_S)
     keep_for_good()
@@ -81,7 +81,7 @@ def calm_interpreter() -> None:
 
 
 def tidy(tick: int) -> None:
-    """Collect garbage, at the end of a tick and little at a time."""
+    """Collect garbage at the end of a tick, a little at a time."""
     if tick % _ALL_TICKS == 0:
         gc.collect()
     elif tick % _YOUNG_TICKS == 0:

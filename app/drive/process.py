@@ -1,4 +1,4 @@
-"""The drive process: from inherited descriptors to a running loop and back."""
+"""Drive process: from inherited descriptors to a running loop and back."""
 
 from __future__ import annotations
 
@@ -30,15 +30,15 @@ from observer.guard.guard import Guard
 from observer.guard.parameters import GuardParameters
 from observer.rig.rig import ROLES
 
-# Longer than a loop that works takes to let all robots go.
+# Longer than a working loop takes to release all robots.
 _LAST_S = 5.0
 
 
 def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoReturn:
-    """Run the drive loop in this process until it is told to leave, and leave the process.
+    """Run the drive loop in this process until it is told to leave, then exit the process.
 
     Args:
-        open_robot: where robots come from.
+        open_robot: factory of robots.
     """
     logging.basicConfig(level=logging.WARNING, format="drive %(process)d: %(message)s")
     sock = arguments.open_channel()
@@ -46,7 +46,7 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
     inbox: Inbox = queue.SimpleQueue()
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, lambda *_: inbox.put(None))
-    # Before any thread is started: they all shall have it.
+    # Before any thread is started: they must all inherit it.
     priority = raise_priority()
     sender = MessageSender(
         sock, latest=(DriveEvent,), droppable=(WheelSpeedEvent, IncidentEvent, StoppedEvent)
@@ -64,10 +64,10 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
         priority=priority,
     )
 
-    # However the parent ends, the robots are stopped and let go before this process is gone.
+    # However the parent ends, the robots are stopped and released before this process is gone.
     def leave() -> None:
         inbox.put(None)
-        # A loop that hangs must not outlive its parent for ever; it sends nothing any more.
+        # A hung loop must not outlive its parent for ever; it sends nothing any more.
         time.sleep(_LAST_S)
         os._exit(1)
 
@@ -75,5 +75,5 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
     calm_interpreter()
     loop.run()
     sender.close(0.2)
-    # Without the interpreter's own end: a port's thread that hangs would hold it up.
+    # Skip the interpreter's own shutdown: a hung thread of a port would hold it up.
     os._exit(0)

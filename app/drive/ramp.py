@@ -1,4 +1,4 @@
-"""How quickly a velocity may rise; it may fall as quickly as it likes."""
+"""Limit on the rise of a velocity; it may fall at any rate."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from app.drive.consent import Velocity
 def ramped(
     before: Velocity, wanted: Velocity, acceleration: float, turn_acceleration: float, dt: float
 ) -> Velocity:
-    """The next velocity on the way to the wanted one.
+    """Return the next velocity on the way to the wanted one.
 
-    Each of its parts rises by its acceleration at most, and is never larger than wanted. A robot
-    stays on the wanted arc while it gets faster, unless it would have to brake for that: then
-    it turns into the arc as quickly as it may.
+    Each component rises by at most its acceleration and never exceeds the wanted value. A robot
+    stays on the wanted arc while it speeds up, unless it would have to brake for that: then it
+    turns into the arc as quickly as permitted.
 
     Args:
-        before: what was sent last, m/s and rad/s.
-        wanted: what shall be reached.
+        before: the velocity sent last, m/s and rad/s.
+        wanted: the velocity to be reached.
         acceleration, turn_acceleration: m/s^2 and rad/s^2, positive.
         dt: seconds since ``before`` was sent.
     """
@@ -30,7 +30,7 @@ def ramped(
 
 
 def _risen(before: float, wanted: float, acceleration: float, dt: float) -> float:
-    """Of the wanted sign or zero. What is turned round stops first."""
+    """Return a value with the wanted sign, or zero: a reversal stops first."""
     if wanted == 0.0:
         return 0.0
     same_way = before * wanted > 0

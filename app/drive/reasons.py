@@ -1,4 +1,4 @@
-"""Why a robot cannot be armed, does not move, or moves slower than asked: one sentence each."""
+"""Reasons why a robot cannot be armed, does not move, or is slow: one sentence each."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from observer.guard.parameters import GuardParameters
 from observer.rig.rig import Role
 from observer.robots.contract import RobotPhase, RobotReport
 
-# Less than this is rounding of what is sent in whole mm/s and degrees/s, not a limit.
+# A smaller difference comes from rounding to whole mm/s and degrees/s, not from a limit.
 _SAME_MPS, _SAME_RADPS = 0.0011, 0.018
 
 
@@ -21,7 +21,7 @@ def missing_to_arm(
     report: RobotReport | None,
     tick: Tick,
 ) -> str | None:
-    """What is missing to switch its motors on; None where nothing is."""
+    """Return what is missing for switching the motors on; None where nothing is."""
     if tick.stopped is not None:
         return stopped_by(tick.stopped)
     if connection is None:
@@ -45,7 +45,7 @@ def why_not_armed(
     report: RobotReport | None,
     why_disarmed: str | None,
 ) -> str:
-    """Of a role that is not armed."""
+    """Return the reason why a role is not armed."""
     if connection is None:
         return f"no robot is connected as the {role}"
     if connection.trouble is not None:
@@ -61,7 +61,7 @@ def why_not_armed(
 
 @dataclass(frozen=True)
 class Way:
-    """From what is wanted to what was sent: what the guard permitted, what the ramp made of it."""
+    """Wanted velocity, its stages through the guard and the ramp, and the sent velocity."""
 
     wanted: Velocity
     permitted: Velocity
@@ -72,10 +72,10 @@ class Way:
 def why_less(
     role: Role, way: Way, guard: str | None, report: RobotReport, parameters: GuardParameters
 ) -> str | None:
-    """Why less was sent than is wanted; None where it was not less.
+    """Return the reason why less was sent than wanted; None where it was not less.
 
     Args:
-        guard: its reason.
+        guard: the guard's reason.
     """
     if same(way.wanted, way.sent):
         return None
@@ -92,16 +92,16 @@ def why_less(
 
 
 def stopped_by(by: str) -> str:
-    """While the stop is latched."""
+    """Return the sentence for a latched stop."""
     return f"all robots were stopped by {by}; reset the stop first"
 
 
 def unconnected(role: Role, report: RobotReport | None) -> str:
-    """Of a robot that is not connected (any more)."""
+    """Return the sentence for a robot that is not connected (any more)."""
     trouble = None if report is None else report.fault or report.trouble
     return f"the {role}'s robot is not connected" + (f": {trouble}" if trouble else "")
 
 
 def same(one: Velocity, other: Velocity) -> bool:
-    """Whether two velocities differ by no more than a port's rounding."""
+    """Return true if two velocities differ by no more than a port's rounding."""
     return abs(one[0] - other[0]) <= _SAME_MPS and abs(one[1] - other[1]) <= _SAME_RADPS

@@ -1,4 +1,4 @@
-"""Opens and closes the robots of one role, in a thread of its own."""
+"""Thread that opens and closes the robots of one role."""
 
 from __future__ import annotations
 
@@ -17,8 +17,10 @@ RobotOpener = Callable[[str, str | None], Robot]
 
 
 class AttendantThread:
-    """Fulfils ``app.drive.roles.Attendant``: saying goodbye to a robot takes seconds, and opening
-    one imports what its port needs. What is asked for is done in order; all methods return at once.
+    """Attendant thread; implements ``app.drive.roles.Attendant``.
+
+    Releasing a robot takes seconds, and opening one imports what its port needs. Requests are
+    carried out in order; all methods return at once.
     """
 
     def __init__(self, role: Role, open_robot: RobotOpener) -> None:
@@ -27,30 +29,30 @@ class AttendantThread:
         self._jobs: queue.SimpleQueue[Callable[[], None]] = queue.SimpleQueue()
         self._results: queue.SimpleQueue[tuple[int, Robot | str]] = queue.SimpleQueue()
         self._ticket = 0
-        # Asked for and done; each written by one thread alone.
+        # Counts of requested and completed jobs; only one thread writes each.
         self._asked = 0
         self._done = 0
         self._thread: threading.Thread | None = None
 
     @property
     def busy(self) -> bool:
-        """Whether something that was asked for is not done yet."""
+        """Return true while a requested job is not done yet."""
         return self._done < self._asked
 
     def open(self, port: str, model: str | None) -> None:
-        """Open a robot; whatever was asked to be opened before and is not yet, is given up."""
+        """Open a robot; any earlier opening still pending is given up."""
         self._ticket += 1
         ticket = self._ticket
         self._do(lambda: self._results.put((ticket, self._opened(port, model))))
 
     def close(self, robot: Robot | None) -> None:
-        """Let a robot go, and whatever is being opened."""
+        """Release a robot, and any that is being opened."""
         self._ticket += 1
         if robot is not None:
             self._do(robot.close)
 
     def opened(self) -> Robot | str | None:
-        """The robot that was asked for, or one sentence of why there is none; told once."""
+        """Return the requested robot, or one sentence on why there is none; returned only once."""
         try:
             ticket, result = self._results.get_nowait()
         except queue.Empty:
@@ -85,6 +87,6 @@ class AttendantThread:
             try:
                 job()
             except Exception:  # noqa: BLE001
-                # Its fault must not leave the next one unopened.
+                # A fault in one job must not leave the next robot unopened.
                 _log.exception("the robot of the %s could not be closed", self._role)
             self._done += 1

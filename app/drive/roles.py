@@ -1,6 +1,6 @@
-"""Both robots together: commands in, velocities out, once a tick.
+"""Roles of both robots together: commands in, velocities out, once a tick.
 
-Nothing here waits or looks at a clock; robots are opened and closed elsewhere (``Attendant``).
+Nothing here waits or reads a clock; robots are opened and closed elsewhere (``Attendant``).
 """
 
 from __future__ import annotations
@@ -48,43 +48,43 @@ from observer.robots.ports import shown_port
 _log = logging.getLogger(__name__)
 
 _GUARD = "guard."
-# A ramp rises by this much time at most, however late a tick is.
+# A ramp rises by at most this much time, however late a tick is.
 _MOST_DT_S = 0.04
 _FAILED = "was let go because its driver failed; see the drive process's messages"
 
 
 class Attendant(Protocol):
-    """Opens and closes the robots of one role, one after the other, without anybody waiting."""
+    """Attendant of one role's robots: opens and closes them one after the other, never blocking."""
 
     def open(self, port: str, model: str | None) -> None:
-        """Open a robot; whatever was asked to be opened before and is not yet, is given up."""
+        """Open a robot; any earlier opening still pending is given up."""
         ...
 
     def close(self, robot: Robot | None) -> None:
-        """Let a robot go, and whatever is being opened."""
+        """Release a robot, and any that is being opened."""
         ...
 
     def opened(self) -> Robot | str | None:
-        """The robot that was asked for, or one sentence of why there is none; told once."""
+        """Return the requested robot, or one sentence on why there is none; returned only once."""
         ...
 
 
 @dataclass(frozen=True)
 class DriveAnswer:
-    """A drive command that was taken; what is sent for it is known behind the tick."""
+    """Drive command that was accepted; the velocity sent for it is known after the tick."""
 
     role: Role
     age_s: float
 
 
 class Roles:
-    """See the module.
+    """Roles of both robots; see the module.
 
     Attributes:
-        stopped: the latch.
-        playing: the programme that is driven.
-        leases: who drives which role.
-        sight: the newest.
+        stopped: the latched stop.
+        playing: the programme in progress.
+        leases: the lease of each role.
+        sight: the newest sight.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class Roles:
     # --- every tick ------------------------------------------------------------------------
 
     def step(self, now: float, sight: Sight | None) -> None:
-        """See to both robots, once the tick's commands were taken."""
+        """Run both robots' tick, once its commands were taken."""
         self.sight = sight
         for role in ROLES:
             self._take_opened(role)
@@ -133,7 +133,7 @@ class Roles:
         self.driven[role].drive(tick, played)
 
     def _give_up(self, role: Role, now: float) -> None:
-        """Let a robot go whose driver fails; the other one drives on."""
+        """Release a robot whose driver fails; the other one continues."""
         driven = self.driven[role]
         connection, robot = driven.connection, driven.let_go()
         self._end_profile_of(role, now, _FAILED)
@@ -145,7 +145,7 @@ class Roles:
     def _tick(self, now: float) -> Tick:
         return Tick(
             now,
-            # A loop that stood still makes up for nothing.
+            # A loop that stalled makes up for nothing.
             0.0 if self._before is None else min(now - self._before, _MOST_DT_S),
             self.sight,
             None if self.stopped is None else self.stopped.by,
@@ -163,7 +163,7 @@ class Roles:
             self.driven[role].connect(replace(connection, robot=opened))
 
     def incidents(self) -> list[IncidentEvent]:
-        """Those since the last call."""
+        """Return the incidents since the last call."""
         told, self._incidents = self._incidents, []
         for driven in self.driven.values():
             told += driven.incidents()
@@ -172,10 +172,10 @@ class Roles:
     # --- commands --------------------------------------------------------------------------
 
     def take(self, command: object, now: float) -> str | float | DriveAnswer | None:
-        """Do what is asked for; the answer, or what it will be known by.
+        """Carry out a command; return its answer, or a placeholder for one that follows.
 
         Raises:
-            ProcessRefused, InputError: one sentence of why not.
+            ProcessRefused, InputError: the reason, one sentence.
         """
         match command:
             case StopRobots():
@@ -216,12 +216,12 @@ class Roles:
         return None
 
     def stop(self, by: str, now: float) -> None:
-        """Stop all robots; it latches."""
+        """Stop all robots and latch the stop."""
         for role, driven in self.driven.items():
             try:
                 driven.stop()
             except Exception:  # noqa: BLE001
-                # No robot's failure may keep the other one from being stopped.
+                # A failure of one robot must not keep the other from being stopped.
                 _log.exception("the %s could not be told to stop", role)
         self.playing = None
         if self.stopped is None:
@@ -245,7 +245,7 @@ class Roles:
     def _connect(self, command: ConnectRobot, now: float) -> None:
         role = _checked(command.role)
         check_port(command.port)
-        # What is told of it from here on goes to people and into records.
+        # From here on the text goes to people and into records.
         shown = shown_port(command.port)
         if command.model is not None:
             robot_spec(command.model)
@@ -307,7 +307,7 @@ class Roles:
 
     def _start_profile(self, command: StartProgramme, now: float) -> float:
         profile = command.programme
-        # Refuses what cannot be repeated so often, as ``InputError``.
+        # An excessive number of repetitions is refused as ``InputError``.
         duration = duration_s(profile, command.repeat)
         if self.playing is not None:
             raise ProcessRefused(
@@ -341,7 +341,7 @@ class Roles:
             self._end_profile(now, f"the {role} {why}")
 
     def _end_profile(self, now: float, why: str | None) -> None:
-        """At zero. ``why`` it ends before its end, one sentence; None where that is as wanted."""
+        """End the profile at zero; ``why`` it ends early, one sentence, None for a regular end."""
         playing, self.playing = self.playing, None
         if playing is None:
             return

@@ -1,4 +1,4 @@
-"""What is left before a robot that was stopped: by a frame and by the sonars of it at rest."""
+"""Separation left in front of a stopped robot: from a frame and from its sonars, at rest."""
 
 from __future__ import annotations
 
@@ -11,26 +11,27 @@ from observer.guard.outline import Outline
 from observer.guard.sight import Sight
 from observer.robots.contract import RobotReport, SonarReading
 
-# A surface is on the way as far as the robot is wide, and this to each side.
+# A surface is in the path within the robot's width plus this margin on each side.
 _BESIDE_M = 0.1
-# Those that look more aside hear what the robot passes.
+# Sonars pointing further aside hear what the robot passes.
 _AHEAD = math.cos(math.radians(36.0))
-# A sonar that told nothing for so long is not waited for.
+# A sonar silent for this long is not waited for.
 _SILENT_S = 1.0
 
 
 def separation(
     sight: Sight | None, report: RobotReport | None, since: float, direction: float
 ) -> float | None:
-    """Metres from a robot's outline to the nearest that is known; None where nothing is.
+    """Return metres from a robot's outline to the nearest known object; None where there is none.
 
-    Obstacles that are seen count wherever they are, surfaces that are seen and echoes of sonars
-    that look ahead on the way straight ahead. An echo is taken to lie on its sonar's axis.
+    Visible obstacles count wherever they are; visible surfaces, and echoes of sonars that point
+    ahead, count in the path straight ahead. An echo is assumed to lie on its sonar's axis.
 
     Args:
-        sight: of the robot at rest; None for one without eyes. since: when it stood, the host's
-            monotonic clock: older readings of sonar do not count. direction: of the drive that
-            was stopped, positive forward.
+        sight: of the robot at rest; None for one without cameras.
+        since: the time it came to rest, the host's monotonic clock: older sonar readings do not
+            count.
+        direction: of the drive that was stopped, positive forward.
     """
     if report is None:
         return None
@@ -48,7 +49,7 @@ def separation(
 
 
 def is_heard(report: RobotReport | None, since: float, direction: float) -> bool:
-    """Whether all sonars that look ahead, and tell anything at all, told since then."""
+    """Return true if all active sonars that point ahead have reported since then."""
     return all(
         not since - _SILENT_S < each.received <= since for each in _looking(report, direction)
     )

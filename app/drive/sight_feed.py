@@ -1,4 +1,4 @@
-"""What the engine tells of each frame, as the drive loop reads it."""
+"""Sight of each frame from the engine, as the drive loop reads it."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from observer.guard.sight import Sight, sight_of
 
 _log = logging.getLogger(__name__)
 
-# The same clock on both sides: what was received later than this is no time at all.
+# Both sides use the same clock: a later reception time than this is invalid.
 _AHEAD_S = 0.05
 
 
 class SightFeed:
-    """The newest sight of a slot; never waits."""
+    """Newest sight of a slot; never blocks."""
 
     def __init__(self, reader: LatestReader) -> None:
         self._reader = reader
@@ -22,7 +22,7 @@ class SightFeed:
         self._sight: Sight | None = None
 
     def newest(self, now: float) -> Sight | None:
-        """The newest one, however old; None where there is none, or none that can be read."""
+        """Return the newest sight, however old; None where there is none, or none is readable."""
         value = self._reader.read(self._sequence)
         if value is not None:
             self._sequence = value.sequence

@@ -1,6 +1,6 @@
-"""Every stop of a robot that moved, measured from its cause until the robot stands.
+"""Measurement of every stop of a moving robot, from its cause until the robot stands.
 
-Fed at the end of each tick; it commands nothing and looks at no clock.
+It runs at the end of each tick, commands nothing and reads no clock.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from observer.guard.sight import Sight
 from observer.rig.rig import ROLES, Role
 from observer.robots.contract import RobotPhase, RobotReport
 
-# Slower than this by its encoders it stands.
+# Below this encoder speed the robot stands.
 STANDS_MPS = 0.01
-# It is followed for so long: a firmware's watchdog of 2 s and the braking behind it lie within.
+# A stop is followed for this long: it covers a firmware watchdog of 2 s and the braking after it.
 _FOLLOWED_S = 4.0
-# For what is left before it, a frame and the sonars of the robot at rest are waited for.
+# Waiting time for a frame and sonar readings of the robot at rest, for the separation.
 _LOOK_S = 0.5
 _KEPT_S = 6.0
 
 
 @dataclass(frozen=True)
 class _Packet:
-    """What one status packet told; metres in the odometry's frame, m/s."""
+    """Status packet's content; metres in the odometry's frame, m/s."""
 
     received: float
     place: tuple[float, float] | None
@@ -41,7 +41,7 @@ class _Packet:
 
 @dataclass
 class _Stop:
-    """One that is being measured."""
+    """Stop that is being measured."""
 
     incident: IncidentEvent
     cause: float
@@ -53,7 +53,7 @@ class _Stop:
 
 
 class Stopping:
-    """The stops of both robots."""
+    """Stops of both robots."""
 
     def __init__(self) -> None:
         self._watches = {role: StopWatch(role) for role in ROLES}
@@ -61,10 +61,11 @@ class Stopping:
     def look(
         self, now: float, roles: Roles, incidents: Iterable[IncidentEvent]
     ) -> list[StoppedEvent]:
-        """The stops whose end is known at this tick.
+        """Return the stops whose end is known at this tick.
 
         Args:
-            now: the host's monotonic clock. incidents: those since the last call.
+            now: the host's monotonic clock.
+            incidents: those since the last call.
         """
         told = tuple(incidents)
         ended = (
@@ -75,15 +76,17 @@ class Stopping:
 
 
 class StopWatch:
-    """The stops of one role, one after the other: what comes while one is being measured, be it
-    the motors' going off behind it, belongs to it.
+    """Measurement of one role's stops, one after the other.
+
+    Anything that happens while a stop is being measured belongs to it, even the motors' switching
+    off afterwards.
     """
 
     def __init__(self, role: Role) -> None:
         self._role = role
         self._packets: deque[_Packet] = deque()
         self._open: _Stop | None = None
-        # As of the tick before.
+        # As of the previous tick.
         self._sent = ZERO
         self._sign: float | None = None
         self._seen: float | None = None
@@ -97,7 +100,7 @@ class StopWatch:
         sight: Sight | None,
         incidents: Iterable[IncidentEvent],
     ) -> StoppedEvent | None:
-        """See what this tick brought; a stop whose end is known now."""
+        """Process this tick; return a stop whose end is now known."""
         report = driven.report
         if driven.robot is None:
             self._packets.clear()
@@ -115,7 +118,8 @@ class StopWatch:
 
     def _concerns(self, incident: IncidentEvent) -> bool:
         if incident.kind == "programme":
-            # It tells of a programme; whatever stopped its robots tells of itself.
+            # This incident concerns a programme; the event that stopped its robots has an incident
+            # of its own.
             return False
         return incident.role in (self._role, None)
 
@@ -157,13 +161,13 @@ class StopWatch:
     def _begun(
         self, incident: IncidentEvent, report: RobotReport | None, verdict: Verdict | None
     ) -> _Stop | None:
-        """None where nothing moved that could be stopped."""
+        """Begin measuring a stop; return None where nothing was moving."""
         cause = self._cause(incident, report)
         speed, lately = self._speed_at(cause), self._speed_at(incident.time)
         if speed is not None and abs(speed) < STANDS_MPS:
             return None
         if self._sent == ZERO and (lately is None or abs(lately) < STANDS_MPS):
-            # Whatever stopped it, it stands by now.
+            # Whatever the cause, the robot stands already.
             return None
         before = speed
         if incident.kind == "guard" and self._slowed is not None:
@@ -171,7 +175,7 @@ class StopWatch:
         return _Stop(incident, cause, speed, before, verdict is not None and verdict.comes)
 
     def _cause(self, incident: IncidentEvent, report: RobotReport | None) -> float:
-        """The last moment at which all was well, as far as it is known."""
+        """Return the last moment at which all was well, as far as it is known."""
         known: float | None = None
         match incident.kind:
             case "sight":
@@ -187,7 +191,7 @@ class StopWatch:
         return incident.time if known is None else min(known, incident.time)
 
     def _speed_at(self, moment: float) -> float | None:
-        """As the newest packet until then told; as the oldest one where all came later."""
+        """Return the speed in the newest packet until then, or in the oldest if all came later."""
         before = [each for each in self._packets if each.received <= moment]
         if before:
             return before[-1].speed_mps
@@ -198,9 +202,10 @@ class StopWatch:
     def _followed(
         self, stop: _Stop, now: float, driven: DrivenRole, sight: Sight | None
     ) -> StoppedEvent | None:
-        """The stop, once no more of it is to come."""
+        """Return the stop once its measurement is complete."""
         if stop.zero is None and self._zero is not None:
-            # It may have gone out before: the driver of a robot that stalls waits for nobody.
+            # Zero may have gone out before the cause: the driver of a stalled robot waits for
+            # nobody.
             stop.zero = max(self._zero, stop.cause)
         if stop.stood is None:
             stop.stood = self._stood(stop.cause)
@@ -223,10 +228,10 @@ class StopWatch:
     def _look_ahead(
         self, stop: _Stop, now: float, driven: DrivenRole, sight: Sight | None
     ) -> StoppedEvent | None:
-        """Behind a guard's stop, what is left before it as it is at rest."""
+        """Return a guard's stop with the separation left in front of the robot at rest."""
         assert stop.stood is not None
         if stop.incident.kind != "guard" or stop.came:
-            # What came by itself may come nearer still.
+            # An obstacle that approached by itself may come nearer still.
             return self._told(stop, None)
         direction = math.copysign(1.0, stop.speed_mps or 0.0)
         over = now - stop.stood > _LOOK_S
@@ -236,7 +241,7 @@ class StopWatch:
             return self._told(stop, separation(None, driven.report, stop.stood, direction))
         if sight is not None and sight.received >= stop.stood and self._good(sight, now, driven):
             return self._told(stop, separation(sight, driven.report, stop.stood, direction))
-        # Nothing is told by sonar alone of what only a camera would see.
+        # Sonar alone does not report what only a camera would see.
         return self._told(stop, None) if over else None
 
     def _told(self, stop: _Stop, separation_m: float | None) -> StoppedEvent:
@@ -255,7 +260,7 @@ class StopWatch:
         )
 
     def _way(self, start: float, end: float) -> float | None:
-        """By odometry between two moments; between packets it drives evenly."""
+        """Return the odometry's path length between two moments, at even speed between packets."""
         packets = [each for each in self._packets if each.received <= end]
         within = [each for each in packets if each.received > start]
         before = packets[: len(packets) - len(within)]
@@ -274,12 +279,12 @@ class StopWatch:
 def _zero_since(
     before: float | None, driven: DrivenRole, report: RobotReport | None, now: float
 ) -> float | None:
-    """Since when zero is what went out; None while something else does, or nothing is known."""
+    """Return the time since which zero is sent; None while anything else is, or if unknown."""
     if driven.robot is None or report is None:
         return before
     sent = report.sent
     if sent is None:
-        # It tells nothing of its port: as it was handed to its driver.
+        # The robot reports nothing of its port: use the velocity handed to its driver.
         return None if driven.sent != ZERO else now if before is None else before
     if sent.speed_mps != 0.0 or sent.turn_rate_radps != 0.0:
         return None

@@ -1,6 +1,6 @@
-"""Keeps one drive process at work, as the web process sees it.
+"""Supervisor that keeps one drive process running, on behalf of the web process.
 
-A new process has no robot: who supervises connects them anew, and nobody but a person arms them.
+A new process has no robot: the supervisor's owner reconnects them, and only a person arms them.
 """
 
 from __future__ import annotations
@@ -21,15 +21,18 @@ from app.runtime.environment import module_command
 from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
 
 DRIVE_COMMAND = module_command("app.drive")
-# Events come every 0.1 s. A port's own thread sends zero much sooner than a hung loop is found;
-# a stand-in would have no robots, so it would be ready no sooner.
+# Events come every 0.1 s. A port's own thread sends zero much sooner than a hung loop is detected;
+# a standby would have no robots, so it would be ready no sooner.
 DRIVE_LIMITS = SupervisorLimits(
     hang_s=0.5, start_s=20.0, standby_delay_s=None, most_backoff_s=5.0, stop_s=4.0
 )
 
 
 class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveEvents]):
-    """Fulfils ``app.server.contracts.Drive``. All methods belong to the event loop's thread."""
+    """Drive supervisor that implements ``app.server.contracts.Drive``.
+
+    All methods belong to the event loop's thread.
+    """
 
     what: ClassVar[str] = "drive process"
     heartbeat = DriveEvent
@@ -42,19 +45,20 @@ class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveEvents]):
         command: Sequence[str] = DRIVE_COMMAND,
         limits: SupervisorLimits = DRIVE_LIMITS,
     ) -> None:
-        """
+        """Set up the supervisor.
+
         Args:
-            slots: ``app.supervisor.Supervisor.shared_slots``; kept open by whoever made them
-                until this is stopped.
-            command: starts a drive process; its arguments are put behind it.
+            slots: ``app.supervisor.Supervisor.shared_slots``; their owner keeps them open until
+                this is stopped.
+            command: starts a drive process; its arguments are appended.
         """
         super().__init__(command, slots, limits)
 
     async def request(self, command: ToDrive[Any], timeout_s: float = 1.0) -> Any:
-        """Ask the drive process and wait for its answer's value.
+        """Send a request to the drive process and return its reply's value.
 
         Raises:
-            ProcessRefused: it says no, and why.
+            ProcessRefused: it refuses, and why.
             ProcessUnavailable: there is none, it ended meanwhile or did not answer in time.
         """
         return await super().request(command, timeout_s)

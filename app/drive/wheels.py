@@ -1,4 +1,4 @@
-"""What the robots' wheels tell, kept for the engine."""
+"""Wheel odometry of the robots, kept for the engine."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ KEPT_S = 1.0
 
 
 class Wheels:
-    """Each robot's odometry of the last second."""
+    """Odometry of each robot over the last second."""
 
     def __init__(self) -> None:
         self._driven: dict[Role, deque[list[float]]] = {role: deque() for role in ROLES}
 
     def add(self, role: Role, report: RobotReport | None, now: float) -> None:
-        """What it tells at this tick; a robot that is gone has driven nowhere."""
+        """Add the report of this tick; a robot that is gone has no odometry."""
         driven = self._driven[role]
         if report is None or report.phase is not RobotPhase.CONNECTED:
             driven.clear()
@@ -31,5 +31,5 @@ class Wheels:
             driven.popleft()
 
     def facts(self) -> dict[str, list[list[float]]]:
-        """As the slot ``WHEELS_NAME`` has it."""
+        """Return the odometry as the slot ``WHEELS_NAME`` holds it."""
         return {role: list(driven) for role, driven in self._driven.items()}

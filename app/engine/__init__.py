@@ -1,1 +1,1 @@
-"""The engine process: plays a source, observes it, draws what is watched."""
+"""Engine process: plays a source, observes it and draws the views being watched."""

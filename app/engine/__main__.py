@@ -1,4 +1,7 @@
-"""``python -m app.engine``: started by ``app.supervisor`` only, with descriptors as arguments."""
+"""Entry point ``python -m app.engine``.
+
+Only ``app.supervisor`` starts it, passing descriptors as arguments.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +13,9 @@ from observer.processes import die_with_parent
 
 
 def main() -> None:
-    """Run the engine on the sources and the observer of the library."""
+    """Run the engine with the library's sources and observer."""
     arguments = parse_arguments(sys.argv[1:])
-    # First of all: what follows takes long enough for the parent to die meanwhile.
+    # Do this first: the imports below take long enough for the parent to die meanwhile.
     die_with_parent(arguments.parent)
 
     from app.engine.memory import keep_freed_memory
@@ -25,8 +28,8 @@ def main() -> None:
     from observer.observer import Observer
     from observer.opening import open_source
 
-    # Two threads halve the stereo matching on two idle cores and cost nothing on busy ones;
-    # beyond four, images of this size gain nothing, and the web process needs a core as well.
+    # Two threads halve the stereo matching time on two idle cores and cost nothing on busy ones.
+    # Beyond four, images of this size gain nothing, and the web process needs a core too.
     cv2.setNumThreads(min(4, os.cpu_count() or 1))
     run_engine(arguments, open_source=open_source, make_observer=Observer)
 

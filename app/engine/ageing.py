@@ -1,4 +1,4 @@
-"""How the calibration in use holds, as the engine tells it."""
+"""Ageing of the calibration in use, as the engine reports it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from observer.types import Image
 
 
 class CalibrationAgeing:
-    """Fed with every observed frame of one session; takes less than 0.1 ms a frame."""
+    """Ageing watch fed with every observed frame of one session; takes under 0.1 ms a frame."""
 
     def __init__(self, camera: StereoCamera, mount: CameraMount | None) -> None:
         self._watch = AgeingWatch(camera, mount)
@@ -21,18 +21,18 @@ class CalibrationAgeing:
         self._facts: AgeingStatus | None = None
 
     def look(self, observed: Observed) -> None:
-        """Note one frame."""
+        """Process one frame."""
         self._age = self._watch.look(observed.frame, observed.observation, observed.trace)
 
     @property
     def pairs(self) -> tuple[tuple[Image, Image], ...]:
-        """Pairs of the last half minute as taken, (H, W) grey."""
+        """Return the raw pairs of the last half minute, (H, W) grey."""
         return self._watch.pairs
 
     def facts(self) -> AgeingStatus | None:
-        """As ``StateEvent.ageing`` holds it."""
+        """Return the facts as ``StateEvent.ageing`` holds them."""
         age, told = self._age, self._told
-        # Asked several times a frame, while the watch finds something new once a second.
+        # Called several times a frame, while the watch has news only once a second.
         if age is None or (told and age.rows is told.rows and age.vergence is told.vergence):
             return self._facts
         history = [(round(t, 1), round(px, 4)) for t, px in age.rows.history]

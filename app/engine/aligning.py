@@ -1,4 +1,4 @@
-"""Has what is seen and what motion capture tells aligned, again and again, beside the loop."""
+"""Thread that repeatedly aligns the observations with motion capture, beside the loop."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from observer.truth.motion_capture import BodySample
 _log = logging.getLogger(__name__)
 
 _LOOK_EVERY_S = 0.1
-# The worker rests for at least so long, and three times as long as it worked.
+# The worker rests at least this long, and three times as long as it worked.
 REST_S, _REST_SHARE = 2.0, 3.0
-# A minute of 60 frames a second; the worker is given up before.
+# One minute at 60 frames a second; the worker is given up before that.
 _MOST_WAITING = 3600
-# Of motion capture while nothing is observed.
+# Motion capture samples kept while nothing is observed.
 _MOST_KEPT = 30_000
-# How far two alignments may be apart without contradicting each other.
+# Two alignments may differ by this much without contradicting each other.
 _SIGMAS, _DELAYS_CHANGE_S = 3.0, 0.02
 _LONGER = 1.5
 NOTHING_SEEN = "not yet aligned: no frame has been observed yet"
@@ -39,13 +39,13 @@ _ANOTHER_CLOCK = (
     "not yet aligned: frames did not come at their own pace, because the source stood still or "
     "could not be observed fast enough; what comes now is aligned anew"
 )
-# What is needed of an observation to align it.
+# Fields of an observation that the alignment needs.
 _OF_LINE = ("time", "segment", "pose")
 _OF_OBSTACLE = ("id", "state", "position", "velocity_time", "speed", "speed_std")
 
 
 class Aligns(Protocol):
-    """What is needed of ``app.workers.alignment.process.AlignmentWorker``."""
+    """Interface required of ``app.workers.alignment.process.AlignmentWorker``."""
 
     def solve(self, job: Solve) -> Solved | None: ...
 
@@ -56,11 +56,12 @@ class Aligns(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """An alignment in force.
+    """Alignment in force.
 
     Attributes:
-        session: it holds for, as it was begun with.
-        clocks: it was found with. carried: it was found before the source was opened anew.
+        session: the session it holds for, as passed to ``begin``.
+        clocks: the clock relation it was found with.
+        carried: it was found before the source was reopened.
     """
 
     session: int
@@ -77,10 +78,11 @@ class _Beginning:
 
 
 class AlignmentThread:
-    """The thread and its worker. Its other methods return at once.
+    """Alignment thread and its worker. The other methods return at once.
 
     Attributes:
-        aligned: what holds now. sentence: why nothing does, begins with "not yet aligned".
+        aligned: the alignment now in force.
+        sentence: the reason why there is none; begins with "not yet aligned".
     """
 
     def __init__(
@@ -90,10 +92,12 @@ class AlignmentThread:
         make_worker: Callable[[], Aligns] = AlignmentWorker,
         rest_s: float = REST_S,
     ) -> None:
-        """
+        """Start the thread.
+
         Args:
-            samples: that came since the last call. server_clock: motion capture's, as known.
-            rest_s: between two solutions at least.
+            samples: returns the samples that arrived since the last call.
+            server_clock: returns the fit of motion capture's clock, where known.
+            rest_s: minimum pause between two solutions.
         """
         self.aligned: Aligned | None = None
         self.sentence = NOTHING_SEEN
@@ -101,12 +105,12 @@ class AlignmentThread:
         self._server_clock = server_clock
         self._worker = make_worker()
         self._rest_s = rest_s
-        # Lines with the arrivals of their frames, and beginnings between them.
+        # Observation lines with the arrival times of their frames, and beginnings in between.
         self._waiting: deque[_Beginning | tuple[Mapping[str, Any], float]] = deque(
             maxlen=_MOST_WAITING
         )
         self._ending = threading.Event()
-        # Of the thread alone.
+        # Used by the thread alone.
         self._beginning: _Beginning | None = None
         self._carried: Alignment | None = None
         self._source_clock = SourceClock()
@@ -119,29 +123,29 @@ class AlignmentThread:
         self._thread.start()
 
     def begin(self, session: int, choices: Choices, *, carry: bool) -> None:
-        """What is observed from now on is another source, or the same once more.
+        """Begin a new session: another source, or the same one reopened.
 
         Args:
-            carry: the clocks' relation and the camera's place on the robot are as before.
+            carry: the clock relation and the camera's place on the robot are unchanged.
         """
         self._waiting.append(_Beginning(session, choices, carry))
 
     def observed(self, line: Mapping[str, Any], received: float) -> None:
-        """One frame's line, and when the frame was received."""
+        """Queue one frame's line with the time the frame was received."""
         self._waiting.append((line, received))
 
     def end(self) -> None:
-        """Align no more."""
+        """Stop aligning."""
         self._ending.set()
         self._worker.end()
 
     @property
     def ended(self) -> bool:
-        """Whether nothing of it is left."""
+        """Return true once the thread has ended and released everything."""
         return not self._thread.is_alive()
 
     def join(self, timeout_s: float) -> None:
-        """Wait for the end of what ``end`` began."""
+        """Wait until the shutdown begun by ``end`` is complete."""
         self._thread.join(timeout_s)
 
     # --- the thread --------------------------------------------------------------------------
@@ -151,7 +155,7 @@ class AlignmentThread:
             while not self._ending.wait(_LOOK_EVERY_S):
                 self._look()
         except Exception as error:  # noqa: BLE001
-            # Whatever becomes of truth, frames are observed and robots driven.
+            # Whatever happens to truth, frames are observed and robots driven.
             _log.exception("aligning failed")
             self.aligned = None
             self.sentence = f"not yet aligned: aligning failed: {unexpected(error)}"
@@ -192,7 +196,7 @@ class AlignmentThread:
     def _take(self, line: Mapping[str, Any], received: float) -> None:
         seen = float(line["time"])
         if self._source_clock.add(seen, received):
-            # It stood still or began again: what was found holds no more.
+            # The source stalled or restarted: the previous result no longer holds.
             self._carried = None
             self._begin_anew()
             self._source_clock.add(seen, received)
@@ -239,10 +243,10 @@ def _needed(line: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _believable(found: Alignment, known: Alignment) -> bool:
-    """Whether what was found takes the place of what is known.
+    """Return true if the new alignment may replace the known one.
 
-    Delays hardly change, so what contradicts them must have been seen for longer: a few seconds of
-    motion fit at more than one place.
+    Delays hardly change, so an alignment that contradicts them needs a longer observation: a few
+    seconds of motion fit in more than one place.
     """
     apart = abs(found.time.offset_s - known.time.offset_s)
     within = _SIGMAS * math.hypot(found.time.sigma_s, known.time.sigma_s) + _DELAYS_CHANGE_S
@@ -250,9 +254,9 @@ def _believable(found: Alignment, known: Alignment) -> bool:
 
 
 def _carried(before: Alignment) -> Alignment | None:
-    """What still holds when the same source is opened anew: delays, roles, the camera's place."""
+    """Return what survives a reopening of the source: delays, roles, the camera's place."""
     if before.observer is None or before.T_body_camera is None:
-        # Nothing would tell where the new world lies.
+        # Nothing tells where the new world lies.
         return None
     return replace(
         before,

@@ -1,4 +1,4 @@
-"""A source whose cameras are being calibrated: a board is looked for, and its views collected."""
+"""Calibration session: looks for a board in the source's pairs and collects views of it."""
 
 from __future__ import annotations
 
@@ -29,19 +29,22 @@ from observer.types import Image, StereoFrame
 
 _log = logging.getLogger(__name__)
 
-# Takes the facts of a pair and what draws the image of a name, and draws what is watched.
+# Takes the facts of a pair and a function that draws the image of a given name; draws the watched
+# images.
 ShowCameras = Callable[[dict[str, Any], Callable[[str], Image]], None]
 
 
 class BoardPublisher:
-    """Where what is seen of a board goes to."""
+    """Publisher of the board detections."""
 
     def __init__(
         self, send: Callable[[object], None], show: ShowCameras, beat: Callable[[], None]
     ) -> None:
-        """
+        """Set the outputs.
+
         Args:
-            send: takes events and never blocks. show: draws the cameras' images if watched.
+            send: takes events and never blocks.
+            show: draws the cameras' images if they are watched.
             beat: called between the steps, each of which takes some ten milliseconds.
         """
         self.send = send
@@ -50,7 +53,7 @@ class BoardPublisher:
 
 
 class CalibrationSession(PlayedSource):
-    """What belongs to one source that is being calibrated.
+    """State of one source that is being calibrated.
 
     Attributes:
         watch: looks for the board in its frames.
@@ -73,17 +76,17 @@ class CalibrationSession(PlayedSource):
         return EngineState.CALIBRATING
 
     def again(self) -> BeginCalibration:
-        """What would open it anew with the views so far."""
+        """Return the command that would reopen the source with the views collected so far."""
         return replace(self._command, views=self.watch.views, automatic=self.watch.automatic)
 
 
 def open_calibration(
     command: BeginCalibration, open_source: SourceOpener, publisher: BoardPublisher
 ) -> CalibrationSession:
-    """Open the source, its first frame already read; on any refusal nothing stays open.
+    """Open the source and read its first frame; if refused, leave nothing open.
 
     Raises:
-        InputError: one sentence of what is wrong with the source.
+        InputError: one sentence on the fault in the source.
     """
     opened = open_source(command.source)
     try:
@@ -96,13 +99,13 @@ def open_calibration(
 
 
 class BoardWatch:
-    """Looks for the board in every pair, and collects its views.
+    """Board watch: looks for the board in every pair and collects its views.
 
-    In the loop's own thread: a board is found or missed in about 15 ms an image, and a live
-    source meanwhile keeps its newest pair only.
+    It runs in the loop's own thread: finding or missing a board takes about 15 ms an image, and a
+    live source meanwhile keeps only its newest pair.
 
     Attributes:
-        board: what is looked for.
+        board: the board to look for.
     """
 
     def __init__(
@@ -118,23 +121,23 @@ class BoardWatch:
 
     @property
     def views(self) -> tuple[BoardView, ...]:
-        """All that were captured and not removed."""
+        """Return all captured views that were not removed."""
         return self._collector.views
 
     @property
     def automatic(self) -> bool:
-        """Whether new poses are captured by themselves."""
+        """Return true if new poses are captured automatically."""
         return self._collector.automatic
 
     def change(self, command: ChangeCalibration) -> tuple[str, ...]:
-        """Carry it out; see ``ChangeCalibration``.
+        """Apply the change; see ``ChangeCalibration``.
 
         Raises:
             NotNow: there is nothing to undo or remove, or the board is not seen by both cameras.
         """
         collector = self._collector
         try:
-            # What may be refused goes first, so that a refusal changes nothing else.
+            # Steps that may be refused go first, so that a refusal changes nothing else.
             if command.capture:
                 time = 0.0 if self._newest is None else self._newest.time
                 self._tell_captured(collector.capture(time))
@@ -154,11 +157,11 @@ class BoardWatch:
         return tuple(view.name for view in collector.views)
 
     def look(self, frame: StereoFrame) -> None:
-        """Look at one pair; what comes of it goes to the publisher."""
+        """Process one pair and pass the result to the publisher."""
         try:
             self._look_at(frame)
         except Exception as error:  # noqa: BLE001
-            # One image that a detector cannot stand must not end the looking.
+            # An image that a detector cannot handle must not end the search.
             _log.exception("looking for the board failed")
             words = f"Looking for the board failed: {unexpected(error)}"
             self._publisher.send(BoardLookEvent(BoardLook(words), frame.received))
@@ -226,7 +229,7 @@ class BoardWatch:
             side = "left" if name == CAMERA_NAMES[0] else "right"
             image = frame.left if side == "left" else frame.right
             kept = [seen for view in views if (seen := getattr(view, side)) is not None]
-            # What to do next is told in the left image only: it has one place there.
+            # Draw the next instruction in the left image only: it has one place there.
             outline = look.ghost if side == "left" else None
             return draw_board(image, self.board, sightings[side], kept, outline)
 

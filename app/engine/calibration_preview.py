@@ -1,4 +1,4 @@
-"""A calibration tried out on one raw pair, before anything uses it."""
+"""Preview of a calibration on one raw pair, before anything uses it."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from observer.vision.rectification import Rectification
 _FEATURES = 1500
 _LINES = 12
 _LINE_COLOR = (80, 220, 80)
-# Of two rectified images, true matches lie in one row; but a bad calibration must be able to
-# show how bad it is.
+# In two rectified images, true matches lie in one row; but a bad calibration must be able to show
+# how bad it is.
 _MAX_ROW_DIFFERENCE = 0.15
-# Rows nearer than this are measured to a fraction of a pixel.
+# Matches whose rows differ by less are measured to a fraction of a pixel.
 _NEAR_PX = 4.0
-# Below this many matches a median says nothing.
+# With fewer matches a median means nothing.
 _MIN_MATCHES = 12
 
 
@@ -40,12 +40,12 @@ def preview_calibration(
     """Rectify a raw pair and measure how well the rows of both images agree.
 
     Args:
-        board: what is shown to the cameras, if anything: its corners look all alike, so that
-            they are matched by their numbers and not as features.
+        board: the board shown to the cameras, if any. Its corners all look alike, so they are
+            matched by number and not as features.
         beat: called between the steps, each of which takes some ten milliseconds.
 
     Raises:
-        CalibrationError: the calibration cannot be read, rectified, or is for another size.
+        CalibrationError: the calibration cannot be read or rectified, or is for another size.
     """
     rectification = Rectification(read_calibration(calibration_yaml, name="the calibration"))
     beat()
@@ -61,12 +61,12 @@ def preview_calibration(
 
 
 def vertical_error(left: Image, right: Image) -> tuple[float | None, int]:
-    """Median ``|v_left - v_right|``, pixels, of matched features.
+    """Return the median ``|v_left - v_right|`` of matched features, pixels, and the match count.
 
-    ORB features find each other however far the rows are apart, but lie on whole pixels; where
-    the rows are near, corners are followed from left to right to a fraction of one. Mismatches of
-    ORB are held off twice: by the descriptors' ratio test, and by leaving out what lies far from
-    the median displacement in rows. None below 12 matches; the second number counts the matches.
+    ORB features match however far apart the rows are, but they lie on whole pixels. Where the rows
+    are close, corners are tracked from left to right to a fraction of a pixel. Two tests reject ORB
+    mismatches: the descriptors' ratio test, and the removal of matches far from the median row
+    displacement. The median is None below 12 matches.
     """
     left, right = as_gray(left), as_gray(right)
     rows = _row_differences(left, right)
@@ -84,7 +84,7 @@ def vertical_error(left: Image, right: Image) -> tuple[float | None, int]:
 def _board_rows(
     frame: StereoFrame, rectification: Rectification, board: Board
 ) -> Float64Array | None:
-    """(N,) rows of the board's corners, left minus right; None where both do not show it."""
+    """Return (N,) rows of board corners, left minus right; None unless both images show it."""
     left = detect_board(as_gray(frame.left), board, quick=True)
     right = detect_board(as_gray(frame.right), board, quick=True)
     if left is None or right is None:
@@ -118,8 +118,8 @@ def _row_differences(left: Image, right: Image) -> Float64Array:
         u_left, v_left = points_left[best.queryIdx].pt
         u_right, v_right = points_right[best.trainIdx].pt
         near = abs(v_left - v_right) < _MAX_ROW_DIFFERENCE * height
-        # A point in front of both cameras is never further right in the right image; a little
-        # slack for calibrations whose principal points are off.
+        # A point in front of both cameras never lies further right in the right image; allow a
+        # little slack for calibrations with inaccurate principal points.
         if near and -0.02 * width < u_left - u_right < 0.5 * width:
             rows.append(v_left - v_right)
     found = np.array(rows, dtype=np.float64)

@@ -1,4 +1,4 @@
-"""What each command does, apart from when the loop comes to it."""
+"""Effects of the commands, independent of when the loop handles them."""
 
 from __future__ import annotations
 
@@ -48,10 +48,10 @@ _log = logging.getLogger(__name__)
 
 
 class CommandHandler:
-    """Carries out commands and says what came of them.
+    """Command handler: carries out commands and returns their replies.
 
     Attributes:
-        leaving: the engine was told to leave.
+        leaving: the engine was told to shut down.
     """
 
     def __init__(
@@ -65,10 +65,11 @@ class CommandHandler:
         beat: Callable[[], None],
         clock: Callable[[], float],
     ) -> None:
-        """
+        """Set the outputs and the clock.
+
         Args:
             send: takes the refusal of an opening that a later command ends.
-            beat: called between the steps of what takes long.
+            beat: called between the steps of lengthy work.
             clock: the host's monotonic clock.
         """
         self._current = current
@@ -81,7 +82,7 @@ class CommandHandler:
         self.leaving = False
 
     def answer(self, request: Request) -> Reply | None:
-        """Carry it out; None where the answer comes later, once a source is open."""
+        """Carry out a command; return None where the reply follows later, once a source is open."""
         command = request.command
         try:
             if isinstance(command, OpenSource | BeginCalibration):
@@ -96,8 +97,7 @@ class CommandHandler:
         except DynamicObserverError as error:
             return refusal(request.number, error)
         except Exception as error:  # noqa: BLE001
-            # The border of the process: whatever a command runs into, the engine stays alive
-            # and says so.
+            # Process boundary: whatever a command runs into, the engine stays alive and reports it.
             _log.exception("%s failed", type(command).__name__)
             return Reply(request.number, error=unexpected(error), refusal="failure")
 
@@ -134,7 +134,7 @@ class CommandHandler:
         raise InputError(f"the engine knows no command {type(command).__name__}")
 
     def _stop_run(self, number: int) -> Reply | None:
-        """Stop at once; the answer comes from the recording's thread once that is whole."""
+        """Stop at once; the recording's thread replies once the file is complete."""
         session = self._current.session
         if session is None or session.run_id is None:
             raise NotNow("no run is going; start one first")
@@ -147,7 +147,7 @@ class CommandHandler:
         return None
 
     def _save_ring(self, number: int, command: SaveRing) -> None:
-        """Have it saved; the answer comes from the recording's thread."""
+        """Have the ring saved; the recording's thread replies."""
         session, path = self._current.observing, Path(command.path)
         if session is None or session.recorder is None:
             raise NotNow(

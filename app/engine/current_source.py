@@ -1,4 +1,4 @@
-"""What is open, what is being opened, and why nothing is: the engine's state."""
+"""State of the engine: the open source, the one being opened, or the reason for neither."""
 
 from __future__ import annotations
 
@@ -27,18 +27,19 @@ from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
 
-# Requests are counted from 1.
+# Requests are numbered from 1.
 _NOBODYS = 0
-# A recording that was not ended can be read as well.
+# An unfinished recording is readable as well.
 _RECORDING_ENDS_S = 2.0
 
 
 class CurrentSource:
-    """At most one open session and at most one source that is being opened.
+    """Current source: at most one open session and at most one source being opened.
 
     Attributes:
-        session: what is played. opening: what is on its way.
-        raw_pair: the newest pair as it came, with which a calibration can be tried.
+        session: the session being played.
+        opening: the opening in progress.
+        raw_pair: the newest pair as it came, for trying out a calibration.
     """
 
     def __init__(
@@ -53,13 +54,15 @@ class CurrentSource:
         clock: Callable[[], float],
         truth: LiveTruth | None = None,
     ) -> None:
-        """
+        """Set up with nothing open.
+
         Args:
             opened: called in another thread when ``opening`` is done; ``finish`` comes next.
             closed: called when a session is closed, before its source is.
-            boards: told and shown what is seen of a board while calibrating.
-            stage_clock: serves the observer's timings. clock: the host's monotonic clock.
-            truth: told what is observed, and what to listen to.
+            boards: receives the board detections and images while calibrating.
+            stage_clock: serves the observer's timings.
+            clock: the host's monotonic clock.
+            truth: is told what is observed and what to listen to.
         """
         self._open_source = open_source
         self._make_observer = make_observer
@@ -77,20 +80,20 @@ class CurrentSource:
 
     @property
     def observing(self) -> Session | None:
-        """The session that is observed, where one is."""
+        """Return the observed session, if there is one."""
         return self.session if isinstance(self.session, Session) else None
 
     @property
     def calibrating(self) -> CalibrationSession | None:
-        """The session that looks for a board, where one is."""
+        """Return the calibration session, if there is one."""
         return self.session if isinstance(self.session, CalibrationSession) else None
 
     def begin(self, request: Request, command: OpeningCommand) -> None:
-        """Open in a thread of its own; the request is answered by what ``finish`` returns.
+        """Start opening in a separate thread; ``finish`` returns the reply to the request.
 
         Raises:
             NotNow: something else is being opened, or a run is going.
-            TruthError: live truth is named wrongly.
+            TruthError: the spec of the live truth is invalid.
         """
         if self.opening is not None:
             raise NotNow(
@@ -105,7 +108,7 @@ class CurrentSource:
         open_source = self._open_source
         session = self.session
         if session is not None and _share_cameras(session.spec, command.source):
-            # A camera delivers to one program, and that only once: what is open cannot be opened
+            # A camera delivers to one program only, and only once: an open source cannot be opened
             # a second time.
             if session.spec == command.source:
                 opening.lender, session.resting = session, True
@@ -115,7 +118,7 @@ class CurrentSource:
                 opening.before = self._again(session)
                 self.close()
         elif session is not None and _share_world(session.spec, command.source):
-            # Two that step one simulator would wait for each other.
+            # Two clients that step the same simulator would wait for each other.
             opening.before = self._again(session)
             self.close()
         opening.start(lambda: self._open(command, open_source), self._opened)
@@ -134,7 +137,7 @@ class CurrentSource:
         )
 
     def finish(self, opening: Opening) -> Reply | None:
-        """Observe from now on what was opened, or say why it was not; None if it was given up."""
+        """Observe the opened source, or return the refusal; None if the opening was given up."""
         session = opening.session
         if opening.abandoned:
             for left in (session, opening.lender):
@@ -181,7 +184,7 @@ class CurrentSource:
         if opening.lender is not None:
             opening.lender.resting = False
         if opening.before is not None:
-            # Nobody waits for this one: its reply has a number that nobody asked with.
+            # Nobody waits for this reply: its number belongs to no request.
             self.begin(Request(_NOBODYS, opening.before), opening.before)
         elif self.session is None:
             self._failed = StateEvent(EngineState.FAILED, reply.error)
@@ -190,13 +193,14 @@ class CurrentSource:
         return reply
 
     def give_up_opening(self) -> Reply | None:
-        """The refusal of whoever asked for what is being opened, if anything is."""
+        """Return the refusal for whoever requested the current opening, if there is one."""
         opening, self.opening = self.opening, None
         if opening is None:
             return None
         opening.abandoned = True
         if opening.lender is not None:
-            # What was lent is closed once the opening, which may still use it, is done with it.
+            # The opening may still use the lent source, so the source is closed only once that is
+            # done.
             self.session = None
             self._closed()
         source = shown_spec(opening.command.source)
@@ -204,7 +208,7 @@ class CurrentSource:
         return Reply(opening.request.number, error=what, refusal="state")
 
     def close(self) -> None:
-        """Close the session, if any; the state is idle."""
+        """Close the session, if any; the state becomes idle."""
         session, self.session = self.session, None
         self._failed = None
         if session is not None:
@@ -213,12 +217,12 @@ class CurrentSource:
             session.close()
 
     def end(self) -> None:
-        """Close the session for good; what was recorded is waited for, though not for long."""
+        """Close the session for good; wait for its recording, but not for long."""
         self.close()
         self._recorders.wait(_RECORDING_ENDS_S)
 
     def fail(self, doing: str, error: Exception) -> None:
-        """The session cannot go on; the engine can."""
+        """End a session that cannot go on; the engine keeps running."""
         if isinstance(error, DynamicObserverError):
             reason = f"{doing} failed: {error}"
         else:
@@ -231,7 +235,7 @@ class CurrentSource:
         self._failed = failed
 
     def state(self) -> StateEvent:
-        """What the engine does, as it is told to others."""
+        """Return the engine's state as it is published."""
         session = self.session
         if session is None:
             idle = self._failed or StateEvent(EngineState.IDLE, None)
@@ -256,11 +260,11 @@ class CurrentSource:
 
 
 def _share_cameras(a: str, b: str) -> bool:
-    """Whether two texts name a live camera that is the same."""
+    """Return true if both specs name the same live camera."""
     return not set(live_devices(a)).isdisjoint(live_devices(b))
 
 
 def _share_world(a: str, b: str) -> bool:
-    """Whether two texts name the same world, and one that only one source can be of at a time."""
+    """Return true if both specs name the same world and only one source at a time can use it."""
     world = exclusive_world(a)
     return world is not None and world == exclusive_world(b)

@@ -1,7 +1,7 @@
-"""Dense stereo for the eye: the pair it is made of, and the disparity and cloud made of it.
+"""Dense stereo for display: its input pair, and the disparity and cloud computed from it.
 
-Nothing of it goes back into an observation. The method may have computed the disparity anyway;
-then it is taken over, together with the pose of the pair it belongs to.
+Nothing of it feeds back into an observation. Where the method has already computed the disparity,
+that one is used together with the pose of the pair it belongs to.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from observer.parameters import StereoParameters
 from observer.types import Image
 from observer.vision.stereo import disparity_map, point_cloud
 
-# On a link of 20 Mbit/s this many points ten times a second lag 75 ms, 50000 lag seconds.
+# On a 20 Mbit/s link this many points ten times a second lag by 75 ms; 50000 lag by seconds.
 MAX_POINTS = 20_000
-# The longest distance of a pair's frames, and a few more for frames that were left out.
+# The longest frame distance of a pair, plus a few for dropped frames.
 _REMEMBERED = 16
-# Pixels times disparities that are searched. 512x256 with 96 disparities is 12.6 million and
-# takes 24 ms of one core; 1242x375 would take 85 ms ten times a second.
+# Pixels times disparities searched. 512x256 with 96 disparities is 12.6 million and takes 24 ms of
+# one core; 1242x375 would take 85 ms ten times a second.
 _MOST_COMPARISONS = 16_000_000
 _FEWEST_DISPARITIES = 16
 
 
 @dataclass(frozen=True, eq=False)
 class DensePair:
-    """A rectified pair that is worth a cloud.
+    """Rectified pair from which a cloud can be computed.
 
     Attributes:
         left: (H, W) grey or (H, W, 3) BGR. right: the same, or None where none is known.
         disparity: (H, W) pixels, where the method has computed it.
-        instant: of this very pair: frame, time, received, segment and T_world_camera (16 numbers
-            by rows, or None), as the cloud's header holds them.
-        reasons: what the observation says of itself.
+        instant: facts of this very pair, as the cloud's header holds them: frame, time, received,
+            segment and T_world_camera (16 numbers by rows, or None).
+        reasons: those given in the observation.
     """
 
     left: Image
@@ -54,14 +54,14 @@ class DensePair:
 
 @dataclass(frozen=True, eq=False)
 class DenseStereo:
-    """The disparity of a pair, perhaps on a coarser grid of pixels than the pair's.
+    """Disparity of a pair, perhaps on a coarser pixel grid than the pair's.
 
     Attributes:
         disparity: (h, w) pixels of this grid, NaN = unknown.
         image: (h, w) grey or (h, w, 3) BGR, the left image on this grid.
         camera: the rectified pair with images of this size.
-        parameters: with the largest disparity of this grid.
-        coarseness: how many pixels of the pair lie along one of this grid.
+        parameters: the stereo parameters with the largest disparity of this grid.
+        coarseness: number of the pair's pixels along one pixel of this grid.
     """
 
     disparity: NDArray[np.float32]
@@ -72,23 +72,23 @@ class DenseStereo:
 
 
 class PairKeeper:
-    """Finds the pair with the pose that belongs to it.
+    """Keeper of recent poses: pairs an image with the pose that belongs to it.
 
-    A model that computes a dense disparity does so of the pair at t, a frame before the newest
-    one; so the poses of the last frames are remembered.
+    A model that computes a dense disparity does so for the pair at t, one frame before the newest,
+    so the keeper remembers the poses of the last frames.
     """
 
     def __init__(self) -> None:
         self._seen: deque[tuple[Image, dict[str, Any]]] = deque(maxlen=_REMEMBERED)
 
     def remember(self, observed: Observed) -> None:
-        """Keep the frame's pose for the disparity that a later frame may bring."""
+        """Store the frame's pose for the disparity that a later frame may bring."""
         left = observed.trace.get("left")
         if left is not None:
             self._seen.append((left, _instant(observed)))
 
     def pair(self, observed: Observed) -> DensePair:
-        """The pair whose disparity is known, else the newest pair."""
+        """Return the pair whose disparity is known, else the newest pair."""
         trace = observed.trace
         left, right, instant = trace["left"], trace.get("right"), _instant(observed)
         disparity, time = trace.get("disparity"), trace.get("previous_time")
@@ -102,7 +102,7 @@ class PairKeeper:
 
 
 def dense_stereo(pair: DensePair) -> DenseStereo | None:
-    """The pair's disparity; None where there is no second image."""
+    """Return the pair's disparity; None where there is no second image."""
     if pair.disparity is not None:
         return DenseStereo(pair.disparity, pair.left, pair.camera, pair.parameters, 1)
     if pair.right is None:
@@ -115,9 +115,9 @@ def dense_stereo(pair: DensePair) -> DenseStereo | None:
 
 
 def coarseness(camera: StereoCamera, parameters: StereoParameters) -> int:
-    """How many pixels are taken together along each side: 1 up to 512x256 by default, 2 at KITTI's.
+    """Return the binning factor along each side: 1 up to 512x256 by default, 2 for KITTI.
 
-    It follows from sizes alone, not from how busy the machine is.
+    It depends on sizes alone, not on the load of the machine.
     """
     factor = 1
     while _comparisons(camera, parameters, factor) > _MOST_COMPARISONS:
@@ -126,7 +126,7 @@ def coarseness(camera: StereoCamera, parameters: StereoParameters) -> int:
 
 
 def cloud_value(pair: DensePair, dense: DenseStereo) -> tuple[dict[str, Any], list[bytes]]:
-    """Header and payload as the cloud slot carries them.
+    """Return header and payload as the cloud slot carries them.
 
     The payload is points (N, 3) float32, metres, in the camera frame of the header's frame,
     then colours (N, 3) uint8 RGB.
@@ -149,7 +149,7 @@ def _coarser_search(parameters: StereoParameters, factor: int) -> StereoParamete
 
 
 def _coarser(image: Image, factor: int) -> Image:
-    """The mean of each ``factor`` by ``factor`` pixels; a rest at the right and below is cut."""
+    """Return the mean of each ``factor`` by ``factor`` block; cut the rest at right and bottom."""
     if factor == 1:
         return image
     height, width = (side // factor for side in image.shape[:2])
@@ -159,7 +159,7 @@ def _coarser(image: Image, factor: int) -> Image:
 
 
 def _coarser_camera(camera: StereoCamera, factor: int) -> StereoCamera:
-    # Pixel centres lie on whole numbers, so it is the pixels' edges that scale.
+    # Pixel centres lie on whole numbers, so the scaling applies to the pixels' edges.
     return replace(
         camera,
         width=camera.width // factor,

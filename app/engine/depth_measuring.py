@@ -1,4 +1,4 @@
-"""How far away one place of the newest pair is by a calibration: to be held against a tape."""
+"""Depth of one place in the newest pair by a calibration, for comparison with a tape measure."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from observer.types import Image, StereoFrame
 from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map
 
-# The place is judged by its surroundings: pixels each way.
+# The surroundings of the place that are examined: pixels in each direction.
 _REACH_PX = 7
 _HERE_PX = 1
-# Rows that are matched above and below, so that the matcher has paths to go along.
+# Extra rows matched above and below, so that the matcher has paths to follow.
 _MARGIN_PX = 48
 _LEAST_KNOWN = 0.3
-# So far from one plane lie the disparities of a flat place, half of them, and of its middle.
+# Maximum distance from one plane on a flat place: for half of its disparities, and for its middle.
 _MAX_SPREAD_PX = 0.5
 _MAX_HERE_PX = 1.0
 _MAX_DISPARITY_PX = 256
-# Grey levels a pixel, root mean square along the rows of the smoothed image; noise of three grey
-# levels leaves a third of it. Where there is less, the matcher fills in what its neighbours have.
+# Grey levels per pixel, root mean square along the rows of the smoothed image; noise of three grey
+# levels leaves a third of it. Below it the matcher fills in its neighbours' values.
 _LEAST_TEXTURE = 0.7
 _SMOOTHING_PX = 1.5
 
@@ -38,7 +38,7 @@ _NO_DEPTH = "this place has no depth: choose one with texture that both cameras 
 def measure_depth(
     frame: StereoFrame, calibration_yaml: str, u: float, v: float, beat: Callable[[], None]
 ) -> PlaceDepth:
-    """Depth at a pixel of the rectified left image.
+    """Return the depth at a pixel of the rectified left image.
 
     Args:
         beat: called between the steps, each of which takes some ten milliseconds.
@@ -58,7 +58,7 @@ def measure_depth(
     row, column = round(v), round(u)
     first = max(0, row - _MARGIN_PX)
     rows = slice(first, min(camera.height, row + _MARGIN_PX + 1))
-    # As near as a hand before the cameras: somebody may point at a thing on the table.
+    # As near as a hand in front of the cameras: somebody may point at a thing on the table.
     search = min(_MAX_DISPARITY_PX, camera.width // 3)
     parameters = StereoParameters(max_disparity_px=search)
     strip = disparity_map(left[rows], right[rows], parameters)
@@ -72,10 +72,10 @@ def measure_depth(
 
 
 def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> float:
-    """Of the plane through the surroundings: a floor's disparity grows from row to row.
+    """Return the disparity of the plane through the surroundings: a floor's grows from row to row.
 
     Raises:
-        InputError: too little is known around it, or it is no plane.
+        InputError: too few disparities are known around it, or they form no plane.
     """
     rows, columns = _around(row), _around(column)
     place = strip[rows, columns].astype(np.float64)
@@ -88,7 +88,8 @@ def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> fl
     terms = np.column_stack([np.ones(len(found)), across, down])
     plane, *_ = np.linalg.lstsq(terms, found, rcond=None)
     off = found - terms @ plane
-    # Around a thin thing most is what stands behind it, so the place itself is asked as well.
+    # Around a thin object most pixels show what stands behind it, so the place itself is tested as
+    # well.
     here = off[np.maximum(abs(down), abs(across)) <= _HERE_PX]
     elsewhere = len(here) > 0 and abs(float(np.median(here))) > _MAX_HERE_PX
     if elsewhere or float(np.median(np.abs(off))) > _MAX_SPREAD_PX:

@@ -1,4 +1,4 @@
-"""What the engine refuses, beside the library's own errors."""
+"""Errors with which the engine refuses a command, beside the library's own."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from observer.errors import DynamicObserverError
 
 
 class NotNow(DynamicObserverError):
-    """What was asked is right in itself, but not possible in the engine's present state."""
+    """Command that is valid in itself but not possible in the engine's present state."""

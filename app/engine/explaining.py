@@ -1,4 +1,4 @@
-"""Why a pixel of the newest frame counts as what it does, and how the camera itself moved."""
+"""Explanation of a pixel's class in the newest frame, and of the camera's own motion."""
 
 from __future__ import annotations
 
@@ -25,24 +25,25 @@ class _Newest:
 
 
 class Explainer:
-    """Keeps the newest frame that was observed, to be asked about."""
+    """Keeper of the newest observed frame, for questions about it."""
 
     def __init__(self) -> None:
         self._newest: _Newest | None = None
 
     def remember(self, observed: Observed, segment: int) -> None:
-        """This is the newest frame; ``segment`` is counted over restarts."""
+        """Store the newest frame; ``segment`` is counted over restarts."""
         self._newest = _Newest(observed, segment)
 
     def forget(self) -> None:
-        """The source is closed."""
+        """Drop the frame when the source is closed."""
         self._newest = None
 
     def explain(self, u: float, v: float) -> Pixel:
-        """Why a pixel counts as what it does.
+        """Explain how a pixel was classified.
 
         Raises:
-            NotNow: no frame was observed yet. InputError: the pixel is outside the image.
+            NotNow: no frame was observed yet.
+            InputError: the pixel is outside the image.
         """
         newest = self._newest
         if newest is None:
@@ -70,10 +71,10 @@ class Explainer:
 
 
 def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstacle | None:
-    """The nearest obstacle seen at a dynamic pixel."""
+    """Return the nearest obstacle seen at a dynamic pixel."""
     if answer.verdict is not PixelVerdict.DYNAMIC:
         return None
-    # Boxes end at the outermost features, around which pixels count as theirs.
+    # Boxes end at the outermost features; pixels around these count as theirs.
     reach = answer.numbers.get("nearest_feature_px") or 0.0
     u, v = answer.px
     here = [
@@ -87,7 +88,7 @@ def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstac
 
 
 def ego_motion_facts(trace: Mapping[str, Any], parameters: Parameters) -> EgoMotionStatus | None:
-    """The camera's motion between the two frames as ``ObservationEvent.ego_motion`` holds it."""
+    """Return the camera's motion between frames as ``ObservationEvent.ego_motion`` holds it."""
     ego = trace.get("ego_motion")
     if ego is None:
         return None
@@ -107,7 +108,7 @@ def ego_motion_facts(trace: Mapping[str, Any], parameters: Parameters) -> EgoMot
             shear=_known(parts["shear"]),
             scale=[float(c) for c in parts["scale"]],
         ),
-        # Where the camera went, in its own axes at t: the inverse of how points seem to move.
+        # The camera's motion, in its own axes at t: the inverse of the points' apparent motion.
         motion=None
         if pose is None
         else CameraMotion(pose.inverse().rotvec.tolist(), pose.inverse().translation.tolist()),

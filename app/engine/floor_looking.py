@@ -1,4 +1,4 @@
-"""Points of the newest pair by which the floor below the camera is found."""
+"""Points of the newest pair for estimating the floor below the camera."""
 
 from __future__ import annotations
 
@@ -11,15 +11,17 @@ from observer.camera import as_gray
 from observer.rig.ground_views import ground_points
 from observer.vision.stereo import disparity_map
 
-# The estimator draws no more than that from a view; the rest would only be carried.
+# The estimator samples no more than this from a view; further points would only be transferred.
 _MOST_POINTS = 20_000
 
 
 def look_at_floor(observed: Observed | None) -> FloorPoints:
-    """Points of the newest pair, ``(N, 3)`` float64 metres in the camera frame, and its frame.
+    """Return the newest pair's points, ``(N, 3)`` metres in the camera frame, and its frame.
+
+    The points are float64.
 
     Raises:
-        NotNow: there is no pair, or one image only.
+        NotNow: there is no pair, or only one image.
     """
     right = None if observed is None else observed.trace.get("right")
     if observed is None or right is None:

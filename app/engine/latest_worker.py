@@ -1,4 +1,4 @@
-"""A thread beside the loop that works on the latest of what it is given, and on nothing older."""
+"""Thread beside the loop that works on the latest job and drops older ones."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from typing import Generic, TypeVar
 
 Job = TypeVar("Job")
 
-# The loop goes first where both want the same core.
+# The loop takes precedence where both want the same core.
 _NICENESS = 10
-# Who ends the worker is waited for as well; a daemon thread holds up nothing.
+# A caller that ends the worker also waits for it; as a daemon thread it holds up nothing.
 _STOP_TIMEOUT_S = 0.5
 
 
 class LatestWorker(Generic[Job]):
-    """Works on the newest job, at most so many times a second; jobs never queue.
+    """Worker for the newest job at a limited rate; jobs never queue.
 
-    The thread begins with the first job, so who never gives one has none.
+    The thread starts with the first job, so a caller that gives none has no thread.
     """
 
     def __init__(
@@ -32,11 +32,12 @@ class LatestWorker(Generic[Job]):
         rate_hz: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """
+        """Prepare the worker.
+
         Args:
             name: of the thread.
-            work: called in the thread; it must not raise, for then nothing more is worked on.
-            rate_hz: most jobs per second, on average over whatever rhythm they come in.
+            work: called in the thread; it must not raise, because that would end the work for good.
+            rate_hz: maximum jobs per second, on average over whatever rhythm they arrive in.
             clock: the host's monotonic clock.
         """
         self._name = name
@@ -50,7 +51,7 @@ class LatestWorker(Generic[Job]):
         self._thread: threading.Thread | None = None
 
     def give(self, job: Job) -> None:
-        """Have this worked on in place of whatever still waits; returns at once."""
+        """Replace any waiting job with this one; returns at once."""
         with self._changed:
             if self._closing:
                 return
@@ -61,12 +62,12 @@ class LatestWorker(Generic[Job]):
             self._changed.notify()
 
     def forget(self) -> None:
-        """Drop what still waits; what is being worked on goes on."""
+        """Drop the waiting job; the one in progress continues."""
         with self._changed:
             self._newest = None
 
     def close(self) -> None:
-        """Drop what waits, end the thread behind the job at hand; safe to call twice."""
+        """Drop the waiting job and end the thread after the current one; safe to call twice."""
         with self._changed:
             self._closing = True
             self._newest = None
@@ -80,7 +81,7 @@ class LatestWorker(Generic[Job]):
             self._work(job)
 
     def _next(self) -> Job | None:
-        """Wait for a job and for its time; None once the worker is closed."""
+        """Wait for a job and for its turn; return None once the worker is closed."""
         with self._changed:
             while not self._closing:
                 if self._newest is None:
@@ -91,7 +92,7 @@ class LatestWorker(Generic[Job]):
                 if wait > 0:
                     self._changed.wait(wait)
                     continue
-                # A little lateness is made good by the next one; more of it begins anew.
+                # The next job makes up for a small delay; after a larger one the schedule restarts.
                 late = self._due is None or wait < -self._interval
                 self._due = (now if late or self._due is None else self._due) + self._interval
                 job, self._newest = self._newest, None
@@ -100,7 +101,7 @@ class LatestWorker(Generic[Job]):
 
 
 def _step_back() -> None:
-    """Lower the calling thread's priority where single threads have one (Linux)."""
+    """Lower the calling thread's priority where threads have their own (Linux)."""
     if sys.platform == "linux":
         with contextlib.suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICENESS)

@@ -1,6 +1,6 @@
-"""A live source handed from one session to the next: its cameras open for one program only once.
+"""Loan of a live source from one session to the next: only one program can open its cameras.
 
-So are the robots of its world, where it has any: who drives them need not connect anew.
+The robots of its world, if it has any, pass along, so that their driver need not reconnect.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ from observer.types import StereoFrame
 
 
 class LentSource:
-    """A live source that stays open for its old session until the new one has it for good."""
+    """Live source that stays open for its old session until the new one owns it for good."""
 
     def __init__(self, source: Source) -> None:
         self._source: Source = source._source if isinstance(source, LentSource) else source
         self._kept = False
 
     def keep(self) -> None:
-        """From now on closing this closes the source."""
+        """Make ``close`` close the source from now on."""
         self._kept = True
 
     @property
@@ -45,12 +45,12 @@ class LentSource:
         self._source.rewind()
 
     def tend(self) -> None:
-        """Have the next pair decoded ahead."""
+        """Let the source decode the next pair ahead."""
         assert isinstance(self._source, LiveSource)
         self._source.tend()
 
     def report(self) -> LiveReport:
-        """How its cameras are."""
+        """Return the state of its cameras."""
         assert isinstance(self._source, LiveSource)
         return self._source.report()
 
@@ -60,14 +60,14 @@ class LentSource:
 
 
 class LentRobots:
-    """The robots of a lent source's world."""
+    """Robots of a lent source's world."""
 
     def __init__(self, robots: RobotWorld) -> None:
         self._robots: RobotWorld = robots._robots if isinstance(robots, LentRobots) else robots
         self._kept = False
 
     def keep(self) -> None:
-        """From now on closing this closes them."""
+        """Make ``close`` close them from now on."""
         self._kept = True
 
     @property
@@ -83,5 +83,5 @@ class LentRobots:
 
 
 def lent(source: Source, robots: RobotWorld | None = None) -> OpenedSource:
-    """The source as if it had been opened anew; nothing live has truth."""
+    """Return the source as if newly opened; nothing live has truth."""
     return OpenedSource(LentSource(source), None, None if robots is None else LentRobots(robots))

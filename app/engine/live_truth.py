@@ -1,7 +1,7 @@
-"""Live motion capture beside what is observed: for display and recording, never for the method.
+"""Live motion capture beside the observations: for display and recording, never for the method.
 
-The loop only looks at what its threads have put there: whatever becomes of motion capture, frames
-are observed and robots driven as without.
+The loop only reads what its threads have left for it: whatever happens to motion capture, frames
+are observed and robots driven as they would be without it.
 """
 
 from __future__ import annotations
@@ -30,18 +30,20 @@ from observer.types import Observation
 
 _log = logging.getLogger(__name__)
 
-# What is simulated goes on as the wall clock does; everything else that is not live was recorded.
+# A simulation runs by the wall clock; every other source that is not live was recorded.
 _NOW = ("simulated", "coppeliasim")
-# A new segment's first frames, by which its world is placed in the room.
+# First frames of a new segment, used to place its world in the room.
 _FIRST_FRAMES = 20
 
 
 @dataclass(frozen=True, eq=False)
 class ObservedSource:
-    """What is observed.
+    """Source under observation.
 
     Attributes:
-        info: of the source. mount: of its camera. T_body_base: by body, as the rig tells.
+        info: of the source.
+        mount: of its camera.
+        T_body_base: by body, as the rig file gives it.
     """
 
     info: SourceInfo
@@ -50,12 +52,12 @@ class ObservedSource:
 
     @property
     def now(self) -> bool:
-        """Whether it happens now, as motion capture does."""
+        """Return true if the source happens now, as motion capture does."""
         return self.info.live or self.info.kind in _NOW
 
 
 class _Listening:
-    """What belongs to one connection."""
+    """State of one connection."""
 
     def __init__(
         self,
@@ -81,10 +83,10 @@ class _Listening:
 
 
 class LiveTruth:
-    """Belongs to the loop's thread; no call waits for anything.
+    """Live truth of the observed source. It belongs to the loop's thread; no call blocks.
 
     Attributes:
-        order: what is listened to, None where nothing is.
+        order: what to listen to; None where nothing was ordered.
     """
 
     def __init__(
@@ -100,7 +102,7 @@ class LiveTruth:
         self._source: ObservedSource | None = None
         self._last: SourceInfo | None = None
         self._session = 0
-        # By segment: placed by the observer's own pose, before the alignment knows of it.
+        # By segment: worlds placed by the observer's own pose before the alignment covers them.
         self._placed: dict[int, Pose] = {}
         self._first: deque[tuple[int, float, Pose]] = deque(maxlen=_FIRST_FRAMES)
         self._broken: str | None = None
@@ -108,10 +110,10 @@ class LiveTruth:
         self._facts: LiveTruthStatus | None = None
 
     def use(self, order: LiveTruthOrder | None) -> None:
-        """Listen to this from now on; what is listened to already goes on.
+        """Listen to this order from now on; keep an open connection to the same motion capture.
 
         Raises:
-            TruthError: the text names no live motion capture; nothing is changed then.
+            TruthError: the spec names no live motion capture; nothing was changed.
         """
         if order == self.order:
             return
@@ -128,16 +130,16 @@ class LiveTruth:
 
     @property
     def order_spec(self) -> str | None:
-        """What is listened to."""
+        """Return the spec of the ordered motion capture."""
         return None if self.order is None else self.order.spec
 
     @property
     def in_place(self) -> bool:
-        """Whether it stands in for the source's own truth."""
+        """Return true if it replaces the source's own truth."""
         return self.order is not None and self._source is not None and self._source.now
 
     def observing(self, source: ObservedSource | None) -> None:
-        """What is observed from now on begins a world of its own; None observes nothing."""
+        """Begin a new world for the newly observed source; None if nothing is observed."""
         self._source = source
         # Between two openings nothing is observed for a moment.
         self._begin(carry=source is None or source.info == self._last)
@@ -151,11 +153,12 @@ class LiveTruth:
         received: float,
         recorder: RunRecorder | None,
     ) -> list[TrueBodyEntry]:
-        """The entries of ``ObservationEvent.truth`` for a frame that was observed.
+        """Return the entries of ``ObservationEvent.truth`` for an observed frame.
 
         Args:
-            line: of the frame. received: on the host's monotonic clock.
-            recorder: of the run; gets all that motion capture tells from now on.
+            line: of the frame.
+            received: on the host's monotonic clock.
+            recorder: of the run; receives all motion capture samples from now on.
         """
         listening = self._listening
         if listening is None:
@@ -164,21 +167,21 @@ class LiveTruth:
         try:
             return self._look(listening, observation, line, received)
         except Exception as error:  # noqa: BLE001
-            # Truth is only looked at: it must never end what robots are driven by.
+            # Truth is for display only: it must never end the loop that drives the robots.
             if self._broken is None:
                 _log.exception("looking at live truth failed")
             self._broken = f"comparing with motion capture failed: {type(error).__name__}: {error}"
             return []
 
     def facts(self) -> LiveTruthStatus | None:
-        """As ``StateEvent.truth`` holds it."""
+        """Return the facts as ``StateEvent.truth`` holds them."""
         order, listening = self.order, self._listening
         if order is None or listening is None:
             return None
         report, trouble = listening.listener.report, listening.listener.trouble
         aligned, sentence = self._aligned(listening), listening.aligner.sentence
         told = (order, report, trouble, aligned, sentence, self._source, self._broken)
-        # Asked for with every frame and beat, and made anew only where something is another.
+        # Called with every frame and beat, but rebuilt only after a change.
         if len(told) != len(self._told) or any(
             a is not b for a, b in zip(told, self._told, strict=True)
         ):
@@ -193,11 +196,11 @@ class LiveTruth:
         return self._facts
 
     def end(self) -> None:
-        """Listen no more; returns at once."""
+        """Stop listening; returns at once."""
         self.use(None)
 
     def join(self, timeout_s: float) -> None:
-        """Wait for the threads of all that has ended."""
+        """Wait for the threads of all ended connections."""
         for listening in self._ended:
             listening.join(timeout_s)
 
@@ -253,7 +256,7 @@ class LiveTruth:
         return aligned if aligned is not None and aligned.session == self._session else None
 
     def _room(self, aligned: Aligned, newest: NewestTruth, segment: int) -> Pose | None:
-        """``T_world_room``: as it was aligned, or by where motion capture sees the observer."""
+        """Return ``T_world_room``, by the alignment or by motion capture's view of the observer."""
         known = aligned.alignment.T_world_room.get(segment, self._placed.get(segment))
         if known is not None:
             return known
@@ -267,7 +270,7 @@ class LiveTruth:
         return None
 
     def _why_not(self, report: LiveCaptureReport | None, trouble: str | None) -> str | None:
-        """Why nothing can be aligned at the moment, where that is not for the alignment to say."""
+        """Return the reason why no alignment is possible now, where the alignment cannot tell."""
         source = self._source
         if source is None:
             return "not yet aligned: no source is observed"

@@ -1,6 +1,6 @@
-"""The engine's main loop: commands, paced playback, observing, publishing, heartbeats.
+"""Main loop of the engine: commands, paced playback, observing, publishing, heartbeats.
 
-One thread does all of it, so a heartbeat says that this very loop is alive. Only opening a
+One thread does all of it, so a heartbeat proves that this very loop is alive. Only opening a
 source, which may take long, and dense stereo for display have threads of their own.
 """
 
@@ -31,20 +31,20 @@ from observer.guard.sight import REAL_WORLD
 from observer.jsonl import observation_line
 from observer.types import FullTrace, StereoFrame
 
-# Twice as often as promised, so that a little lateness keeps the promise.
+# Twice the promised rate, so that a small delay still keeps the promise.
 BEAT_INTERVAL_S = 0.05
-# How often the page hears of the playback's position or of a live source's figures alone.
+# Interval at which the page receives the playback position or a live source's figures on their own.
 _POSITION_INTERVAL_S = 0.5
-# Nothing of it must be brought in order; what is left ends with the process.
+# Time for the truth's threads to end. They need no orderly end; the rest ends with the process.
 _TRUTH_ENDS_S = 1.0
 
 
-# What the loop waits for: requests, an opening that is done, or None to leave.
+# Messages of the loop: requests, a finished opening, or None to leave.
 Inbox = queue.SimpleQueue[Request | Opening | None]
 
 
 class Engine:
-    """Answers commands and observes the open source until told to leave."""
+    """Engine that answers commands and observes the open source until told to leave."""
 
     def __init__(
         self,
@@ -59,14 +59,15 @@ class Engine:
         truth: LiveTruth | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """
+        """Set up the loop.
+
         Args:
-            inbox: filled by whoever receives requests; None in it ends the loop.
+            inbox: filled by the thread that receives requests; None in it ends the loop.
             send: takes replies and events and never blocks.
-            observations_lost: how many events ``send`` dropped so far.
-            publisher: takes what was observed, for views and the cloud; closed in the end.
-            sight: tells the drive process of each frame, where there is one.
-            truth: live motion capture; none is listened to before that is ordered.
+            observations_lost: returns how many events ``send`` has dropped.
+            publisher: takes observed frames, for views and the cloud; closed at the end.
+            sight: sends each frame's sight to the drive process, if there is one.
+            truth: live motion capture; it listens to none until ordered.
             clock: the host's monotonic clock.
         """
         self._inbox = inbox
@@ -104,7 +105,7 @@ class Engine:
         self._state_sent_at = 0.0
 
     def run(self) -> None:
-        """Work until ``Shutdown``, or None in the inbox; call it in the loop's own thread."""
+        """Run until ``Shutdown``, or None in the inbox; call it in the loop's own thread."""
         self._thread = threading.get_ident()
         self._publish_state()
         try:
@@ -119,7 +120,7 @@ class Engine:
             self._truth.join(_TRUTH_ENDS_S)
 
     def beat(self) -> None:
-        """Send a heartbeat if one is due. Only the loop's own thread beats; others do nothing."""
+        """Send a heartbeat if one is due; only calls from the loop's own thread do anything."""
         now = self._clock()
         if now < self._next_beat or threading.get_ident() != self._thread:
             return
@@ -127,10 +128,10 @@ class Engine:
         self._send(HeartbeatEvent(now, {"observations_lost": self._observations_lost()}))
 
     def _beating_clock(self) -> float:
-        # The observer reads its clock between its stages, so that even a slow frame beats while
-        # it makes progress, and only a stage that hangs looks like one.
+        # The observer reads its clock between its stages, so even a slow frame beats while it makes
+        # progress, and only a hung stage looks hung.
         self.beat()
-        # Nor do the cameras' processes wait until it is done.
+        # The cameras' processes do not wait for the end of the frame either.
         session = self._current.session
         if session is not None and threading.get_ident() == self._thread:
             session.tend()
@@ -141,14 +142,14 @@ class Engine:
         return self._ended or self._commands.leaving
 
     def _forget(self) -> None:
-        """What was observed of a source that is closed is neither shown nor explained."""
+        """Drop the observations of a closed source: they are no longer shown or explained."""
         self._publisher.forget()
         self._explainer.forget()
 
     # --- waiting ---------------------------------------------------------------------------
 
     def _take_messages(self) -> None:
-        """Wait until a frame is due or a message is there; answer all messages."""
+        """Wait until a frame is due or a message arrives; answer all messages."""
         while not self._leaving:
             self.beat()
             now = self._clock()
@@ -180,7 +181,7 @@ class Engine:
 
     def _answer(self, request: Request) -> None:
         reply = self._commands.answer(request)
-        # The state goes first, so that whoever asked finds it as the answer says.
+        # The state goes first, so that the requester finds it as the reply says.
         self._publish_state()
         if reply is not None:
             self._send(reply)
@@ -205,7 +206,8 @@ class Engine:
         try:
             skipped = session.player.read_ahead()
         except Exception as error:  # noqa: BLE001
-            # A source is foreign code and foreign data; what it raises ends it, not the engine.
+            # A source is foreign code and foreign data; an exception in it ends the source, not the
+            # engine.
             self._current.fail(f"reading {source}", error)
             return
         if skipped is not None:
@@ -218,7 +220,7 @@ class Engine:
         try:
             self._use_frame(session)
         except Exception as error:  # noqa: BLE001
-            # As above: a stage that breaks on this frame ends the session, not the engine.
+            # As above: a stage that fails on this frame ends the session, not the engine.
             self._current.fail(f"observing a frame of {source}", error)
 
     def _use_frame(self, session: PlayedSource) -> None:
@@ -234,7 +236,7 @@ class Engine:
         observer = session.observer
         if played.new_segment:
             observer.begin_segment()
-        # It only goes into a queue, and a frame that breaks the observer is worth to be seen.
+        # This only puts it into a queue, and a frame that breaks the observer is worth keeping.
         session.record(frame, played)
         trace = FullTrace()
         observation = observer.observe(frame, trace)
@@ -247,7 +249,7 @@ class Engine:
         session.segment = session.first_segment + observation.segment
         line["segment"] = session.segment
         truth = session.truth
-        # Motion capture stands in for the truth of what is simulated.
+        # Motion capture replaces the truth of a simulation.
         entries = self._truth.look(observation, line, frame.received, session.recorder)
         if truth is not None and not self._truth.in_place:
             entries = truth.match(observation, played.source_time)
@@ -276,7 +278,7 @@ class Engine:
         self._publisher.publish(observed)
 
     def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:
-        """With what the robot's wheels told, for live cameras on a robot that is driven here."""
+        """Return the frame with wheel odometry, for live cameras on a robot driven from here."""
         if self._sight is None or frame.odometry is not None or session.world != REAL_WORLD:
             return frame
         odometry = self._sight.odometry(frame.received)
@@ -287,7 +289,7 @@ class Engine:
     def _publish_state(self) -> None:
         now = self._clock()
         state, sent = self._current.state(), self._sent_state
-        # Where only the position moved, once in a while is enough.
+        # If only the position moved, an occasional update is enough.
         lately = now - self._state_sent_at < _POSITION_INTERVAL_S
         if sent is not None and (
             state == sent or (lately and _without_position(state) == _without_position(sent))
@@ -298,7 +300,7 @@ class Engine:
 
 
 def _without_position(state: StateEvent) -> StateEvent:
-    """The state without what changes with every frame."""
+    """Return the state without the fields that change with every frame."""
     playback, live, recording, truth = state.playback, state.live, state.recording, state.truth
     return replace(
         state,

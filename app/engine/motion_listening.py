@@ -1,4 +1,4 @@
-"""Listens to motion capture beside the loop, and hands its samples to whoever takes part."""
+"""Listener to motion capture beside the loop; distributes its samples."""
 
 from __future__ import annotations
 
@@ -19,19 +19,21 @@ _log = logging.getLogger(__name__)
 
 _DRAIN_EVERY_S = 0.02
 _REPORT_EVERY_S = 0.5
-# Of a loop that takes none: half a minute of two bodies at 300 Hz.
+# Kept for a loop that takes none: half a minute of two bodies at 300 Hz.
 _MOST_WAITING = 20_000
 
-# What opens live motion capture that a text names.
+# Opens the live motion capture that a spec names.
 CaptureOpener = Callable[[str], LiveCapture]
 
 
 class MotionListener:
-    """One connection and a thread that empties it. Its other methods return at once.
+    """Connection to motion capture and the thread that reads it. The other methods return at once.
 
     Attributes:
-        spec: what is listened to. recorder: gets all samples, where there is one.
-        report: the newest, None before the first. trouble: why nothing is listened to any more.
+        spec: names the motion capture.
+        recorder: receives all samples, where there is one.
+        report: the newest report; None before the first.
+        trouble: the reason why it no longer listens.
     """
 
     def __init__(self, spec: str, open_capture: CaptureOpener = open_live_truth) -> None:
@@ -47,24 +49,24 @@ class MotionListener:
         self._thread.start()
 
     def for_frames(self) -> list[BodySample]:
-        """What came since the last call; for the loop's thread."""
+        """Return the samples since the last call; for the loop's thread."""
         return _taken(self._for_frames)
 
     def for_alignment(self) -> list[BodySample]:
-        """The same for the thread that aligns."""
+        """Return the samples since the last call; for the alignment thread."""
         return _taken(self._for_alignment)
 
     def end(self) -> None:
-        """Listen no more; the connection is closed in the thread."""
+        """Stop listening; the thread closes the connection."""
         self._ending.set()
 
     @property
     def ended(self) -> bool:
-        """Whether nothing of it is left."""
+        """Return true once the thread has ended and released everything."""
         return not self._thread.is_alive()
 
     def join(self, timeout_s: float) -> None:
-        """Wait for the end of what ``end`` began."""
+        """Wait until the shutdown begun by ``end`` is complete."""
         self._thread.join(timeout_s)
 
     def _run(self) -> None:
@@ -76,7 +78,7 @@ class MotionListener:
         try:
             self._listen(capture)
         except Exception as error:  # noqa: BLE001
-            # Whatever becomes of truth, frames are observed and robots driven.
+            # Whatever happens to truth, frames are observed and robots driven.
             self._give_up(error)
         finally:
             capture.close()
@@ -104,5 +106,5 @@ class MotionListener:
 
 
 def _taken(waiting: deque[BodySample]) -> list[BodySample]:
-    # One thread appends and one takes, so what is counted is there.
+    # One thread appends and one takes, so the counted samples are there.
     return [waiting.popleft() for _ in range(len(waiting))]

@@ -1,4 +1,4 @@
-"""Opening a source without stopping the loop: it may take long, and then may even hang."""
+"""Opening of a source without blocking the loop: it may take long, or even hang."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from observer.guard.parameters import AllParameters
 
 
 class Opening:
-    """A source that is being opened in a thread of its own.
+    """Source that is being opened in its own thread.
 
     Attributes:
-        request, command: what asked for it.
-        session, error: the result, one of them, once it is done.
-        abandoned: nobody waits for it any more; its session is only to be closed.
-        lender: the session whose source it was given, and which goes on if it is refused.
-        before: what was open and had to be closed for it, to be opened again if it is refused.
-        parameters: with their revision, where they were set meanwhile.
+        request, command: the request that asked for it.
+        session, error: the result; one of them is set once it is done.
+        abandoned: nobody waits for it any more; its session only needs to be closed.
+        lender: the session that lent its source, and that goes on if the opening is refused.
+        before: the session that had to be closed for it, to be reopened if the opening is refused.
+        parameters: with their revision, if they were set meanwhile.
     """
 
     def __init__(self, request: Request, command: OpeningCommand) -> None:
@@ -33,13 +33,13 @@ class Opening:
         self.parameters: tuple[AllParameters, int] | None = None
 
     def start(self, work: Callable[[], PlayedSource], done: Callable[[Opening], None]) -> None:
-        """Begin; ``done`` is called in the other thread when there is a result."""
+        """Start opening; ``done`` is called in the other thread when there is a result."""
 
         def run() -> None:
             try:
                 self.session = work()
             except Exception as error:  # noqa: BLE001
-                # Nothing may be lost between threads; the loop tells refused from broken.
+                # No exception may be lost between threads; the loop tells refusals from faults.
                 self.error = error
             done(self)
 

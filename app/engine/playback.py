@@ -1,7 +1,7 @@
-"""Playing a source at its recorded pace: pause, step, seek, rate, loop and restart.
+"""Playback of a source at its recorded pace: pause, step, seek, rate, loop and restart.
 
-Of a source that is not live no frame is ever left out: where reading or observing cannot keep
-up, the playback slows down and says at which rate it really runs.
+For a source that is not live no frame is ever dropped: where reading or observing cannot keep up,
+the playback slows down and reports the rate it really achieves.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ _RATE_WINDOW_S = 2.0
 
 @dataclass(frozen=True, eq=False)
 class PlayedFrame:
-    """A frame whose turn has come.
+    """Frame whose turn has come.
 
     Attributes:
-        frame: its index and time go on where the source was rewound, and ``received`` is the
-            instant it was played (of a live source: received).
-        source_time: its time within the source, by which truth is looked up.
+        frame: its index and time continue over rewinds; ``received`` is the instant it was played
+            (for a live source: received).
+        source_time: its time within the source, for looking up truth.
         position: its number within the source.
-        new_segment: it follows a rewind, a seek or what was a new beginning when it was recorded,
-            so nothing before it belongs to it.
+        new_segment: it follows a rewind, a seek or a new beginning in the recording, so nothing
+            before it belongs to it.
     """
 
     frame: StereoFrame
@@ -38,9 +38,9 @@ class PlayedFrame:
 
 
 class Player:
-    """Hands out a source's frames when their time has come.
+    """Player that hands out a source's frames when their time has come.
 
-    Every method takes ``now``, the host's monotonic clock, and none waits, except that reading
+    Every method takes ``now``, the host's monotonic clock. None of them waits, except that reading
     takes as long as the source takes.
     """
 
@@ -60,14 +60,14 @@ class Player:
         self._last_index = -1
         self._last_time: float | None = None
         self._index_offset = 0
-        # None from a rewind until the first frame behind it shows its own time.
+        # None from a rewind until the first frame after it shows its own time.
         self._time_offset: float | None = 0.0
-        # The source instant (continued over loops) that belongs to a host instant.
+        # Source instant (continued over loops) that corresponds to a host instant.
         self._anchor: tuple[float, float] | None = None
         self._played: deque[tuple[float, float]] = deque()
         self.position: int | None = None
         self.skipped = 0
-        # What keeps a live source from delivering, one sentence.
+        # Reason why a live source delivers nothing, one sentence.
         self.trouble: str | None = None
 
     @property
@@ -84,26 +84,26 @@ class Player:
 
     @property
     def seekable(self) -> bool:
-        """Whether it can go on from any frame."""
+        """Return true if playback can continue from any frame."""
         return self._seekable is not None
 
     @property
     def ended(self) -> bool:
-        """The last frame was played and the source is not looped."""
+        """Return true once the last frame was played and the source is not looped."""
         return self._ended and self._held is None
 
     @property
     def next_index(self) -> int:
-        """The index of the frame that is played next, as far as it can be known before reading."""
+        """Return the index of the next frame to play, as far as it can be known before reading."""
         return self._last_index + 1 if self._held is None else self._held.frame.index
 
     @property
     def held(self) -> StereoFrame | None:
-        """The frame that was read and waits for its turn."""
+        """Return the frame that was read and waits for its turn."""
         return None if self._held is None else self._held.frame
 
     def achieved_rate(self, now: float) -> float | None:
-        """Source seconds per second over the last 2 s; None where too little was played."""
+        """Return source seconds per second over the last 2 s; None where too little was played."""
         while self._played and self._played[0][0] < now - _RATE_WINDOW_S:
             self._played.popleft()
         if len(self._played) < 3:
@@ -112,13 +112,14 @@ class Player:
         return (last - first) / (end - start) if end > start else None
 
     def read_ahead(self) -> SkippedFrame | None:
-        """Have the next frame at hand; reads the source at most once.
+        """Read the next frame ahead; reads the source at most once.
 
         Returns:
             The frame that could not be read, if this was one.
 
         Raises:
-            SourceError: the source holds no readable frame at all, or what its reading raises.
+            SourceError: the source holds no readable frame at all; errors of the source's own pass
+                through.
         """
         if self._held is not None or self._ended:
             return None
@@ -151,7 +152,7 @@ class Player:
             return
         self._rewound = True
         if self._seekable.begins == "observer":
-            # The source had been opened again then, so its numbers and times were others.
+            # The source had been reopened at this point, so its numbers and times were different.
             self._index_offset = self._last_index + 1
             self._time_offset = None
 
@@ -167,7 +168,7 @@ class Player:
             time=frame.time + self._time_offset,
             right_time=right_time,
         )
-        # A recording may lack frames, so that their indexes do not count them.
+        # A recording may lack frames, so its indexes do not count them.
         position = frame.index if self._seekable is None else self._seekable.position - 1
         self._held = PlayedFrame(continued, frame.time, position, self._rewound)
         self._rewound = False
@@ -185,8 +186,10 @@ class Player:
         self._rewound = self._last_index >= 0
 
     def wait_s(self, now: float) -> float | None:
-        """Seconds until the held frame's turn, 0 if it has come; None if nothing will come
-        without a command or a read."""
+        """Return the seconds until the held frame's turn, 0 if it has come.
+
+        None if nothing will come without a command or a read.
+        """
         if self._held is None:
             return None
         if self._live or self._steps:
@@ -197,7 +200,7 @@ class Player:
 
     @property
     def wants_reading(self) -> bool:
-        """Whether ``read_ahead`` would read."""
+        """Return true if ``read_ahead`` would read."""
         return self._held is None and not self._ended
 
     def _due(self, time: float, now: float) -> float:
@@ -206,15 +209,15 @@ class Player:
         return self._anchor[0] + (time - self._anchor[1]) / self._rate
 
     def take(self, now: float) -> PlayedFrame:
-        """The held frame, now played."""
+        """Take the held frame and count it as played."""
         played, self._held = self._held, None
         assert played is not None
         frame = played.frame
         if self._steps:
             self._steps -= 1
         elif not self._live and now - self._due(frame.time, now) > self._period / self._rate:
-            # More than a frame late: catching up would only make everything late, so from here
-            # on playback runs later.
+            # More than a frame late: catching up would only make everything late, so playback runs
+            # later from here on.
             self._anchor = (now, frame.time)
         if not self._live:
             frame = replace(frame, received=now)
@@ -233,11 +236,11 @@ class Player:
         restart: bool = False,
         seek: int | None = None,
     ) -> None:
-        """Change what is given, all or nothing.
+        """Change the given settings, all or nothing.
 
         Raises:
             InputError: a value is out of range, or the source is live or cannot seek.
-            NotNow: steps were asked for while playing.
+            NotNow: steps were requested while playing.
             SourceError: the source cannot be rewound.
         """
         moved = restart or seek is not None
@@ -257,7 +260,7 @@ class Player:
         if moved or new_rate != self._rate or new_paused != self._paused:
             self._anchor = None
             self._played.clear()
-        # Whoever looks for something while it is paused wants to see it.
+        # A user who seeks while paused wants to see that frame.
         shown = step + (seek is not None)
         self._steps = self._steps + shown if new_paused else 0
         self._rate, self._paused = new_rate, new_paused
@@ -272,10 +275,10 @@ class Player:
                 f"{position}{' with restart' if restart else ''}"
             )
         self._seekable.seek(position)
-        # Frames that were to be shown step by step were others.
+        # The pending steps were meant for other frames.
         self._steps = 0
         self._begin_anew()
-        # There were frames; those from here on may all be damaged.
+        # There were frames before; those from here on may all be damaged.
         self._frames_in_pass = 1
 
 

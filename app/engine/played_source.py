@@ -1,4 +1,4 @@
-"""One open source and its player, whatever is done with the frames."""
+"""Open source and its player, independent of the frames' use."""
 
 from __future__ import annotations
 
@@ -22,26 +22,26 @@ from observer.opening import OpenedSource
 from observer.robots.contract import RobotPort, RobotWorld
 from observer.sources.contract import LiveSource, SkippedFrame, Source
 
-# How many unreadable frames are passed over while opening to find the first readable one.
+# Number of unreadable frames skipped while opening to find the first readable one.
 TRIES_FOR_A_PAIR = 20
-# A live source has delivered before it counts as open; the next pair is not far.
+# A live source has delivered before it counts as open; the next pair follows soon.
 FIRST_PAIR_S = 2.0
 
-# What opens a source.
+# Opens a source.
 OpeningCommand = OpenSource | BeginCalibration
 SourceOpener = Callable[[str], OpenedSource]
 
 
 class PlayedSource:
-    """A source and its player. Used by one thread at a time.
+    """Source and its player. Used by one thread at a time.
 
     Attributes:
-        spec: the text it was opened by, passwords included.
-        resting: whether it is not read, because its source is being handed on.
+        spec: the text it was opened with, passwords included.
+        resting: it is not read, because its source is being handed on.
         skipped: frames that could not be read while opening, before the first one.
         robots: of the source's own world; reached while it is observed.
-        run_id, segment: of what is kept; None and 0 where nothing is.
-        has_truth: whether truth belongs to the source.
+        run_id, segment: of the run being kept; None and 0 without one.
+        has_truth: the source has truth of its own.
     """
 
     def __init__(
@@ -65,36 +65,36 @@ class PlayedSource:
 
     @property
     def state(self) -> EngineState:
-        """What the engine does with this source."""
+        """Return the engine state for this source."""
         return EngineState.PREVIEW
 
     def camera_facts(self) -> StereoCamera | None:
-        """The rectified camera as ``StateEvent.camera`` holds it."""
+        """Return the rectified camera as ``StateEvent.camera`` holds it."""
         return None
 
     def mount_facts(self) -> CameraMount | None:
-        """As ``StateEvent.mount`` holds it."""
+        """Return the mount as ``StateEvent.mount`` holds it."""
         return None
 
     def ageing_facts(self) -> AgeingStatus | None:
-        """As ``StateEvent.ageing`` holds it."""
+        """Return the ageing as ``StateEvent.ageing`` holds it."""
         return None
 
     def recording_facts(self) -> RecordingStatus | None:
-        """As ``StateEvent.recording`` holds it."""
+        """Return the recording as ``StateEvent.recording`` holds it."""
         return None
 
     @property
     def world(self) -> str | None:
-        """As ``StateEvent.world`` holds it."""
+        """Return the world as ``StateEvent.world`` holds it."""
         return None
 
     def robot_facts(self) -> tuple[RobotPort, ...]:
-        """As ``StateEvent.robots`` holds it."""
+        """Return the robots as ``StateEvent.robots`` holds them."""
         return ()
 
     def playback_facts(self, now: float) -> PlaybackStatus:
-        """As ``StateEvent.playback`` holds it."""
+        """Return the playback as ``StateEvent.playback`` holds it."""
         player = self.player
         achieved = player.achieved_rate(now)
         return PlaybackStatus(
@@ -114,7 +114,7 @@ class PlayedSource:
             self._live.tend()
 
     def live_facts(self) -> LiveStatus | None:
-        """As ``StateEvent.live`` holds it."""
+        """Return the live figures as ``StateEvent.live`` holds them."""
         if self._live is None:
             return None
         report = self._live.report()
@@ -122,26 +122,27 @@ class PlayedSource:
         return filled(LiveStatus, report, cameras=cameras, trouble=self.player.trouble)
 
     def again(self) -> OpeningCommand:
-        """What would open it anew as it is now."""
+        """Return the command that would reopen it in its present state."""
         raise NotImplementedError
 
     def close(self) -> None:
-        """Let go of the source and the robots of its world."""
+        """Release the source and the robots of its world."""
         if self.robots is not None:
             self.robots.close()
         self.source.close()
 
 
 def close_opened(opened: OpenedSource) -> None:
-    """Let go of what was opened and will not be played."""
+    """Release an opened source that will not be played."""
     if opened.robots is not None:
         opened.robots.close()
     opened.source.close()
 
 
 def read_first(player: Player) -> tuple[SkippedFrame, ...]:
-    """Have the first frame at hand: some sources do their heavy work at it, which would stop the
-    engine's heart.
+    """Read the first frame ahead.
+
+    Some sources do their heavy work at that point, which would stop the engine's heartbeat.
 
     Returns:
         The frames that could not be read before it.

@@ -1,4 +1,4 @@
-"""The engine as a process: from inherited descriptors to a running loop and back."""
+"""Engine process: from inherited descriptors to a running loop and back."""
 
 from __future__ import annotations
 
@@ -29,18 +29,18 @@ from app.runtime.latest import LatestReader, LatestWriter
 from app.runtime.lifeline import receive_until_parent_ends
 from app.runtime.pipe import MessageSender
 
-# Robots drive by what is seen here: before ordinary processes, behind the drive loop. Not so far
-# that a saturated engine kept the web process from taking what operators send.
+# Robots drive by these observations: ahead of ordinary processes, behind the drive loop. Not so far
+# ahead that a saturated engine kept the web process from handling operators' commands.
 _NICENESS = -5
 
 
 def run_engine(
     arguments: ProcessArguments, *, open_source: SourceOpener, make_observer: ObserverFactory
 ) -> NoReturn:
-    """Run an engine in this process until it is told to leave, and leave the process.
+    """Run an engine in this process until it is told to leave, then exit the process.
 
     Args:
-        open_source, make_observer: where sources and observers come from.
+        open_source, make_observer: factories of sources and observers.
     """
     # Ctrl-C reaches every process of the terminal; the parent decides what follows.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -58,7 +58,7 @@ def run_engine(
         droppable=(ObservationEvent, SkippedFrameEvent),
     )
     slots = dict(arguments.slots)
-    # What is shared with the drive process; an engine without one has neither.
+    # Slots shared with the drive process; an engine without one has neither.
     sight, wheels = slots.pop(SIGHT_NAME, None), slots.pop(WHEELS_NAME, None)
     engine = Engine(
         inbox=inbox,
@@ -80,6 +80,6 @@ def run_engine(
     engine.run()
     leaving = True
     sender.close()
-    # Without the interpreter's own end: a thread that still opens a source, or a library that
+    # Skip the interpreter's own shutdown: a thread that still opens a source, or a library that
     # waits for its own threads, would hold it up.
     os._exit(0)

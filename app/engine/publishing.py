@@ -1,4 +1,4 @@
-"""Writes what is watched into its slots, and nothing that is not."""
+"""Publisher of the watched views, each into its slot."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from app.runtime.latest import LatestWriter
 from observer.errors import InputError
 from observer.types import Image
 
-# The scene is drawn ten times a second; a little more, so that a busy machine keeps the ten.
+# The scene is drawn ten times a second; a little more, so that a busy machine keeps up the ten.
 DENSE_RATE_HZ = 12.0
 _DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
 
@@ -25,15 +25,15 @@ _DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
 @dataclass(frozen=True, eq=False)
 class _DenseJob:
     pair: DensePair
-    # Of which source: what was begun for one that is closed by now is not shown.
+    # Epoch of the source: a job from a source closed meanwhile is not shown.
     epoch: int
 
 
 class Publisher:
-    """Draws, encodes and writes views and the cloud while somebody watches them.
+    """Publisher that draws, encodes and writes views and the cloud while somebody watches them.
 
-    What needs dense stereo is made by a thread beside the loop, from the newest pair at its
-    own rate; the rest at once. A slot is written by one thread only.
+    A thread beside the loop computes everything that needs dense stereo, from the newest pair and
+    at its own rate; the rest is drawn at once. Only one thread writes each slot.
     """
 
     def __init__(
@@ -42,12 +42,13 @@ class Publisher:
         clock: Callable[[], float],
         send: Callable[[DenseStereoEvent], None],
     ) -> None:
-        """
+        """Set the slots.
+
         Args:
             slots: one for each name in ``VIEW_NAMES`` and ``CLOUD_NAME``.
             clock: the host's monotonic clock.
-            send: told of every cloud or disparity view, also of one that failed; called in the
-                other thread.
+            send: told of every cloud or disparity view, including failed ones; called in the other
+                thread.
         """
         self._slots = slots
         self._clock = clock
@@ -60,10 +61,10 @@ class Publisher:
         self._dense = LatestWorker("dense stereo", self._make_dense, rate_hz=DENSE_RATE_HZ)
 
     def watch(self, names: Iterable[str]) -> None:
-        """Draw these from now on; what is newly watched is shown at once, also while paused.
+        """Draw these views from now on; show newly watched ones at once, even while paused.
 
         Raises:
-            InputError: there is no such view; the sentence lists those there are.
+            InputError: there is no such view; the sentence lists those that exist.
         """
         wanted = frozenset(names)
         unknown = wanted - {*VIEW_NAMES, CLOUD_NAME}
@@ -78,7 +79,7 @@ class Publisher:
 
     @property
     def newest(self) -> Observed | None:
-        """What was observed last of the open source."""
+        """Return the newest observed frame of the open source."""
         return self._newest
 
     def publish(self, observed: Observed) -> None:
@@ -88,10 +89,11 @@ class Publisher:
         self._draw(observed, self._watched)
 
     def show_cameras(self, facts: dict[str, Any], draw: Callable[[str], Image]) -> None:
-        """Show the cameras' images as somebody else draws them.
+        """Show the cameras' images as drawn by the caller.
 
         Args:
-            facts: frame, time and received of the pair. draw: makes the image of a name.
+            facts: frame, time and received of the pair.
+            draw: makes the image of a name.
         """
         for name in sorted(self._watched.intersection(CAMERA_NAMES)):
             image = draw(name)
@@ -100,7 +102,7 @@ class Publisher:
             self._slots[name].write(header, encode_jpeg(image))
 
     def forget(self) -> None:
-        """The source is closed: what was observed of it is not shown again."""
+        """Drop the closed source's frame, so that it is not shown again."""
         self._newest = None
         self._pairs = PairKeeper()
         self._dense.forget()
@@ -136,7 +138,7 @@ class Publisher:
             dense = dense_stereo(job.pair)
             self._write_dense(job, dense, watched)
         except Exception as error:  # noqa: BLE001
-            # What is only looked at must not end what is observed, nor the next attempt.
+            # A failure in display must stop neither the observing nor the next attempt.
             trouble = f"dense stereo failed: {type(error).__name__}: {error}"
         now, instant = self._clock(), job.pair.instant
         self._send(

@@ -1,4 +1,4 @@
-"""Begins recordings of what is opened, and waits for those that end."""
+"""Recordings of opened sources: their beginnings, and the wait for those that end."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _log = logging.getLogger(__name__)
 
 
 class Recorders:
-    """Begins recordings, and waits for those that are ending when the engine leaves."""
+    """Recorder factory that, when the engine leaves, waits for the recordings still ending."""
 
     def __init__(self) -> None:
         self._all: list[RunRecorder] = []
@@ -33,12 +33,15 @@ class Recorders:
         calibration_yaml: str,
         mount: CameraMount | None,
     ) -> RunRecorder | None:
-        """Record what is opened, where that was ordered; not in the loop's thread, since it opens
-        a file. Where a run goes on, what hinders it is only told. Of a live source, which cannot
-        be played again, the last half minute is kept in any case.
+        """Begin a recording of the opened source, where ordered.
+
+        Do not call it in the loop's thread: it opens a file. Where a run continues, a failure
+        to begin is only reported. For a live source, which cannot be played again, the last half
+        minute is kept in any case.
 
         Args:
-            info: of the source. calibration_yaml, mount: what it is observed with.
+            info: of the source.
+            calibration_yaml, mount: the calibration and mount it is observed with.
 
         Raises:
             RecordingError: the file cannot be written, or the disk is almost full.
@@ -75,7 +78,7 @@ class Recorders:
         return recorder
 
     def wait(self, timeout_s: float) -> None:
-        """Wait for recordings that are ending."""
+        """Wait for the recordings that are ending."""
         until = time.monotonic() + timeout_s
         for recorder in self._all:
             recorder.join(max(0.0, until - time.monotonic()))
@@ -88,7 +91,7 @@ def _opened(order: RecordOrder, facts: RunFacts, ring: Ring, *, resume: bool) ->
         try:
             return RecordingWriter.resume(path, ring=ring)
         except SourceError as error:
-            # It ended before it was a recording: kept for whoever wants to look at it.
+            # It ended before it became a recording: kept for anyone who wants to inspect it.
             _log.warning("a recording is begun anew: %s", error)
             path.replace(path.with_suffix(".damaged.mcap"))
     return RecordingWriter(path, facts, ring=ring)

@@ -1,7 +1,7 @@
 """Recording beside the loop: a bounded queue and one thread around ``RecordingWriter``.
 
-The loop only puts references into the queue; packing and writing are the thread's. Where the disk
-does not keep up, frames are dropped and counted; where it is full, the recording ends, not the run.
+The loop only puts references into the queue; the thread packs and writes. Where the disk cannot
+keep up, frames are dropped and counted; where it is full, the recording ends, not the run.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
 
-# Seven seconds of a grey pair of 640x480 at 30 frames a second.
+# Seven seconds of a grey 640x480 pair at 30 frames a second.
 MOST_BYTES = 128 << 20
-# Of messages without images, which are small; a disk that stands still for minutes.
+# Messages without images, which are small: enough for a disk that stalls for minutes.
 _MOST_MESSAGES = 20_000
 _FLUSH_S = 0.2
 _LOOK_AT_DISK_S = 1.0
@@ -43,18 +43,20 @@ Work = Callable[[RecordingWriter], None]
 
 
 def free_bytes(path: Path) -> int:
-    """What may still be written where a file is."""
+    """Return the free bytes on the disk of a file."""
     return shutil.disk_usage(path.parent).free
 
 
 class RunRecorder:
-    """Records one run. Its methods return at once; all but ``capture`` are the loop's.
+    """Recorder of one run. Its methods return at once; all but ``capture`` are for the loop.
 
     Args:
-        writer: what to write with; None records nothing. trouble: why, then.
-        order: what was ordered; None fills only the ring. ring: of the writer, if any.
-        most_bytes: of frames that wait for the disk.
-        free: what is left on the disk of a file.
+        writer: writes the file; None records nothing.
+        trouble: the reason for that.
+        order: the recording as ordered; None fills only the ring.
+        ring: of the writer, if any.
+        most_bytes: limit for the frames that wait for the disk.
+        free: returns the free space on the disk of a file.
     """
 
     def __init__(
@@ -83,18 +85,18 @@ class RunRecorder:
         self._waiting: deque[tuple[Work, int]] = deque()
         self._waiting_bytes = 0
         self._dropped = 0
-        # Dropped, but not yet told in the recording.
+        # Dropped, but not yet noted in the recording.
         self._untold = 0
         self._ending = False
         self._done: Callable[[], None] | None = None
-        # A frame with which something began was dropped: it begins with the next one.
+        # A frame that began something was dropped: that beginning moves to the next frame.
         self._owed: Begins | None = None
         self._disk_looked_at = clock()
         self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
         self._thread.start()
 
     def facts(self) -> RecordingStatus | None:
-        """As ``StateEvent.recording`` holds it; None where the last half minute alone is kept."""
+        """Return the facts as ``StateEvent.recording`` holds them; None with only the ring kept."""
         if self._order is None:
             return None
         return RecordingStatus(
@@ -110,10 +112,11 @@ class RunRecorder:
     def frame(
         self, frame: StereoFrame, *, position: int, source_time: float, begins: Begins | None
     ) -> None:
-        """A frame exactly as it is observed, before it is; the arrays must not change.
+        """Record a frame exactly as it will be observed; the arrays must not change.
 
         Args:
-            position, source_time: within the source. begins: what begins with it.
+            position, source_time: within the source.
+            begins: the beginnings at this frame.
         """
         begins = begins or self._owed
 
@@ -130,7 +133,7 @@ class RunRecorder:
         ego_motion: EgoMotionStatus | None,
         truth: Sequence[Mapping[str, Any]],
     ) -> None:
-        """What was found in a frame, as in the ``ObservationEvent``."""
+        """Record the result of a frame, as in the ``ObservationEvent``."""
 
         def write(writer: RecordingWriter) -> None:
             motion = None if ego_motion is None else asdict(ego_motion)
@@ -139,7 +142,7 @@ class RunRecorder:
         self._give(write)
 
     def truth(self, sample: TruthSample, received: float) -> None:
-        """What is truly known at a frame, in the truth's own world."""
+        """Record the ground truth at a frame, in the truth's own world."""
         self._give(lambda w: w.truth(sample, received))
 
     def parameters(
@@ -150,10 +153,11 @@ class RunRecorder:
         before: AllParameters | None = None,
         frame: int | None = None,
     ) -> None:
-        """Parameters that act from the next frame on.
+        """Record parameters that take effect from the next frame on.
 
         Args:
-            before: those until then. frame: the index of the first frame they act on.
+            before: the parameters until then.
+            frame: index of the first frame they apply to.
         """
         values = dict(parameters.flat())
         old = values if before is None else before.flat()
@@ -165,7 +169,7 @@ class RunRecorder:
         self._give(lambda w: w.parameters(told, now))
 
     def robots(self, rows: Sequence[RobotRow], incidents: Sequence[Incident]) -> None:
-        """What was sent to robots and what they told."""
+        """Record the commands sent to robots and their reports."""
 
         def write(writer: RecordingWriter) -> None:
             for row in rows:
@@ -176,29 +180,30 @@ class RunRecorder:
         self._give(write)
 
     def capture(self, samples: Sequence[BodySample]) -> None:
-        """What motion capture told since the last call; any thread may call."""
+        """Record the motion capture samples since the last call; any thread may call."""
         self._give(lambda w: w.capture(samples))
 
     def skipped(self, skipped: SkippedFrame) -> None:
-        """A frame that the source could not read."""
+        """Record a frame that the source could not read."""
         now = self._clock()
         self._give(lambda w: w.skipped(skipped, now))
 
     def incident(self, kind: str, sentence: str) -> None:
-        """Something that is to be found again."""
+        """Record an incident to be found again."""
         told = Incident(kind=kind, sentence=sentence, received=self._clock())
         self._give(lambda w: w.incident(told))
 
     def save_ring(
         self, path: Path, reserve_bytes: int, done: Callable[[float | RecordingError], None]
     ) -> None:
-        """Write the last half minute behind what waits.
+        """Queue the last half minute for writing.
 
         Args:
-            done: called in another thread with the seconds it holds, or why there is no file.
+            done: called in another thread with the seconds it holds, or the reason why there is no
+                file.
 
         Raises:
-            NotNow: none is kept at the moment.
+            NotNow: no last half minute is kept at the moment.
         """
         ring, trouble = self._ring, self._trouble
         if ring is None or trouble is not None or self._ending:
@@ -209,7 +214,7 @@ class RunRecorder:
                 make_room(path, reserve_bytes)
                 ring.save(path)
             except RecordingError as error:
-                # It is another file: the run's own goes on.
+                # It is a separate file: the run's own continues.
                 done(error)
             else:
                 done(ring.seconds_held)
@@ -218,10 +223,10 @@ class RunRecorder:
             raise NotNow("the disk does not keep up; try again in a moment")
 
     def end(self, done: Callable[[], None] | None = None) -> None:
-        """Write what waits and close the file; returns at once, safe to call twice.
+        """Write what is queued and close the file; returns at once, safe to call twice.
 
         Args:
-            done: called in another thread when the file is whole, or given up.
+            done: called in another thread when the file is complete or given up.
         """
         with self._changed:
             if self._ending:
@@ -231,12 +236,12 @@ class RunRecorder:
             self._changed.notify()
 
     def join(self, timeout_s: float) -> None:
-        """Wait for the end of what ``end`` began."""
+        """Wait until the shutdown begun by ``end`` is complete."""
         self._thread.join(timeout_s)
 
     @property
     def ended(self) -> bool:
-        """Whether the file is closed for good."""
+        """Return true once the file is closed for good."""
         return not self._thread.is_alive()
 
     def _give(self, work: Work, size: int = 0) -> bool:
@@ -244,7 +249,7 @@ class RunRecorder:
             if self._trouble is not None or self._ending:
                 return True
             full = size and self._waiting_bytes + size > self._most_bytes
-            # At least one frame has room, however large it is.
+            # At least one frame always fits, however large it is.
             if (full and self._waiting_bytes) or len(self._waiting) >= _MOST_MESSAGES:
                 self._dropped += 1
                 self._untold += 1
@@ -257,8 +262,8 @@ class RunRecorder:
     # --- the thread --------------------------------------------------------------------------
 
     def _run(self) -> None:
-        # With the loop's own priority: one that lost its core while it holds Python's lock would
-        # have the loop wait, and the robots' sight with it.
+        # Keep the loop's own priority: a thread that lost its core while it holds Python's lock
+        # would block the loop, and the robots' sight with it.
         try:
             while (job := self._next()) is not None:
                 self._step(*job)
@@ -269,7 +274,7 @@ class RunRecorder:
                 done()
 
     def _next(self) -> tuple[Work, int] | None:
-        """The next piece of work, nothing to do once in a while, or None at the end."""
+        """Return the next piece of work, an idle item once in a while, or None at the end."""
         with self._changed:
             if not self._waiting and not self._ending:
                 self._changed.wait(_FLUSH_S)
@@ -315,7 +320,7 @@ class RunRecorder:
                 self._give_up(almost_full(self._path, left, self._order.reserve_bytes))
 
     def _give_up(self, trouble: str) -> None:
-        """The run goes on without; what was written stays readable."""
+        """Give up the recording while the run continues; what was written stays readable."""
         with self._changed:
             self._trouble = trouble
             self._waiting.clear()
@@ -323,7 +328,8 @@ class RunRecorder:
         self._close()
 
     def _close(self) -> None:
-        # Whoever asks how it ended may keep it for long: not a quarter of a gigabyte with it.
+        # Callers may keep this object for long to ask for the outcome; free its quarter of a
+        # gigabyte.
         writer, self._writer, self._ring = self._writer, None, None
         if writer is None:
             return
@@ -337,7 +343,7 @@ class RunRecorder:
 
 
 def almost_full(path: Path, left: int, reserve: int) -> str:
-    """What to say where the disk has too little room for a recording."""
+    """Return the message for a disk with too little room for a recording."""
     return (
         f"the recording {path.name} cannot go on: {left >> 20} MB are left on the disk and "
         f"{reserve >> 20} MB are kept free; make room and begin a new run"
@@ -345,10 +351,10 @@ def almost_full(path: Path, left: int, reserve: int) -> str:
 
 
 def make_room(path: Path, reserve_bytes: int) -> None:
-    """See that a file can be begun.
+    """Check that a file can be begun.
 
     Raises:
-        RecordingError: it cannot, or the disk is almost full.
+        RecordingError: the file cannot be begun, or the disk is almost full.
     """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,4 +1,4 @@
-"""How a command is refused."""
+"""Refusals of commands."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from observer.recording.errors import RecordingError
 
 
 def refusal(number: int, error: DynamicObserverError) -> Reply:
-    """What was asked is wrong, not possible now, or failed for a reason we know."""
+    """Return the refusal of a request: invalid, not possible now, or failed for a known reason."""
     if isinstance(error, NotNow):
         return Reply(number, error=str(error), refusal="state")
     if isinstance(error, RecordingError) and error.full:
@@ -20,5 +20,5 @@ def refusal(number: int, error: DynamicObserverError) -> Reply:
 
 
 def unexpected(error: BaseException | None) -> str:
-    """An error that nobody foresaw, in words."""
+    """Describe an unforeseen error in words."""
     return f"{type(error).__name__}: {error}"

@@ -1,4 +1,4 @@
-"""One open source that is observed, with its observer, truth and recording."""
+"""Observed session: one open source with its observer, truth and recording."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from observer.types import Observation, StereoFrame, Trace
 
 
 class FrameObserver(Protocol):
-    """What the engine needs of ``observer.observer.Observer``."""
+    """Interface required of ``observer.observer.Observer``."""
 
     @property
     def camera(self) -> StereoCamera: ...
@@ -43,7 +43,7 @@ class FrameObserver(Protocol):
 
 
 class Session(PlayedSource):
-    """What belongs to one source that is observed."""
+    """State of one source that is observed."""
 
     def __init__(
         self,
@@ -60,14 +60,15 @@ class Session(PlayedSource):
         recorder: RunRecorder | None = None,
         record_again: Callable[[], RunRecorder | None] = lambda: None,
     ) -> None:
-        """
+        """Set up the session.
+
         Args:
             parameters: the observer's and the guard's.
-            calibration_yaml, mount: what the observer was made with.
-            T_body_base: by body of motion capture, as the rig tells.
-            ports: where the robots of the source's world are reached.
-            recorder: records the run, where it is to be recorded. record_again: makes the one
-                behind the run.
+            calibration_yaml, mount: the calibration and mount the observer was made with.
+            T_body_base: by body of motion capture, as the rig file gives it.
+            ports: addresses of the robots in the source's world.
+            recorder: records the run, where ordered.
+            record_again: makes the recorder that follows the run.
         """
         super().__init__(command.source, opened.source, player, skipped, opened.robots)
         self._command = command
@@ -96,7 +97,7 @@ class Session(PlayedSource):
         return EngineState.PREVIEW if self.run_id is None else EngineState.RUNNING
 
     def again(self) -> OpenSource:
-        """What would open it anew as it is now, with nothing kept."""
+        """Return the command that would reopen it in its present state, with nothing kept."""
         return replace(
             self._command,
             parameters=dict(self.parameters.flat()),
@@ -127,7 +128,7 @@ class Session(PlayedSource):
             )
 
     def end_run(self) -> RunRecorder | None:
-        """Keep nothing from now on; whoever asked ends what is returned."""
+        """End the run and keep nothing from now on; the caller ends the returned recorder."""
         self.run_id = None
         recorder = self.stop_recording()
         self.recorder = self._record_again()
@@ -136,12 +137,12 @@ class Session(PlayedSource):
         return recorder
 
     def stop_recording(self) -> RunRecorder | None:
-        """Nothing more is recorded; whoever asked ends what is returned."""
+        """Stop recording; the caller ends the returned recorder."""
         recorder, self.recorder = self.recorder, None
         return recorder
 
     def recording_facts(self) -> RecordingStatus | None:
-        """As ``StateEvent.recording`` holds it."""
+        """Return the recording as ``StateEvent.recording`` holds it."""
         if self.run_id is None or self.recorder is None:
             return None
         return self.recorder.facts()
@@ -153,24 +154,24 @@ class Session(PlayedSource):
         super().close()
 
     def camera_facts(self) -> StereoCamera:
-        """The rectified camera as ``StateEvent.camera`` holds it."""
+        """Return the rectified camera as ``StateEvent.camera`` holds it."""
         return self.observer.camera
 
     def mount_facts(self) -> CameraMount | None:
-        """As ``StateEvent.mount`` holds it."""
+        """Return the mount as ``StateEvent.mount`` holds it."""
         return self.mount
 
     def ageing_facts(self) -> AgeingStatus | None:
-        """As ``StateEvent.ageing`` holds it."""
+        """Return the ageing as ``StateEvent.ageing`` holds it."""
         return self.ageing.facts()
 
     @property
     def world(self) -> str | None:
-        """The robots' own, ``real`` of live cameras, none of what is only replayed."""
+        """Return the robots' own world, ``real`` for live cameras, none for a replay."""
         if self.robots is not None:
             return self.robots.world
         return REAL_WORLD if self.source.info.live else None
 
     def robot_facts(self) -> tuple[RobotPort, ...]:
-        """As ``StateEvent.robots`` holds it."""
+        """Return the robots as ``StateEvent.robots`` holds them."""
         return self._ports

@@ -1,4 +1,4 @@
-"""Opens a source and all that belongs to observing it."""
+"""Opening of a source with everything needed to observe it."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from observer.types import StereoFrame
 
 
 class ObserverFactory(Protocol):
-    """Makes an observer; ``mount`` is the source's own, ``clock`` serves its stage timings."""
+    """Factory of observers; ``mount`` is the source's own, ``clock`` serves the stage timings."""
 
     def __call__(
         self,
@@ -50,11 +50,10 @@ class ObserverFactory(Protocol):
 
 
 class NotCalibrated(CalibrationError):
-    """The source brings no calibration and none was given.
+    """Source without a calibration: it brings none and none was given.
 
     Attributes:
-        pair: a frame of the source, with which a calibration can be tried out; None where it
-            has no readable one.
+        pair: a frame of the source for trying out a calibration; None where it has no readable one.
     """
 
     def __init__(self, message: str, pair: StereoFrame | None) -> None:
@@ -69,12 +68,13 @@ def open_session(
     clock: Callable[[], float],
     recorders: Recorders,
 ) -> Session:
-    """Open the source and all that belongs to it, its first frame already read; on any refusal
-    nothing stays open.
+    """Open the source and all that belongs to it, and read its first frame.
+
+    If refused, nothing stays open.
 
     Raises:
-        InputError: one sentence of what is wrong with the source, calibration or a parameter.
-        RecordingError: it was to be recorded and cannot be.
+        InputError: one sentence on the fault in the source, calibration or a parameter.
+        RecordingError: a recording was ordered and is not possible.
     """
     parameters = parse_parameters(command.parameters)
     calibration = (
@@ -94,7 +94,7 @@ def open_session(
                 _first_pair(opened.source),
             )
         _check_size(calibration, opened.source)
-        # A given text is handed back as it was given, so that it keeps its content hash.
+        # A given text is passed on unchanged, so that it keeps its content hash.
         text = command.calibration_yaml or calibration_text(calibration)
         bodies = {} if rig is None else rig.T_body_base
         mount = mount_for(opened.source.info, rig, calibration_id(text))
@@ -133,10 +133,10 @@ def open_session(
 
 
 def parse_parameters(values: Mapping[str, Any]) -> AllParameters:
-    """The declared defaults with these values, by dotted name.
+    """Return the declared defaults updated with these values, by dotted name.
 
     Raises:
-        ParameterError: naming every refused field and its range.
+        ParameterError: names every refused field and its range.
     """
     return AllParameters().changed(values)
 

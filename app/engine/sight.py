@@ -1,4 +1,4 @@
-"""What the engine tells the drive process of each frame, and what it hears of the wheels."""
+"""Sight sent to the drive process for each frame, and wheel odometry read back from it."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ from observer.types import Odometry
 
 _log = logging.getLogger(__name__)
 
-# On whose robot the cameras are.
+# Role of the robot that carries the cameras.
 _OBSERVER: Role = "observer"
 # A robot whose newest odometry is older than this is gone.
 _GONE_S = 1.0
 
 
 class SightTeller:
-    """Writes each observed frame's sight, and reads the wheels; both slots may be missing."""
+    """Writer of each observed frame's sight and reader of the wheels; both slots may be missing."""
 
     def __init__(
         self,
@@ -35,9 +35,11 @@ class SightTeller:
         wheels: LatestReader | None,
         clock: Callable[[], float],
     ) -> None:
-        """
+        """Set the slots.
+
         Args:
-            sight: the slot ``SIGHT_NAME``. wheels: the slot ``WHEELS_NAME``.
+            sight: the slot ``SIGHT_NAME``.
+            wheels: the slot ``WHEELS_NAME``.
             clock: the host's monotonic clock.
         """
         self._sight = sight
@@ -55,10 +57,12 @@ class SightTeller:
         world: str | None,
         guard: GuardParameters,
     ) -> None:
-        """Write what a frame shows. The free floor is looked for where a robot may need it.
+        """Write the sight of a frame. Free floor is searched only where a robot may need it.
 
         Args:
-            mount: of the cameras. world: which one the frame shows. guard: as in force.
+            mount: of the cameras.
+            world: the world that the frame shows.
+            guard: the parameters in force.
         """
         if self._sight is None:
             return
@@ -69,7 +73,7 @@ class SightTeller:
         self._sight.write(sight.facts())
 
     def odometry(self, received: float) -> Odometry | None:
-        """What the observer's wheels told when a frame was received; None where they did not."""
+        """Return the observer's odometry when a frame was received; None without any."""
         return odometry_at(self._read_history(), received)
 
     def _robot_is_there(self) -> bool:
@@ -88,7 +92,7 @@ class SightTeller:
     def _scan(
         self, observed: Observed, mount: CameraMount, guard: GuardParameters
     ) -> FreeScan | None:
-        """None where the frame has no second image, or where looking for floor fails."""
+        """Return the free scan; None without a second image, or where the floor search fails."""
         left, right = observed.trace.get("left"), observed.trace.get("right")
         if left is None or right is None:
             return None
@@ -99,7 +103,7 @@ class SightTeller:
                 self._free_path = FreePath(*made_of)
             scan = self._free_path.scan(as_gray(left), as_gray(right))
         except Exception:  # noqa: BLE001
-            # Without it nothing is known to be free; observing goes on.
+            # Without it nothing is known to be free; observing continues.
             if not self._failed:
                 _log.exception("looking for free floor failed")
             self._failed = True

@@ -1,4 +1,4 @@
-"""What is told to people of live motion capture."""
+"""Facts about live motion capture for people."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ def truth_facts(
     aligned: Aligned | None,
     why_not: str,
 ) -> LiveTruthStatus:
-    """As ``StateEvent.truth`` holds it.
+    """Return the facts as ``StateEvent.truth`` holds them.
 
     Args:
-        trouble: besides what the report tells. why_not: the sentence where nothing is aligned.
+        trouble: faults that the report does not contain.
+        why_not: the sentence to show where nothing is aligned.
     """
     alignment = None if aligned is None else aligned.alignment
     clock = None if report is None else report.clock

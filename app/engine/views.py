@@ -1,7 +1,7 @@
-"""The pictures people watch, drawn on copies from the observer's trace.
+"""Views that people watch, drawn on copies from the observer's trace.
 
-Colours are BGR. Where a step had nothing to show in a frame, the picture says so instead of
-showing an older one.
+Colours are BGR. Where a step had nothing to show in a frame, the picture says so instead of showing
+an older one.
 """
 
 from __future__ import annotations
@@ -33,23 +33,23 @@ _GREY = (150, 150, 150)
 # Sub-pixel coordinates: OpenCV's drawing takes integers with this many fractional bits.
 _SHIFT = 3
 _STAR_ARM_PX = 3.0
-# Of the text in pictures, and how wide its letters then are.
+# Text scale in pictures, and the resulting width of its letters.
 _TEXT_SCALE, _LETTER_PX = 0.45, 8.0
-# The models that transform images.
+# Models that transform images.
 _TRANSFORMING = ("affine", "homography")
-# Letters of messages are as wide as if so many fitted into a picture's width.
+# Message letters are as wide as if this many fitted into the picture's width.
 _LETTERS = 46
-# Residual motion is a few pixels; drawn this much longer, it can be seen.
+# Residual motion is a few pixels; magnified by this factor it becomes visible.
 RESIDUAL_SCALE = 4.0
 
 
 def draw_view(name: str, observed: Observed) -> bytes:
-    """The named view (of ``app.contract.VIEW_NAMES`` all but the disparity) as a JPEG."""
+    """Draw the named view (of ``app.contract.VIEW_NAMES`` all but the disparity) as a JPEG."""
     return encode_jpeg(_VIEWS[name](observed), fine_colors=name in _FINELY_DRAWN)
 
 
 def draw_disparity(pair: DensePair, dense: DenseStereo | None) -> bytes:
-    """Disparity as colours, near is red, what is unknown stays dark; a JPEG of the pair's size."""
+    """Draw disparity as colours, near is red, unknown stays dark; a JPEG of the pair's size."""
     height, width = pair.left.shape[:2]
     if dense is None:
         return encode_jpeg(_nothing((height, width), "no disparity in this frame", pair.reasons))
@@ -58,14 +58,14 @@ def draw_disparity(pair: DensePair, dense: DenseStereo | None) -> bytes:
     level = cv2.convertScaleAbs(cv2.sqrt(share.clip(0.0, 1.0)), alpha=255.0)
     colors = np.asarray(cv2.applyColorMap(level, _disparity_colors()), dtype=np.uint8)
     if dense.coarseness > 1:
-        # Coarse pixels stay visible as such: what was not matched is not smoothed into being.
+        # Coarse pixels stay visible as such: unmatched areas are not smoothed away.
         resized = cv2.resize(colors, (width, height), interpolation=cv2.INTER_NEAREST)
         colors = np.asarray(resized, dtype=np.uint8)
     return encode_jpeg(colors)
 
 
 def encode_jpeg(image: Image, *, fine_colors: bool = False) -> bytes:
-    """JPEG of a grey or BGR image, shrunk to ``MAX_WIDTH`` where it is wider.
+    """Encode a grey or BGR image as a JPEG, shrunk to ``MAX_WIDTH`` where it is wider.
 
     Args:
         fine_colors: keep the colours of lines one pixel wide, for a quarter more bytes.
@@ -84,14 +84,14 @@ def encode_jpeg(image: Image, *, fine_colors: bool = False) -> bytes:
 
 
 def jpeg_size(width: int, height: int) -> tuple[int, int]:
-    """Width and height of the JPEG of an image of this size."""
+    """Return width and height of the JPEG of an image of this size."""
     if width <= MAX_WIDTH:
         return width, height
     return MAX_WIDTH, max(1, round(height * MAX_WIDTH / width))
 
 
 def _left(observed: Observed) -> Image:
-    """The left image with feature stars, their flow since t, and the obstacles' rectangles."""
+    """Draw the left image with feature stars, their flow since t, and the obstacles' rectangles."""
     trace = observed.trace
     canvas = color_copy(trace["left"])
     matches, ego_motion = trace.get("matches"), trace.get("ego_motion")
@@ -125,7 +125,7 @@ def _warped(observed: Observed) -> Image:
 
 
 def _disparity_colors() -> Image:
-    """(256, 1, 3) BGR colours: dark, then from far to near."""
+    """Return (256, 1, 3) BGR colours: dark, then from far to near."""
     levels = np.arange(256, dtype=np.uint8).reshape(-1, 1)
     colors = np.asarray(cv2.applyColorMap(levels, cv2.COLORMAP_TURBO), dtype=np.uint8)
     colors[0] = _DARK
@@ -133,7 +133,7 @@ def _disparity_colors() -> Image:
 
 
 def _residual(observed: Observed) -> Image:
-    """Residual motion over the darkened image of t: what the camera's motion leaves unexplained.
+    """Draw residual motion over the darkened image of t: motion not explained by the camera's own.
 
     Red arrows count as dynamic, grey ones do not.
     """
@@ -168,7 +168,7 @@ _FINELY_DRAWN = ("left", "residual")
 
 
 def _nothing(size: tuple[int, int], sentence: str, reasons: tuple[str, ...]) -> Image:
-    """A dark picture of this height and width that says why it is one."""
+    """Draw a dark picture of this height and width that says why it is dark."""
     height, width = size
     canvas = np.full((height, width, 3), _DARK, dtype=np.uint8)
     scale = _TEXT_SCALE * max(1.0, width / _LETTERS / _LETTER_PX)
@@ -186,7 +186,7 @@ def _nothing_of(observed: Observed, sentence: str) -> Image:
 def _lines(
     canvas: Image, segments: NDArray[Any], color: tuple[int, int, int], thickness: int = 1
 ) -> None:
-    """Segments (N, 2, 2), pixels: start and end. One call for all, which is what makes it quick."""
+    """Draw segments (N, 2, 2), pixels: start and end. A single call for all keeps it fast."""
     if len(segments):
         points = np.round(np.asarray(segments) * (1 << _SHIFT)).clip(-(2**24), 2**24)
         cv2.polylines(

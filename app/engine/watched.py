@@ -1,4 +1,4 @@
-"""What was observed last, in the shape that everything drawn from it needs."""
+"""Newest observed frame in the form that all drawing needs."""
 
 from __future__ import annotations
 
@@ -13,11 +13,13 @@ from observer.types import Observation, StereoFrame
 
 @dataclass(frozen=True, eq=False)
 class Observed:
-    """One observed frame with everything that led to its result.
+    """Observed frame with everything that led to its result.
 
     Attributes:
-        frame: as it was played. observation: the result. trace: the observer's intermediate
-            images and numbers by name (see ``observer.observer``). camera: the rectified pair.
+        frame: as it was played.
+        observation: the result.
+        trace: the observer's intermediate images and numbers by name (see ``observer.observer``).
+        camera: the rectified pair.
         parameters: those in force for this frame.
     """
 

@@ -1,1 +1,1 @@
-"""The paper's figures and tables redone from the recording of a run."""
+"""Figures and tables of the paper, redone from the recording of a run."""

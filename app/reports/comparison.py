@@ -1,4 +1,4 @@
-"""Truth that is laid over a run afterwards, in place of what was recorded with the run itself."""
+"""Truth applied to a run afterwards, in place of the truth recorded with it."""
 
 from __future__ import annotations
 
@@ -34,11 +34,12 @@ _OBSTACLE = "obstacle"
 
 @dataclass(frozen=True)
 class TruthFile:
-    """A truth file and how it is to be read.
+    """Truth file with its reading options.
 
     Attributes:
-        path: any format of ``read_capture``, a ``truth.csv``, or the recording of another run
-            whose live motion capture is meant. name: for people.
+        path: any format of ``read_capture``, a ``truth.csv``, or the recording of another run whose
+            live motion capture is meant.
+        name: for people.
         rate_hz, angles: as for ``read_capture``.
     """
 
@@ -49,11 +50,11 @@ class TruthFile:
 
     @property
     def needs_alignment(self) -> bool:
-        """Whether it has a clock and a room of its own."""
+        """Return true if it has a clock and a room of its own."""
         return self.path.suffix == _RECORDING or file_kind(self.path) != ALIGNED_ALREADY
 
     def capture(self) -> Capture:
-        """Its motion capture.
+        """Return its motion capture.
 
         Raises:
             TruthError: it cannot be read, or holds none.
@@ -65,7 +66,7 @@ class TruthFile:
 
 
 def recorded_capture(recording: Recording) -> Capture:
-    """The live motion capture of a run.
+    """Return the live motion capture of a run.
 
     Raises:
         TruthError: none was recorded.
@@ -80,16 +81,18 @@ def recorded_capture(recording: Recording) -> Capture:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Attributes:
-    alignment: of the truth with the run; None where it is on the run's clock already.
-    truth: the file; None where it is the live motion capture that the run recorded.
+    """Truth of a run, with its alignment.
+
+    Attributes:
+        alignment: of the truth with the run; None where it is on the run's clock already.
+        truth: the file; None where it is the live motion capture that the run recorded.
     """
 
     alignment: Alignment | None
     truth: TruthFile | None
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         truth = None
         if self.truth is not None:
             truth = asdict(self.truth) | {"path": str(self.truth.path.absolute())}
@@ -100,10 +103,10 @@ class Comparison:
 
     @staticmethod
     def of_dict(plain: Mapping[str, Any]) -> Comparison:
-        """As ``as_dict`` makes it.
+        """Restore a comparison from the output of ``as_dict``.
 
         Raises:
-            TruthError: it is not.
+            TruthError: it is something else.
         """
         try:
             kept, told = plain["alignment"], plain["truth"]
@@ -114,10 +117,11 @@ class Comparison:
 
     @staticmethod
     def read(path: Path) -> Comparison:
-        """From the file that ``align`` wrote.
+        """Read the file that ``align`` wrote.
 
         Raises:
-            InputError: it cannot be read. TruthError: it is something else.
+            InputError: it cannot be read.
+            TruthError: it is something else.
         """
         try:
             plain = json.loads(path.read_text(encoding="utf-8"))
@@ -129,7 +133,7 @@ class Comparison:
 
     @property
     def words(self) -> str:
-        """Where truth comes from and how well it fits: one sentence."""
+        """Describe in one sentence the source of the truth and the quality of its fit."""
         live = "motion capture as it was received live"
         what = live if self.truth is None else self.truth.name
         if self.alignment is None:
@@ -144,7 +148,7 @@ class Comparison:
 
 
 def alignment_facts(alignment: Alignment) -> dict[str, Any]:
-    """What a person is shown of an alignment."""
+    """Return the facts of an alignment that are shown to people."""
     time, T_body_camera = alignment.time, alignment.T_body_camera
     camera = None if T_body_camera is None else asdict(CameraOnBody.of_pose(T_body_camera))
     return {
@@ -170,10 +174,11 @@ def gather_compared(
     comparison: Comparison | None,
     lines: Iterable[Mapping[str, Any]] | None = None,
 ) -> Gathered:
-    """As ``gather``, with this truth instead of the recorded one.
+    """Gather as ``gather`` does, with this truth instead of the recorded one.
 
     Raises:
-        SourceError: it is no recording. TruthError: the truth file cannot be read.
+        SourceError: it is no recording.
+        TruthError: the truth file cannot be read.
     """
     if comparison is None:
         with Recording(path) as recording:
@@ -186,7 +191,7 @@ def gather_compared(
 
 
 def true_speeds(recording: Recording) -> list[dict[str, Any]]:
-    """Each body's true speed at each frame, as the database keeps them."""
+    """Return each body's true speed at each frame, as the database stores them."""
     lines = list(recording.lines())
     matched = tuple(recording.matched_truth())
     truth = recording.truth()
@@ -209,7 +214,7 @@ def true_speeds(recording: Recording) -> list[dict[str, Any]]:
 
 
 class ComparedRecording(Recording):
-    """A recording whose truth is another one than it holds.
+    """Recording with a truth other than its own.
 
     Attributes:
         unplaced: instants at which bodies' speeds are known, but not their places.
@@ -240,7 +245,7 @@ class ComparedRecording(Recording):
         return CsvTruth(truth.path)
 
     def matched_truth(self) -> Iterator[MatchedTruth]:
-        """By the alignment's matches, which hold what a person corrected."""
+        """Pair bodies and tracks by the alignment's matches, with a person's corrections."""
         alignment, capture = self._comparison.alignment, self._capture
         if alignment is None or capture is None:
             return
@@ -274,7 +279,7 @@ def _placed(body: TrueBody) -> MatchedBody:
 
 
 def _speeds_only(truth: AlignedTruth, names: Iterable[str], time: float) -> list[MatchedBody]:
-    """Of bodies whose room has no known place in the world."""
+    """Return the bodies whose room has no known place in the world, with their speeds alone."""
     unknown = [float("nan")] * 3
     return [
         MatchedBody(
@@ -289,7 +294,7 @@ def _speeds_only(truth: AlignedTruth, names: Iterable[str], time: float) -> list
 def _tracks(
     alignment: Alignment, line: Mapping[str, Any], bodies: Iterable[MatchedBody]
 ) -> dict[str, int]:
-    """By body, the nearest of the tracks that are it."""
+    """Return, by body, the nearest of its tracks."""
     places = {body.name: np.array(body.position) for body in bodies}
     found: dict[str, tuple[float, int]] = {}
     for entry in line["obstacles"]:
@@ -310,7 +315,7 @@ def _with_track(body: MatchedBody, track: int | None) -> MatchedBody:
 
 
 def _without_directions(motion: TrueMotion, unplaced: set[float]) -> TrueMotion:
-    """A body whose place is not known goes in no known direction."""
+    """Remove the directions of motion at times without a known place."""
     if not unplaced:
         return motion
     known = [float(time) not in unplaced for time in motion.times]

@@ -1,7 +1,7 @@
-"""How figures look and are written: the same bytes from the same data, on paper and on a page.
+"""Appearance and output of figures: the same bytes from the same data, on paper and on a page.
 
-No state of pyplot is used. Text and axes are drawn in one ink, which a page replaces by its own
-colour, so that charts can be read on a light and on a dark ground.
+No pyplot state is used. Text and axes are drawn in one ink, which a page replaces with its own
+colour, so that charts are legible on light and dark backgrounds.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from observer.types import Image
 INK = "#1b1d21"
 GRID = "#dfe2e6"
 GREEN, YELLOW, RED, GREY = "#2bd42b", "#ffd800", "#e5261f", "#9aa0a6"
-# After Okabe and Ito: they stay apart for colour-blind eyes, and on a dark ground.
+# After Okabe and Ito: distinguishable with colour-blind eyes, and on a dark background.
 BLUE, ORANGE, PURPLE, TEAL, SKY = "#1f7fc4", "#D55E00", "#CC79A7", "#009E73", "#56B4E9"
 FORMATS = ("png", "svg", "pdf")
 _DPI = 150
@@ -29,7 +29,7 @@ _STYLE: Any = {"svg.fonttype": "none", "font.family": "sans-serif"}
 
 
 def picture_axes(titles: tuple[str, ...], size: tuple[int, int]) -> tuple[Figure, list[Axes]]:
-    """A row of axes for pictures of this width and height, pixels, without ticks."""
+    """Make a row of axes for pictures of this width and height, pixels, without ticks."""
     width = 3.6 * len(titles)
     height = width / len(titles) * size[1] / size[0] + 0.34
     figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
@@ -44,7 +44,7 @@ def picture_axes(titles: tuple[str, ...], size: tuple[int, int]) -> tuple[Figure
 
 
 def show_image(axes: Axes, image: Image) -> None:
-    """A grey or BGR image; pixel centres have whole coordinates."""
+    """Show a grey or BGR image; pixel centres have integer coordinates."""
     rgb: NDArray[np.uint8] = (
         np.repeat(image[..., None], 3, axis=2) if image.ndim == 2 else image[..., ::-1]
     )
@@ -54,7 +54,7 @@ def show_image(axes: Axes, image: Image) -> None:
 
 
 def plain_axes(axes: Axes) -> None:
-    """Two spines and a grid."""
+    """Give the axes two spines and a grid."""
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):
@@ -65,11 +65,11 @@ def plain_axes(axes: Axes) -> None:
 
 
 def figure_bytes(figure: Figure, name: str, format_: str) -> bytes:
-    """The file of a figure, without a date in it.
+    """Return the file of a figure, without a date in it.
 
     Args:
-        name: of the figure; parts of an SVG are numbered by it, so that several can stand on one
-            page. format_: one of ``FORMATS`` or ``jpg``.
+        name: of the figure; parts of an SVG are numbered by it, so that several fit on one page.
+        format_: one of ``FORMATS`` or ``jpg``.
     """
     file = io.BytesIO()
     dates: dict[str, dict[str, Any]] = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}
@@ -84,7 +84,7 @@ def figure_bytes(figure: Figure, name: str, format_: str) -> bytes:
 
 
 def themed_svg(figure: Figure, name: str) -> str:
-    """An SVG element that takes ink and grid from the page around it."""
+    """Return an SVG element that takes ink and grid from the surrounding page."""
     figure.patch.set_alpha(0.0)
     for axes in figure.axes:
         axes.patch.set_alpha(0.0)

@@ -1,4 +1,4 @@
-"""Stretches of a run that are experiments of their own, and one run observed by two methods."""
+"""Experiments: stretches of a run, and one run observed by two methods."""
 
 from __future__ import annotations
 
@@ -23,10 +23,12 @@ from observer.recording.source import RecordingSource
 
 @dataclass(frozen=True)
 class Experiment:
-    """One stretch of a run.
+    """Stretch of a run that is an experiment.
 
     Attributes:
-        name: for files. title: for people. began, ended: host's monotonic clock, seconds.
+        name: for files.
+        title: for people.
+        began, ended: host's monotonic clock, seconds.
     """
 
     name: str
@@ -40,10 +42,10 @@ def observed_as_published(
     progress: Callable[[int, int | None], None],
     comparison: Comparison | None = None,
 ) -> Gathered:
-    """The run's frames observed once more by the method as published.
+    """Re-run the run's frames by the method as published.
 
     Args:
-        comparison: with truth that was laid over the run.
+        comparison: with truth that was applied to the run.
 
     Raises:
         SourceError: the recording holds no images.
@@ -66,10 +68,10 @@ def beside_published(
     progress: Callable[[int, int | None], None],
     comparison: Comparison | None = None,
 ) -> Report:
-    """The whole run as one experiment, by its own method and by the one as published.
+    """Report the whole run as one experiment, by its own method and by the published one.
 
     Args:
-        comparison: as the report was made with.
+        comparison: as used for the report.
 
     Raises:
         SourceError: the recording holds no images.
@@ -87,7 +89,7 @@ def beside_published(
 
 
 def judged(path: Path, gathered: Gathered, experiment: Experiment, method: str) -> Judged:
-    """What of a run belongs to an experiment, and its errors."""
+    """Judge one experiment: its part of a run, and the errors."""
     with Recording(path) as recording:
         frames = recording.frames
     received = np.array([frame.received for frame in frames])
@@ -98,7 +100,7 @@ def judged(path: Path, gathered: Gathered, experiment: Experiment, method: str) 
 
 
 def with_experiments(report: Report, found: tuple[Judged, ...]) -> Report:
-    """The report with figure 17 by experiment and method, and their errors beside each other."""
+    """Return the report with figure 17 by experiment and method, and their errors side by side."""
     charts = [(f"{each.experiment}: {each.method}", each.gathered) for each in found]
     highest = max((_highest(each.gathered) for each in found), default=0.0)
     figure = ReportFigure(

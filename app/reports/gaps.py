@@ -1,4 +1,4 @@
-"""Where a curve ends because nothing was known for a while."""
+"""Gaps in a curve where nothing was known for a while."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import numpy as np
 
 from observer.geometry import Float64Array
 
-# A curve is not drawn over a stretch this many times its usual step.
+# No curve is drawn over a stretch this many times its usual step.
 _GAP_STEPS = 3.0
 
 
 def broken(times: Float64Array, *values: Float64Array) -> tuple[Float64Array, ...]:
-    """The same with a NaN in every gap, so that no line is drawn over it."""
+    """Return the arrays with a NaN in every gap, so that no line crosses it."""
     if len(times) < 3:
         return (times, *values)
     steps = np.diff(times)

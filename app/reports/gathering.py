@@ -1,4 +1,4 @@
-"""What a report shows of a run, drawn from its recording as plain arrays."""
+"""Data of a run for its report, taken from the recording as plain arrays."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from observer.truth.alignment.result import Alignment
 from observer.truth.contract import Truth
 
 _VISIBLE_SHARE = 0.5
-# A robot that takes commands, as the drive process calls it.
+# Role of a robot that takes commands, as the drive process names it.
 _DRIVEN = ("armed", "moving")
 _OBSTACLE = "obstacle"
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One curve of a chart: times on the source's clock, seconds, and m/s; NaN breaks it."""
+    """Curve of a chart: times on the source's clock, seconds, and m/s; NaN breaks it."""
 
     label: str
     times: Float64Array
@@ -39,13 +39,17 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """Attributes:
-    lines: the observations. matched: true bodies beside them, in their world; empty without.
-    true: each obstacle's true motion. seen: each track as long as it was taken for one body.
-    unmatched: tracks that were taken for no body, with an empty body's name.
-    commanded, encoder: of the obstacle, empty where nothing is known.
-    truth_words: where truth comes from, or why there is none: one sentence.
-    alignment: of motion capture with this run, None where there is none.
+    """Data of a run, gathered for its report.
+
+    Attributes:
+        lines: the observations.
+        matched: true bodies beside them, in their world; empty without truth.
+        true: each obstacle's true motion.
+        seen: each track, as long as it was assigned to one body.
+        unmatched: tracks that were assigned to no body, with an empty body name.
+        commanded, encoder: of the obstacle, empty where nothing is known.
+        truth_words: the source of the truth, or the reason for its lack: one sentence.
+        alignment: of motion capture with this run, None where there is none.
     """
 
     lines: tuple[Mapping[str, Any], ...]
@@ -67,8 +71,8 @@ def gather(
     """Read everything but images.
 
     Args:
-        alignment: found before and kept with the run; None to find it where it is needed.
-        lines: of the same frames, observed otherwise than in the run; None for the run's own.
+        alignment: found earlier and kept with the run; None to compute it where it is needed.
+        lines: of the same frames, observed differently than in the run; None for the run's own.
     """
     matched = tuple(recording.matched_truth()) if lines is None else ()
     lines = tuple(recording.lines() if lines is None else lines)
@@ -86,7 +90,7 @@ def gather(
     ]
     commanded = _robot_curve(recording, rows if driven else (), "sent_speed", "as commanded")
     if not commanded:
-        # Nobody drove it: the zeros that it was sent meanwhile commanded nothing.
+        # Nobody drove it: the zeros sent to it meanwhile commanded nothing.
         commanded = _commanded_of_truth(matched)
     return Gathered(
         lines=lines,
@@ -122,7 +126,7 @@ def _truth(
 def seen_motions(
     lines: Iterable[Mapping[str, Any]], matched: Iterable[MatchedTruth]
 ) -> tuple[tuple[SeenMotion, ...], tuple[SeenMotion, ...]]:
-    """Tracks by the bodies that they were taken for, and those that were taken for none."""
+    """Return the tracks assigned to a body, and those assigned to none."""
     bodies = {
         (payload.frame, body.track_id): body.name
         for payload in matched
@@ -181,7 +185,7 @@ def _true_motions(
 
 
 def _directions(body: MatchedBody | None, pose: Pose | None) -> tuple[str, str]:
-    """Seen from the camera, and by the body's own front; empty where it is not known."""
+    """Return the directions seen from the camera and by the body's front; empty where unknown."""
     if body is None:
         return "", ""
     if body.speed <= MOVING_MPS:
@@ -202,7 +206,7 @@ def _directions(body: MatchedBody | None, pose: Pose | None) -> tuple[str, str]:
 def _robot_curve(
     recording: Recording, rows: Sequence[RobotRow], field: str, label: str
 ) -> tuple[Curve, ...]:
-    """Speeds of the obstacle's robot, their lengths, on the source's clock."""
+    """Return the speeds of the obstacle's robot, absolute, on the source's clock."""
     frames = recording.frames
     received = np.array([frame.received for frame in frames])
     times = np.array([frame.time for frame in frames])
@@ -217,7 +221,7 @@ def _robot_curve(
     if not found:
         return ()
     host, stamped, speeds = np.array(found, dtype=np.float64).T
-    # Where a robot tells no time of the source's, the frames tell how both clocks go together.
+    # Where a robot reports no time of the source's, the frames relate both clocks.
     on_source = np.interp(host, received[rising], times[rising], left=np.nan, right=np.nan)
     at = np.where(np.isfinite(stamped), stamped, on_source)
     known = np.isfinite(at)
@@ -225,7 +229,7 @@ def _robot_curve(
 
 
 def _commanded_of_truth(matched: Iterable[MatchedTruth]) -> tuple[Curve, ...]:
-    """A scenario's own commands, where no robot was driven; one curve a body."""
+    """Return a scenario's own commands, where no robot was driven; one curve per body."""
     rows: dict[str, list[tuple[float, float]]] = defaultdict(list)
     for payload in matched:
         for body in payload.bodies:

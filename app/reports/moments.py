@@ -1,8 +1,9 @@
-"""The frames that a report shows pictures of, observed once more with everything kept.
+"""Frames shown as pictures in a report, re-run with the full trace.
 
-The rule: the frame with the most significant confirmed, moving obstacle; of equals the first. The
-picture of false points has the frame, of some spread over all those in which something moving was
-seen, in which the method as published takes most points for moving that are on no moving body.
+The rule: the frame with the most significant confirmed, moving obstacle; among equals the first.
+For the picture of false points, the candidates are some frames spread over all those in which
+something moving was seen; the one chosen is that in which the published method marks most points as
+moving that lie on no moving body.
 """
 
 from __future__ import annotations
@@ -26,23 +27,28 @@ from observer.recording.replay import replay_revisions
 from observer.recording.source import RecordingSource
 from observer.types import FullTrace, NoTrace, StereoFrame
 
-# Long enough for tracks to be confirmed once more.
+# Long enough for tracks to be confirmed again.
 _WARM_UP_FRAMES = 30
 CANDIDATES = 8
-# Pixels at a body's outline belong to it, as the corner of a feature's window does.
+# Pixels this close to a body's outline belong to it: a feature's window reaches so far with its
+# corner.
 _MARGIN_PX = 12.0
 
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """One frame, observed by one method.
+    """Frame observed by one method.
 
     Attributes:
-        position: of the frame in the recording, from 0. line: its observation in the run.
-        trace: what this method left of it (see ``observer.observer``). model: the method.
-        parameters: it was observed with. camera: the rectified pair.
-        bodies: (4,) pixel boxes of what truly moves, or, without truth, of what the run reported
-            as moving. by_truth: which of the two.
+        position: of the frame in the recording, from 0.
+        line: its observation in the run.
+        trace: intermediate results of this method (see ``observer.observer``).
+        model: the method.
+        parameters: those it was observed with.
+        camera: the rectified pair.
+        bodies: (4,) pixel boxes of the true moving bodies, or, without truth, of those the run
+            reported as moving.
+        by_truth: the boxes are from truth.
     """
 
     position: int
@@ -55,12 +61,12 @@ class Moment:
 
     @property
     def model(self) -> str:
-        """The name of the method."""
+        """Return the name of the method."""
         return str(self.parameters.ego_motion.model)
 
     @property
     def false_px(self) -> NDArray[np.float32]:
-        """(N, 2) points taken for moving that are on nothing that moves."""
+        """Return (N, 2) points marked as moving that lie on nothing that moves."""
         start, dynamic = self.trace.get("flow_px"), self.trace.get("dynamic")
         if start is None or dynamic is None:
             return np.zeros((0, 2), np.float32)
@@ -75,24 +81,24 @@ class Moment:
 
 
 def is_moving(entry: Mapping[str, Any]) -> bool:
-    """Whether an obstacle of a line was measured and moves."""
+    """Return true if an obstacle of a line was measured and moves."""
     return bool(entry["state"] == "confirmed" and entry["motion"] == "moving")
 
 
 def most_significant(line: Mapping[str, Any]) -> Mapping[str, Any] | None:
-    """The moving obstacle of a line that is surest to move."""
+    """Return the obstacle of a line that moves with the highest significance."""
     moving = [entry for entry in line["obstacles"] if is_moving(entry)]
     return max(moving, key=lambda entry: float(entry["significance"]), default=None)
 
 
 class Moments:
-    """Observes single frames of a recording; the source is used by nobody else meanwhile."""
+    """Observer of single frames of a recording; nobody else may use the source meanwhile."""
 
     def __init__(self, source: RecordingSource, gathered: Gathered) -> None:
         self._source = source
         self._lines = {line["frame"]: line for line in gathered.lines}
         places = enumerate(source.recording.frames)
-        # Frames at which something moving was seen, and how sure that was.
+        # Frames with something moving, and the significance of its motion.
         self._moving: list[tuple[int, float]] = []
         for position, frame in places:
             line = self._lines.get(frame.index)
@@ -103,22 +109,22 @@ class Moments:
         self._revisions = replay_revisions(source.recording)
 
     def most_significant(self) -> int | None:
-        """Where in the recording; None where nothing moving was seen."""
+        """Return the position in the recording; None where nothing moving was seen."""
         if not self._moving:
             return None
         return max(self._moving, key=lambda found: found[1])[0]
 
     def own(self, position: int) -> Moment | None:
-        """As the run observed it, begun anew a little before."""
+        """Return the frame as the run observed it, re-run from a little before."""
         newest = max(at for at in self._revisions if at <= position)
         return self._observed(position, self._revisions[newest][0], _WARM_UP_FRAMES)
 
     def published(self, position: int) -> Moment | None:
-        """By the method as published, from this frame and the one before."""
+        """Return the frame by the published method, from it and the one before."""
         return self._observed(position, preset("paper"), 1)
 
     def most_false(self) -> Moment | None:
-        """The frame for the picture of false points, by the method as published."""
+        """Return the frame for the picture of false points, by the published method."""
         if not self._moving:
             return None
         last = len(self._moving) - 1

@@ -1,4 +1,4 @@
-"""A report as one HTML file that needs nothing else: no script, no address, images inside."""
+"""Report as one self-contained HTML file: no script, no address, images inside."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _GROUPS = {
 
 
 def report_html(report: Report) -> str:
-    """The whole page."""
+    """Return the whole page."""
     style = files("app.reports").joinpath("page.css").read_text(encoding="utf-8")
     facts = report.facts
     title = escape(f"{facts.name or facts.id}: report")
@@ -97,7 +97,7 @@ def _errors(report: Report) -> str:
 
 
 def _compared(report: Report) -> str:
-    """Each experiment by each method, in directions; nothing where there are no experiments."""
+    """Tabulate each experiment by method and direction; empty without experiments."""
     if not report.judged:
         return ""
     rows = [

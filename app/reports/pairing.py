@@ -1,4 +1,4 @@
-"""True bodies beside observations that were recorded without them."""
+"""Pairing of true bodies with observations that were recorded without them."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from observer.jsonl import line_pose
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.truth.contract import TrueBody, Truth
 
-# As the engine pairs them: within this of a body's surface (its half length).
+# As in the engine's pairing: within this distance of a body's surface (its half length).
 _GATE_M = 1.0
 _REFUSED = 1e6
 
 
 def pair_with_truth(lines: Iterable[Mapping[str, Any]], truth: Truth) -> tuple[MatchedTruth, ...]:
-    """True bodies in each observation's world, with the tracks nearest to them.
+    """Return the true bodies in each observation's world, with the tracks nearest to them.
 
-    The two worlds are brought together once for each segment, at its first pose.
+    The two worlds are aligned once per segment, at its first pose.
     """
     worlds: dict[int, Pose] = {}
     found = []

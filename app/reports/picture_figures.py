@@ -1,4 +1,4 @@
-"""Figures 9 to 11 and 13 to 16 of the paper, from frames that were observed once more."""
+"""Figures 9 to 11 and 13 to 16 of the paper, from re-run frames."""
 
 from __future__ import annotations
 
@@ -34,19 +34,20 @@ _EDGES = ((0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5)
 
 
 def transformation_figure(moment: Moment) -> Figure:
-    """(a) image at t, (b) at t+dt, (c) the latter after image transformation."""
+    """Draw (a) image at t, (b) at t+dt, (c) the latter after image transformation."""
     trace = moment.trace
     titles = ("(a) image at time t", "(b) image at time t+dt", "(c) after image transformation")
     figure, axes = picture_axes(titles, _size(moment))
     images = (trace["previous_left"], trace["left"], trace["warped_left"])
     for each, image in zip(axes, images, strict=True):
-        # Of t only the grey image is kept; one colour in all three makes them comparable.
+        # Only the grey image of t is kept; a single colour scheme in all three makes them
+        # comparable.
         show_image(each, as_gray(image))
     return figure
 
 
 def flow_figure(moment: Moment) -> Figure:
-    """Features at t and where they are at t+dt once the image is transformed."""
+    """Draw features at t and their places at t+dt once the image is transformed."""
     figure, (axes,) = picture_axes((_title(moment),), _size(moment))
     figure.set_size_inches(6.4, 6.4 * _size(moment)[1] / _size(moment)[0] + 0.34)
     show_image(axes, _darkened(moment.trace["previous_left"]))
@@ -60,7 +61,10 @@ def flow_figure(moment: Moment) -> Figure:
 
 
 def detection_figure(moment: Moment) -> Figure:
-    """Green stars are the points that tell the obstacle from what stands, the box is yellow."""
+    """Draw the points that tell the obstacle from the static scene, and its box.
+
+    The points are green stars, the box is yellow.
+    """
     figure, (axes,) = picture_axes((_title(moment),), _size(moment))
     figure.set_size_inches(6.4, 6.4 * _size(moment)[1] / _size(moment)[0] + 0.34)
     show_image(axes, moment.trace["left"])
@@ -70,7 +74,7 @@ def detection_figure(moment: Moment) -> Figure:
 
 
 def false_points_figure(published: Moment, own: Moment) -> Figure:
-    """One frame by the method as published and as the run observed it, false points in red."""
+    """Draw one frame by the published method and as the run observed it, false points in red."""
     titles = (
         f"{published.model}, as published: {len(published.false_px)} false",
         f"{own.model}, as in this run: {len(own.false_px)} false",
@@ -86,7 +90,7 @@ def false_points_figure(published: Moment, own: Moment) -> Figure:
 
 
 def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
-    """(a) the obstacle in the image, (b) in the 3D cloud from above and from its left side."""
+    """Draw (a) the obstacle in the image, (b) in the 3D cloud from above and from its left side."""
     corners = box_corners(moment.line, obstacle)
     points, colors = point_cloud(
         disparity_map(
@@ -124,7 +128,7 @@ def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
 
 
 def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64Array:
-    """(8, 3) metres, camera frame, of an obstacle's box with a place in the world."""
+    """Return (8, 3) metres, camera frame, of an obstacle's box with a place in the world."""
     T_world_camera = line_pose(line)
     assert T_world_camera is not None
     T_camera_world = T_world_camera.inverse()
@@ -138,7 +142,7 @@ def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64
 
 
 def _current_dynamic(moment: Moment) -> Float64Array:
-    """(N, 2) pixels at t+dt of the points that move."""
+    """Return (N, 2) pixels at t+dt of the points that move."""
     evidence = moment.trace.get("evidence")
     if evidence is not None:
         px, dynamic = evidence.px, evidence.dynamic

@@ -1,4 +1,4 @@
-"""A report: figures, tables and facts of one run, before they are laid out on a page."""
+"""Report content: figures, tables and facts of one run, before the page layout."""
 
 from __future__ import annotations
 
@@ -32,19 +32,21 @@ from observer.recording.payloads import Incident, ParameterRevision, RunFacts
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
 
-# Sources of a computed world, as the paper's left-hand figures; others are real cameras.
+# Sources of a simulated world, as in the paper's left-hand figures; others are real cameras.
 _SIMULATED = ("simulated", "coppeliasim")
 Step = Callable[[int, int | None], None]
 
 
 @dataclass(frozen=True, eq=False)
 class ReportFigure:
-    """One figure of the paper, redone or missing.
+    """Figure of the paper, redone or missing.
 
     Attributes:
-        name: for files. number: as in the paper. title, caption: for people.
-        figure: None where ``missing`` says in a sentence why there is none.
-        kind: ``chart`` where it is lines and text, ``picture`` where it is mostly images.
+        name: for files.
+        number: as in the paper.
+        title, caption: for people.
+        figure: None where ``missing`` gives the reason in a sentence.
+        kind: ``chart`` for lines and text, ``picture`` for mostly images.
     """
 
     name: str
@@ -58,7 +60,7 @@ class ReportFigure:
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """One experiment by one method, both by their names, and its errors of speed."""
+    """Experiment by one method, both by their names, with its speed errors."""
 
     experiment: str
     method: str
@@ -68,12 +70,21 @@ class Judged:
 
 @dataclass(frozen=True, eq=False)
 class Report:
-    """Attributes:
-    facts: of the run. unfinished: the recording has no end. duration_s, frames: of it.
-    statuses: frames by status. segments: first frame's time, by number.
-    gathered: observations and truth. errors: of speed. changes: of identity, by body.
-    figures: in the paper's order. revisions: parameters. incidents: as recorded.
-    judged: experiments within the run, each by several methods.
+    """Report on a run.
+
+    Attributes:
+        facts: of the run.
+        unfinished: the recording has no end.
+        duration_s, frames: of the recording.
+        statuses: frames by status.
+        segments: first frame's time, by number.
+        gathered: observations and truth.
+        errors: of speed.
+        changes: of identity, by body.
+        figures: in the paper's order.
+        revisions: parameters.
+        incidents: as recorded.
+        judged: experiments within the run, each by several methods.
     """
 
     facts: RunFacts
@@ -97,10 +108,11 @@ def make_report(
     """Read a recording and redo the paper's figures from it.
 
     Args:
-        comparison: with truth that was laid over the run; None for what was recorded with it.
+        comparison: with truth that was applied to the run; None for the truth recorded with it.
 
     Raises:
-        SourceError: it is no recording. CalibrationError: its calibration cannot be used.
+        SourceError: it is no recording.
+        CalibrationError: its calibration cannot be used.
         TruthError: the truth file cannot be read.
     """
     gathered = gather_compared(path, comparison)
@@ -135,7 +147,7 @@ def _unwatched(done: int, total: int | None) -> None:
 
 
 def write_figures(report: Report, folder: Path) -> list[Path]:
-    """Write every figure in all formats, and the data that they and the tables show as CSV.
+    """Write every figure in all formats, and the data of figures and tables as CSV.
 
     Raises:
         InputError: a file cannot be written.
@@ -184,7 +196,7 @@ def _error_rows(
 
 
 def _speed_rows(gathered: Gathered) -> list[list[Any]]:
-    """One row for each speed; an empty cell is not known, and gaps of truth have empty ones."""
+    """Return one row per speed; an empty cell is unknown, and gaps of truth have empty cells."""
     rows: list[list[Any]] = []
     for motion in (*gathered.seen, *gathered.unmatched):
         for time, speed, std in zip(motion.times, motion.speeds, motion.stds, strict=True):
@@ -201,7 +213,7 @@ def _speed_rows(gathered: Gathered) -> list[list[Any]]:
 
 
 def _cell(value: float) -> str:
-    # A NaN is not equal to itself.
+    # NaN is not equal to itself.
     return repr(float(value)) if value == value else ""
 
 

@@ -1,7 +1,7 @@
-"""Both experiments of figure 17 in the simulated lab: driven, recorded and made into a report.
+"""Reproduction of both experiments of figure 17 in the simulated lab: drive, record, report.
 
-A server of our own and its drive process do all of it as for a person who sits before the page;
-nothing here knows more than the page does.
+A server of our own and its drive process do all of it as for a person in front of the page; nothing
+here knows more than the page does.
 """
 
 from __future__ import annotations
@@ -34,32 +34,33 @@ from tools.benchmark.server_process import RunningServer, running_server
 SOURCE = "simulated:drive"
 ATTEMPTS = 24
 _DOWNLOAD_TIMEOUT_S = 120.0
-# The obstacle's course leads it across the view until its motors are on for the first time: by then
-# there is as much of its way to the one side as to the other.
+# The obstacle's course leads it across the view until its motors first switch on: by then as much
+# of its path lies to one side as to the other.
 _CROSSES_S = 2.4
-# Until a track has ended.
+# Time until a track has ended.
 _REST_S = 2.0
-# A drive begins when frames came in time for so long, or when that was waited for long enough.
+# A drive begins after frames were on time for this long, or after the maximum wait.
 _CALM_S = 3.0
 _CALM_WITHIN_S = 60.0
-# Of what stops a robot, SIGHT_FRESH_S.
+# Fraction of the age that stops a robot, SIGHT_FRESH_S.
 _CALM_SHARE = 0.7
 _LOOK_S = 0.05
-# How much further a drive may be than was told last.
+# A drive may be this much further than last reported.
 _BEHIND_S = 0.5
 
 
 class ReproductionError(DynamicObserverError):
-    """The experiments could not be made."""
+    """Failure to carry out the experiments."""
 
 
 @dataclass(frozen=True)
 class Played:
-    """What was driven and recorded.
+    """Recording of the experiments that were driven.
 
     Attributes:
-        recording: of one run. experiments: in the order in which they were driven.
-        interrupted: why earlier attempts ended before their end, one sentence each.
+        recording: of one run.
+        experiments: in the order in which they were driven.
+        interrupted: the reasons why earlier attempts ended prematurely, one sentence each.
     """
 
     recording: Path
@@ -76,20 +77,20 @@ def play_experiments(
 ) -> Played:
     """Serve the lab, drive one programme after another in one run, and fetch its recording.
 
-    One run, because the second experiment begins where the first one ends. Something stops the
-    robots on a machine that is too busy to show frames in time, as it must. A later experiment that
-    had hardly begun then begins again where it is; otherwise all is driven anew in another run,
-    which begins with the world as it was at first.
+    It is one run because the second experiment begins where the first one ends. On a machine too
+    busy to show frames in time, the robots are stopped, as they must be. A later experiment that
+    had hardly begun then begins again where it is; otherwise everything is driven anew in another
+    run, which begins with the world in its initial state.
 
     Args:
         programmes: of the server's library, by their names.
-        tell: is given a sentence for people at each step.
-        attempts: how many drives may be ended before their end, in all.
+        tell: receives a sentence for people at each step.
+        attempts: maximum number of drives that may end prematurely, in all.
 
     Raises:
         BenchmarkError: the server did not start, or refused a run.
-        ReproductionError: the programmes were never driven to their end, or the recording could
-            not be fetched.
+        ReproductionError: the programmes were never driven to their end, or the recording could not
+            be fetched.
     """
     tries = _Attempts(attempts, tell)
     with running_server(SOURCE) as server:
@@ -110,10 +111,10 @@ def play_experiments(
 
 
 def reproduction_report(played: Played, published: Gathered, progress: Step) -> Report:
-    """The paper's figures from what was driven, and each experiment by both methods.
+    """Make the paper's figures from the recording, and each experiment by both methods.
 
     Args:
-        published: the same frames by the method as published, of ``observed_as_published``.
+        published: the same frames by the published method, from ``observed_as_published``.
 
     Raises:
         SourceError: it is no recording, or holds no images.
@@ -129,7 +130,7 @@ def reproduction_report(played: Played, published: Gathered, progress: Step) -> 
 
 
 class _Attempts:
-    """Counts drives that were ended before their end, and tells of each."""
+    """Counter of drives that ended prematurely; reports each."""
 
     def __init__(self, most: int, tell: Callable[[str], None]) -> None:
         self._most = most
@@ -137,8 +138,10 @@ class _Attempts:
         self.reasons: list[str] = []
 
     def ended(self, error: DrivingFailed) -> None:
-        """Raises:
-        ReproductionError: it was the last that there may be.
+        """Count one and report it.
+
+        Raises:
+            ReproductionError: no further attempt is allowed.
         """
         self.reasons.append(str(error))
         self.tell(f"attempt {len(self.reasons)} of {self._most}: {error}")
@@ -152,8 +155,10 @@ class _Attempts:
 def _driven(
     server: RunningServer, programmes: Sequence[MotionProfile], tries: _Attempts
 ) -> tuple[Experiment, ...]:
-    """Raises:
-    DrivingFailed: something stopped the robots where driving cannot go on.
+    """Drive all programmes; return their experiments.
+
+    Raises:
+        DrivingFailed: something stopped the robots where driving cannot go on.
     """
     server.wait_for_frames()
     time.sleep(_CROSSES_S)
@@ -169,7 +174,7 @@ def _driven(
                 programme.name, programme.roles, duration_s(programme), 1, False, False
             )
             drive = ProfileDrive(api, request, _unwatched)
-            # The server's processes have the same monotonic clock as this one.
+            # The server's processes use the same monotonic clock as this one.
             began = time.monotonic()
             try:
                 drive.run()
@@ -187,7 +192,7 @@ def _driven(
 
 
 def _halt_obstacle(api: ServerApi) -> None:
-    """End its own course by arming it once; it stands from then on until it is driven."""
+    """End the obstacle's own course by arming it once; it then stands until it is driven."""
     with OperatorSocket(api) as socket:
         lease = socket.take("obstacle", takeover=False)
         api.post("robots", "obstacle", "arm", body={"lease": lease})
@@ -195,7 +200,7 @@ def _halt_obstacle(api: ServerApi) -> None:
 
 
 def _wait_for_calm(api: ServerApi) -> None:
-    """Until frames come in time, so that a short load alone does not end a drive."""
+    """Wait until frames come on time, so that a short load alone does not end a drive."""
     began = calm_since = time.monotonic()
     while (now := time.monotonic()) - began < _CALM_WITHIN_S and now - calm_since < _CALM_S:
         age = api.get("robots")["sight"]["age_s"]
@@ -209,8 +214,10 @@ def _unwatched(playing: dict[str, Any], robots: dict[str, Any]) -> None:
 
 
 def _fetch(server: RunningServer, run_id: str, path: Path) -> None:
-    """Raises:
-    ReproductionError: it could not be read or written.
+    """Download the recording of a run.
+
+    Raises:
+        ReproductionError: it could not be read or written.
     """
     request = urllib.request.Request(
         f"http://127.0.0.1:{server.port}/api/runs/{run_id}/recording",

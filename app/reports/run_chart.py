@@ -1,4 +1,4 @@
-"""The chart of one run as plain values: what a page draws and what a table states."""
+"""Chart of one run as plain values, for drawing on a page and for tables."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from observer.evaluation.speed_errors import SeenMotion, speed_errors
 from observer.geometry import Float64Array
 
 _OBSTACLE = "obstacle"
-# Tenths of a millisecond and of a millimetre per second are more than a chart shows.
+# Tenths of a millisecond and of a millimetre per second are finer than a chart shows.
 _TIME_DIGITS, _SPEED_DIGITS = 4, 5
 CSV_COLUMNS = ("source", "label", "role", "track_id", "body", "segment", "time_s", "speed_mps",
                "std_mps")  # fmt: skip
 
 
 def chart_values(gathered: Gathered) -> dict[str, Any]:
-    """What ``GET /api/runs/{id}/chart`` answers beside the run itself.
+    """Return the answer of ``GET /api/runs/{id}/chart`` except the run itself.
 
-    Gaps are places at which a speed is None. Times are the source's, seconds.
+    A speed of None marks a gap. Times are on the source's clock, seconds.
     """
     alignment = gathered.alignment
     return {
@@ -43,7 +43,7 @@ def chart_values(gathered: Gathered) -> dict[str, Any]:
 
 
 def chart_csv(values: dict[str, Any]) -> str:
-    """One row for each speed of ``chart_values``; gaps are left out, the unknown is empty."""
+    """Return one row for each speed of ``chart_values``; gaps are left out, unknowns are empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
@@ -107,7 +107,7 @@ def _listed(values: Float64Array) -> list[float | None]:
 
 
 def _changes(seen: Sequence[SeenMotion]) -> Iterator[dict[str, Any]]:
-    """Where another track took a body's place, in order."""
+    """Yield the changes of the track assigned to a body, in order."""
     order: dict[str, list[tuple[float, str]]] = {}
     for each in seen:
         order.setdefault(each.body, []).extend((float(t), each.track) for t in each.frame_times)

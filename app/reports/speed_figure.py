@@ -1,4 +1,4 @@
-"""Figure 17: the obstacle's speed as it was seen, as it truly was, as commanded, by encoders."""
+"""Figure 17: the obstacle's speed as observed, true, commanded and from encoders."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from app.reports.gaps import broken
 from app.reports.gathering import Curve, Gathered
 from observer.evaluation.speed_errors import BAND_95, SeenMotion
 
-# Tracks of fewer samples are drawn without their number.
+# Tracks with fewer samples are drawn without their number.
 _NAMED_FROM = 5
 _LEGEND_COLUMNS = 5
 _LEGEND_ROW_PT = 13.0
@@ -21,10 +21,10 @@ _OTHER_SOURCES = {"true": (ORANGE, "--"), "commanded": (INK, ":"), "encoder": (T
 
 
 def speed_figure(runs: Sequence[tuple[str, Gathered]], highest_mps: float | None = None) -> Figure:
-    """One chart for each experiment, with its title.
+    """Draw one chart for each experiment, with its title.
 
     Args:
-        highest_mps: upper end of all charts; None for each its own.
+        highest_mps: upper end of all charts; None for individual ends.
     """
     figure = Figure(figsize=(9.6, 3.5 * len(runs)), layout="constrained", facecolor="white")
     charts = figure.subplots(len(runs), 1, squeeze=False)
@@ -39,8 +39,10 @@ def speed_figure(runs: Sequence[tuple[str, Gathered]], highest_mps: float | None
 
 
 def _chart(axes: Axes, gathered: Gathered) -> int:
-    """Returns:
-    How many rows the legend has.
+    """Draw one chart.
+
+    Returns:
+        The number of rows in the legend.
     """
     stray = "of no known body" if gathered.true else "by the observer"
     groups = ((gathered.seen, BLUE, "by the observer"), (gathered.unmatched, PURPLE, stray))
@@ -76,7 +78,7 @@ def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None
         linewidth=0, label=None if label is None else "its band of 95 %", zorder=2,
     )  # fmt: skip
     if len(motion.times) >= _NAMED_FROM:
-        # Where an identity begins, so that changes of it can be seen.
+        # Start of an identity, so that its changes are visible.
         axes.plot(motion.times[0], motion.speeds[0], "o", color=color, markersize=3.5, zorder=5)
         axes.annotate(
             motion.track, (motion.times[0], motion.speeds[0]), xytext=(3, 4),

@@ -1,4 +1,4 @@
-"""A part of what was gathered of a run, between two instants."""
+"""Part of a run's gathered data between two instants."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from observer.evaluation.speed_errors import SeenMotion, TrueMotion
 
 
 def during(gathered: Gathered, begin: float, end: float) -> Gathered:
-    """What lies between two instants of the source's clock."""
+    """Return the data between two instants of the source's clock."""
     return replace(
         gathered,
         lines=tuple(line for line in gathered.lines if begin <= line["time"] <= end),

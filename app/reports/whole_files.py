@@ -1,4 +1,4 @@
-"""Writing results so that nobody ever finds half of one."""
+"""Writing of results so that nobody ever finds an incomplete file."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from observer.errors import InputError
 
 
 def write_file(path: Path, content: bytes) -> None:
-    """Whole or not at all.
+    """Write a file completely or not at all.
 
     Raises:
         InputError: it cannot be written.

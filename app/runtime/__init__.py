@@ -1,5 +1,5 @@
-"""Processes of the server and what passes between them; knows no payload.
+"""Processes of the server and their communication, independent of the payload.
 
-Latest values in shared memory, ordered messages over a socket pair, children that are supervised,
-and workers that do jobs.
+Latest values in shared memory, ordered messages over a socket pair, supervised child processes, and
+workers that run jobs.
 """

@@ -1,4 +1,4 @@
-"""A child process's command line, as ``app.runtime.child`` writes it. Imports nothing slow."""
+"""Command line of a child process, as ``app.runtime.child`` writes it. Imports nothing slow."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class ProcessArguments:
-    """What a child process inherits.
+    """Inheritance of a child process.
 
     Attributes:
         channel: descriptor of the messages' socket.
@@ -30,14 +30,14 @@ class ProcessArguments:
         return words
 
     def open_channel(self) -> socket.socket:
-        """The messages' socket; no program that this process may start will hold it open."""
+        """Return the messages' socket; programs started by this process do not inherit it."""
         for fd in (self.channel, *self.slots.values()):
             os.set_inheritable(fd, False)
         return socket.socket(fileno=self.channel)
 
 
 def parse_arguments(words: Sequence[str], name: str = "engine") -> ProcessArguments:
-    """The opposite of ``as_command_line``; ends the process with exit code 2 on anything else.
+    """Parse the output of ``as_command_line``; exit with code 2 on anything else.
 
     Args:
         name: of the process, and of its package in ``app``.

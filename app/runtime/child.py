@@ -1,6 +1,6 @@
-"""The parent's hold of one child process: start it, hear it, ask it, end it.
+"""Handle of the parent on one child process: start it, hear it, query it, end it.
 
-Imported by the web process, so nothing of the method is imported here.
+The web process imports this, so it imports nothing of the method.
 """
 
 from __future__ import annotations
@@ -19,23 +19,24 @@ from app.runtime.environment import program_environment
 from app.runtime.pipe import encode, read_message
 from app.runtime.requests import Reply, Request
 
-# How long a process that closed its channel, or was killed, is given to be gone.
+# Time for a process to exit after it closed its channel or was killed.
 _GRACE_S = 0.3
 
 _Event = TypeVar("_Event")
 
 
 class ChildEnded(Exception):
-    """The process ended before it answered."""
+    """End of a process before it replied."""
 
 
 class ChildProcess:
-    """One child process. All methods belong to the event loop's thread.
+    """Child process. All methods belong to the event loop's thread.
 
     Attributes:
-        ready: it sent something, so its loop runs.
+        ready: it has sent something, so its loop runs.
         ended: its channel is closed; the process is gone or about to go.
-        silent_s: seconds without any message, as far as this event loop was there to hear one.
+        silent_s: seconds without any message, counting only time in which this event loop could
+            hear one.
     """
 
     def __init__(
@@ -67,15 +68,14 @@ class ChildProcess:
     ) -> ChildProcess:
         """Start a process; it inherits nothing but its channel and the slots.
 
-        The kernel ends it with the *thread* that calls this, so call it where the event loop
-        lives.
+        The kernel ends it with the *thread* that calls this, so call it where the event loop runs.
 
         Args:
-            command: starts it; its arguments are put behind it.
+            command: starts it; its arguments are appended.
             slots: descriptor of each latest-value slot by name.
-            on_event: called for every event with the process it came from, and with None when
-                the channel ends.
-            kept: kinds of event of which ``newest`` tells the last one.
+            on_event: called for every event with the process it came from, and with None when the
+                channel ends.
+            kept: kinds of event whose last one ``newest`` returns.
 
         Raises:
             OSError: it cannot be started.
@@ -89,8 +89,8 @@ class ChildProcess:
                     stdin=subprocess.DEVNULL,
                     pass_fds=[there.fileno(), *slots.values()],
                     env=program_environment(),
-                    # A terminal's Ctrl-C and a kill of the whole group are the parent's to
-                    # answer; it ends the process in good order.
+                    # The parent handles a terminal's Ctrl-C and a kill of the whole group; it ends
+                    # the process in good order.
                     start_new_session=True,
                 )
             except OSError:
@@ -112,7 +112,7 @@ class ChildProcess:
         return self._process.pid
 
     def newest(self, kind: type[_Event]) -> _Event | None:
-        """The newest event of a kind in ``kept``."""
+        """Return the newest event of a kind in ``kept``."""
         event = self._newest.get(kind)
         return event if isinstance(event, kind) else None
 
@@ -138,11 +138,11 @@ class ChildProcess:
         self._on_event(None)
 
     async def request(self, command: object, timeout_s: float) -> Reply:
-        """Ask and wait for the answer.
+        """Send a request and wait for the reply.
 
         Raises:
-            ChildEnded: it ended before it answered.
-            TimeoutError: it did not answer in time; a later answer is ignored.
+            ChildEnded: the process ended before it replied.
+            TimeoutError: it did not reply in time; a later reply is ignored.
         """
         if self.ended or self._writer is None:
             raise ChildEnded
@@ -158,15 +158,15 @@ class ChildProcess:
             self._waiting.pop(number, None)
 
     def terminate(self) -> None:
-        """SIGTERM; nothing if it is gone already."""
+        """Send SIGTERM; do nothing if the process is gone already."""
         self._process.terminate()
 
     def kill(self) -> None:
-        """SIGKILL, which also ends a stopped process; nothing if it is gone already."""
+        """Send SIGKILL, which also ends a stopped process; do nothing if it is gone already."""
         self._process.kill()
 
     async def wait_gone(self, timeout_s: float) -> bool:
-        """Whether the process is gone, after waiting for at most ``timeout_s``."""
+        """Wait for at most ``timeout_s``; return true if the process is gone."""
         until = time.monotonic() + timeout_s
         while self._process.poll() is None:
             if time.monotonic() >= until:
@@ -175,14 +175,14 @@ class ChildProcess:
         return True
 
     def reap(self) -> bool:
-        """Whether the process is gone; of one that is, nothing remains."""
+        """Return true if the process is gone; in that case nothing of it remains."""
         return self._process.poll() is not None
 
     async def remove(self) -> str:
-        """End it by force if it is not gone yet, and hear it no more; tells how it ended.
+        """End the process, by force if necessary, and stop listening to it; return how it ended.
 
         A process that is stuck inside the kernel (a camera driver that does not return) outlasts
-        this; call ``reap`` until it is gone. Killed, it runs no instruction of ours any more.
+        this; call ``reap`` until it is gone. Once killed, it executes no more of our instructions.
         """
         if not (self.ended and await self.wait_gone(_GRACE_S)):
             self.kill()

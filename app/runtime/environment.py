@@ -1,4 +1,4 @@
-"""Command and environment of processes of ours, which keep native libraries calm."""
+"""Command and environment of our processes that keep native libraries quiet."""
 
 from __future__ import annotations
 
@@ -7,25 +7,25 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-# To be set before they are imported; what the person who starts us chose goes first.
+# Set before the libraries are imported; values chosen by the user who starts us take precedence.
 NATIVE_ENVIRONMENT: Mapping[str, str] = {
-    # The method's matrices are small. OpenBLAS's threads spin beside them, which doubles a
-    # frame's time on two busy cores; it reads this while numpy is imported.
+    # The method's matrices are small. OpenBLAS's threads spin meanwhile, which doubles a frame's
+    # time on two busy cores; it reads this while numpy is imported.
     "OPENBLAS_NUM_THREADS": "1",
-    # What is wrong with an image or video is said once, in our words, not a second time in theirs.
+    # A faulty image or video is reported once, in our words, not a second time in theirs.
     "OPENCV_LOG_LEVEL": "SILENT",
     "OPENCV_FFMPEG_LOGLEVEL": "-8",
 }
 
 
 def module_command(module: str) -> tuple[str, ...]:
-    """Command that runs a module of ours, like ``python -m``."""
-    # -P: the folder somebody starts the server in must not supply the modules.
+    """Return the command that runs one of our modules, like ``python -m``."""
+    # -P: the folder in which the server is started must not supply the modules.
     return (sys.executable, "-P", "-m", module)
 
 
 def program_environment() -> dict[str, str]:
-    """Environment of every process that we start: our packages, and calm libraries."""
+    """Return the environment of every process that we start: our packages, quiet libraries."""
     packages = str(Path(__file__).resolve().parents[2])
     paths = [packages, os.environ.get("PYTHONPATH", "")]
     return {

@@ -1,4 +1,4 @@
-"""Failures of passing something to another process, or of asking it."""
+"""Failures in sending something to another process, or in querying it."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from observer.errors import DynamicObserverError
 
 
 class ChannelError(DynamicObserverError):
-    """A value or message cannot be passed between the processes."""
+    """Failure to pass a value or message between processes."""
 
 
 class ProcessRefused(DynamicObserverError):
-    """The process answered that it will not or could not.
+    """Refusal by a process that would not or could not carry out a request.
 
     Attributes:
         refusal: see ``app.runtime.requests.Refusal``.
@@ -23,4 +23,4 @@ class ProcessRefused(DynamicObserverError):
 
 
 class ProcessUnavailable(DynamicObserverError):
-    """There is no process that could answer at this moment."""
+    """Lack of a process that could answer at this moment."""

@@ -1,4 +1,4 @@
-"""What a process keeps the garbage collector from looking through."""
+"""Exclusion of long-lived objects from garbage collection."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import gc
 
 
 def keep_for_good() -> None:
-    """Never look again through what was made so far; call it when everything is imported.
+    """Exclude all objects made so far from collection; call it when everything is imported.
 
-    A collection of all objects stops every thread: a tenth of a second for the modules of the web
-    process on a slow machine, which is half the time in which a command for a robot expires.
+    A full collection stops every thread: a tenth of a second for the modules of the web process on
+    a slow machine, which is half the time in which a command for a robot expires.
     """
     gc.collect()
     gc.freeze()

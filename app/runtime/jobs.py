@@ -1,4 +1,4 @@
-"""The worker's side: jobs from stdin, progress and results to stdout."""
+"""Jobs on the worker's side: jobs from stdin, progress and results to stdout."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from observer.errors import DynamicObserverError
 
 @dataclass(frozen=True)
 class Progress:
-    """Progress of a job: in words, and as a share of all."""
+    """Progress of a job: in words, and as a fraction of the whole."""
 
     words: str
     share: float
@@ -22,19 +22,19 @@ class Progress:
 
 @dataclass(frozen=True)
 class Refused:
-    """A job could not be done; one sentence says why and what would help."""
+    """Refusal of a job that could not be done; one sentence says why and what would help."""
 
     reason: str
 
 
-# Takes words and the share that is done.
+# Takes words and the completed fraction.
 Report = Callable[[str, float], None]
 Do = Callable[[Any, Report], object]
 
 
 def do_jobs(do: Do) -> None:
-    """Do jobs until there are no more, which is also when whoever gives them is gone."""
-    # Messages go out by this descriptor alone: what a library prints must not come between.
+    """Run jobs until there are no more, or until the process that gives them is gone."""
+    # Only this descriptor carries messages: output printed by a library must not come between.
     out = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
 
@@ -47,7 +47,7 @@ def do_jobs(do: Do) -> None:
 
 
 def answer(do: Do, job: Any, send: Callable[[object], None]) -> None:
-    """Do one job; the last message is its result or ``Refused``, those before are ``Progress``."""
+    """Run one job; the last message is its result or ``Refused``, those before are ``Progress``."""
     try:
         send(do(job, lambda words, share: send(Progress(words, share))))
     except DynamicObserverError as error:

@@ -1,7 +1,7 @@
-"""The latest value of something large (an image, a cloud), passed through shared memory.
+"""Latest value of something large (an image, a cloud), passed through shared memory.
 
-One process writes, any number read; nobody waits for anybody. The memory is an anonymous file
-that is inherited by its descriptor, so that nothing is left behind however a process ends.
+One process writes, any number read, and none of them waits. The memory is an anonymous file whose
+descriptor is inherited, so that nothing is left behind however a process ends.
 
 Layout, in native 8 byte words::
 
@@ -9,11 +9,11 @@ Layout, in native 8 byte words::
     then twice: sequence (0 while it is written) | header bytes | payload bytes | CRC-32
     then the two buffers of ``capacity`` bytes, rounded up to words
 
-A value goes into the buffer that was *not* published last, so a reader has the whole time until
-the next but one write to copy it out. The buffer's sequence, compared before and after copying,
-shows an overwritten read (a seqlock); the CRC catches what a weakly ordered processor could
-still let through. A writer that dies halfway leaves the value published before it intact, and
-its successor continues the sequence.
+A value goes into the buffer that was *not* published last, so a reader has time until the next
+write but one to copy it. Comparing the buffer's sequence before and after the copy reveals an
+overwritten read (a seqlock); the CRC catches the cases that a weakly ordered processor could still
+let through. A writer that dies halfway leaves the previously published value intact, and its
+successor continues the sequence.
 """
 
 from __future__ import annotations
@@ -37,13 +37,14 @@ _FILE_WORDS = 4
 _BUFFER_WORDS = 4
 _DATA_START = (_FILE_WORDS + _BUFFERS * _BUFFER_WORDS) * _WORD
 _PUBLISHED = 2
-# A reader meets a half-written buffer only if two writes fall into one copy; in a row that is rare.
+# A reader meets a half-written buffer only if two writes fall into one copy; several in a row are
+# rare.
 _READ_ATTEMPTS = 50
 
 
 @dataclass(frozen=True, eq=False)
 class Latest:
-    """One value as it was written.
+    """Value as it was written.
 
     Attributes:
         sequence: counted from 1 over the slot's life; a gap means that values were overwritten.
@@ -57,13 +58,13 @@ class Latest:
 
 
 def create_slot(capacity: int) -> int:
-    """A new empty slot for values of up to ``capacity`` bytes, header included.
+    """Make a new empty slot for values of up to ``capacity`` bytes, header included.
 
-    Memory is taken only as far as values really reach.
+    Memory is used only as far as values really reach.
 
     Returns:
-        The descriptor of an anonymous file. Hand it to other processes by inheritance
-        (``pass_fds``) and close it where it is needed no more.
+        The descriptor of an anonymous file. Pass it to other processes by inheritance
+        (``pass_fds``) and close it where it is no longer needed.
     """
     if capacity < 1:
         raise ValueError(f"a slot's capacity must be at least 1 byte, not {capacity}")
@@ -77,7 +78,7 @@ def create_slot(capacity: int) -> int:
 
 
 class _Slot:
-    """The mapped memory of a slot."""
+    """Mapped memory of a slot."""
 
     def __init__(self, fd: int) -> None:
         self._memory = mmap.mmap(fd, 0)
@@ -96,20 +97,20 @@ class _Slot:
 
 
 def _buffer_of(sequence: int, capacity: int) -> tuple[int, int]:
-    """Index of the first word that describes the sequence's buffer, and where its data starts."""
+    """Return the index of the sequence's first descriptor word, and the start of its data."""
     buffer = sequence % _BUFFERS
     return _FILE_WORDS + buffer * _BUFFER_WORDS, _DATA_START + buffer * capacity
 
 
 class LatestWriter(_Slot):
-    """The writing side of a slot. Only one process may write at a time."""
+    """Writing side of a slot. Only one process may write at a time."""
 
     def write(self, header: dict[str, Any], *payload: Buffer) -> int:
-        """Publish a value, replacing the one before; never waits for readers.
+        """Publish a value, replacing the previous one; never waits for readers.
 
         Args:
             header: small facts, as JSON.
-            payload: the bytes; several parts are put one behind the other.
+            payload: the bytes; several parts are concatenated.
 
         Returns:
             The value's sequence.
@@ -126,7 +127,7 @@ class LatestWriter(_Slot):
                 f"{self.capacity} bytes"
             )
         words = self._words
-        # Read anew each time: the slot may have been written by a predecessor that died.
+        # Read again each time: a predecessor that died may have written the slot.
         sequence = words[_PUBLISHED] + 1
         word, start = _buffer_of(sequence, self.capacity)
         words[word] = 0
@@ -146,10 +147,10 @@ class LatestWriter(_Slot):
 
 
 class LatestReader(_Slot):
-    """One reading side of a slot.
+    """Reading side of a slot.
 
     Attributes:
-        torn: how many reads met a value that was just being overwritten, and were repeated.
+        torn: number of reads that met a value being overwritten, and were repeated.
     """
 
     def __init__(self, fd: int) -> None:
@@ -157,10 +158,10 @@ class LatestReader(_Slot):
         self.torn = 0
 
     def read(self, after: int = 0) -> Latest | None:
-        """The newest value if its sequence is above ``after``, whole or not at all.
+        """Return the newest value if its sequence is above ``after``, complete or not at all.
 
-        None where there is nothing newer, or where the writer was so quick that no whole value
-        could be copied out in a reasonable number of attempts.
+        None where there is nothing newer, or where the writer was so fast that no complete value
+        could be copied in a reasonable number of attempts.
         """
         for _ in range(_READ_ATTEMPTS):
             sequence = int(self._words[_PUBLISHED])

@@ -1,4 +1,4 @@
-"""End of a child process whose parent is gone: with the channel, besides ``die_with_parent``."""
+"""End of a child process whose parent is gone: by its channel, beside ``die_with_parent``."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ def receive_until_parent_ends(
     expects_end: Callable[[], bool],
     leave: Callable[[], object] = lambda: os._exit(0),
 ) -> threading.Thread:
-    """Receive requests in a thread; at the channel's end leave, whatever the main loop does.
+    """Receive requests in a thread; leave at the channel's end, whatever the main loop does.
 
-    The parent holds the other end, and however it ends, the kernel closes it.
+    The parent holds the other end, and however the parent ends, the kernel closes it.
 
     Args:
         put: takes each request.
-        expects_end: True once the process leaves by itself.
+        expects_end: returns true once the process leaves by itself.
         leave: called at the channel's end, in the thread. By default the process ends at once,
             without waiting for the main loop, which may hang.
     """

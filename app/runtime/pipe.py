@@ -1,7 +1,7 @@
 """Ordered messages between parent and child process over an inherited socket pair.
 
-Each message is a pickle behind its length, 4 bytes big-endian. Both ends are the same program
-and the socket has no name, so nobody else can put a pickle into it.
+Each message is a pickle preceded by its length, 4 bytes big-endian. Both ends are the same program
+and the socket has no name, so nobody else can inject a pickle.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from app.runtime.errors import ChannelError
 from app.runtime.requests import Reply
 
 _LENGTH = struct.Struct(">I")
-# The largest honest message is a previewed calibration of two large images.
+# The largest honest message is a preview of a calibration with two large images.
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
-# Four seconds at 15 frames/s: who is behind further than that wants the present.
+# Four seconds at 15 frames/s: a reader further behind than that wants the present.
 DEFAULT_BACKLOG = 64
 
 
 def encode(message: object) -> bytes:
-    """One message as bytes on the wire.
+    """Encode one message as bytes on the wire.
 
     Raises:
         ChannelError: it is larger than ``MAX_MESSAGE_BYTES``.
@@ -44,7 +44,7 @@ def _encode_or_refuse(message: object) -> bytes:
         return encode(message)
     except ChannelError as error:
         if isinstance(message, Reply):
-            # Who asked must hear of it; the thread must go on for all others.
+            # The requester must be told; the thread must go on for everyone else.
             return encode(Reply(message.number, error=str(error), refusal="failure"))
         raise
 
@@ -57,7 +57,7 @@ def _checked_length(head: bytes) -> int:
 
 
 async def read_message(reader: asyncio.StreamReader) -> Any:
-    """The next message, or None at the end of the channel (the other process is gone)."""
+    """Return the next message, or None at the channel's end (the other process is gone)."""
     try:
         length = _checked_length(await reader.readexactly(_LENGTH.size))
         return pickle.loads(await reader.readexactly(length))
@@ -66,14 +66,14 @@ async def read_message(reader: asyncio.StreamReader) -> Any:
 
 
 def receive_message(sock: socket.socket) -> Any:
-    """Wait for the next message; None at the end of the channel (the other process is gone)."""
+    """Wait for the next message; None at the channel's end (the other process is gone)."""
     head = _receive_exactly(sock, _LENGTH.size)
     body = None if head is None else _receive_exactly(sock, _checked_length(head))
     return None if body is None else pickle.loads(body)
 
 
 def load_message(stream: BinaryIO) -> Any:
-    """The next message of a blocking stream; None at its end, also in the middle of a message."""
+    """Load the next message of a blocking stream; None at its end, even within a message."""
     head = stream.read(_LENGTH.size)
     if len(head) < _LENGTH.size:
         return None
@@ -96,11 +96,11 @@ def _receive_exactly(sock: socket.socket, size: int) -> bytes | None:
 
 
 class MessageSender:
-    """Sends messages from a thread of its own, so that a slow reader never delays the caller.
+    """Sender of messages with its own thread, so that a slow reader never delays the caller.
 
-    The queue is bounded: of some kinds only the newest waits, of others the oldest are dropped and
-    counted. All other messages are never dropped; there must only be as many of them as there were
-    requests.
+    The queue is bounded: of some kinds only the newest message waits; of others the oldest are
+    dropped and counted. All other messages are never dropped; there must be only as many of them as
+    there were requests.
     """
 
     def __init__(
@@ -111,12 +111,13 @@ class MessageSender:
         droppable: tuple[type, ...],
         backlog: int = DEFAULT_BACKLOG,
     ) -> None:
-        """
+        """Start the thread.
+
         Args:
-            sock: connected; closed by whoever made it.
+            sock: connected; its creator closes it.
             latest: kinds of message of which only the newest waits.
             droppable: kinds of message of which the oldest may be dropped.
-            backlog: most messages of the droppable kinds that wait.
+            backlog: maximum number of waiting messages of the droppable kinds.
         """
         self._sock = sock
         self._backlog = backlog
@@ -132,7 +133,7 @@ class MessageSender:
         self._thread.start()
 
     def lost(self, kind: type) -> int:
-        """Number of messages of a droppable kind that the other process was too slow for."""
+        """Return the number of droppable messages that the other process was too slow for."""
         return self._lost[kind]
 
     def send(self, message: object) -> None:
@@ -159,13 +160,13 @@ class MessageSender:
         return None
 
     def close(self, timeout_s: float = 1.0) -> None:
-        """Send what still waits, for at most ``timeout_s``, and end the thread."""
+        """Send the waiting messages, for at most ``timeout_s``, and end the thread."""
         with self._changed:
             self._closing = True
             self._changed.notify()
         self._thread.join(timeout_s)
         if self._thread.is_alive():
-            # It waits for a reader that does not read; only this ends a blocked send.
+            # The thread waits for a reader that does not read; only this unblocks the send.
             self._sock.shutdown(socket.SHUT_RDWR)
             self._thread.join(timeout_s)
 

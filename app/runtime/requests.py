@@ -1,18 +1,18 @@
-"""Envelopes of what is asked of another process and of its answer."""
+"""Envelopes of requests to another process and of its replies."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Any, Literal
 
-# ``input``: what was asked is wrong; ``state``: not possible now; ``full``: the disk is;
+# ``input``: the request is invalid; ``state``: not possible now; ``full``: the disk is full;
 # ``failure``: it was tried and failed.
 Refusal = Literal["input", "state", "full", "failure"]
 
 
 @dataclass(frozen=True)
 class Request:
-    """One command to another process; ``command`` is one of those that it knows."""
+    """Request to another process; ``command`` is one of those it knows."""
 
     number: int
     command: Any
@@ -20,7 +20,7 @@ class Request:
 
 @dataclass(frozen=True)
 class Reply:
-    """Answer to one request: a value, or one sentence of why not and the kind of refusal."""
+    """Reply to one request: a value, or one sentence on why not and the kind of refusal."""
 
     number: int
     value: Any = None

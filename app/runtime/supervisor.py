@@ -1,7 +1,7 @@
-"""Keeps one child process at work: starts it, hears it, replaces it when it dies or hangs.
+"""Supervisor of one child process: starts it, hears it, replaces it when it dies or hangs.
 
-Where asked for, a second process stands by, started and idle, because starting one can take longer
-on a busy machine than the time within which a lost one must be replaced.
+On request a second process stands by, started and idle, because a start can take longer on a busy
+machine than the time within which a lost process must be replaced.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ _Event = TypeVar("_Event")
 
 @dataclass(frozen=True)
 class SupervisorLimits:
-    """The supervisor's times, seconds.
+    """Time limits of the supervisor, seconds.
 
     Attributes:
-        hang_s: a process silent for this long is taken for hung. An engine's beats come every
-            0.05 s, and between an observer's stages; what remains up to 2 s is for replacing it.
-        start_s: a starting process that says nothing for this long is taken for hung.
-        tick_s: how often silence is looked at.
-        standby_delay_s: how long after a process started its stand-in is started, or None for
-            no stand-in: then replacing takes as long as a start.
-        quick_death_s: one that lived shorter than this counts as a failed attempt.
+        hang_s: a process silent for this long counts as hung. An engine's heartbeats come every
+            0.05 s, and between an observer's stages; the rest of the 2 s is for replacing it.
+        start_s: a starting process silent for this long counts as hung.
+        tick_s: interval between checks for silence.
+        standby_delay_s: delay from a process's start to the start of its standby; None for no
+            standby: replacing then takes as long as a start.
+        quick_death_s: a process that lived shorter than this counts as a failed attempt.
         backoff_s: pause before the third attempt in a row, doubled with each further one.
         most_backoff_s: the longest pause.
-        attempts: so many failed attempts in a row let ``start`` give up.
-        stop_s: how long a process is given to leave by itself.
+        attempts: number of failed attempts in a row after which ``start`` gives up.
+        stop_s: time for a process to leave by itself.
     """
 
     hang_s: float = 1.6
@@ -54,13 +54,13 @@ class SupervisorLimits:
 
 @dataclass(frozen=True)
 class ProcessHealth:
-    """How a process is.
+    """Health of a process.
 
     Attributes:
-        generation: number of processes so far, the present one included.
+        generation: number of processes so far, including the present one.
         pid: None while there is none.
-        restarts: how often one was replaced.
-        heartbeat_age_s: since the loop's last sign of life; None while there is none.
+        restarts: number of replacements.
+        heartbeat_age_s: time since the loop's last heartbeat; None while there is none.
         observations_lost: dropped because this process was slow, over all its children.
     """
 
@@ -73,33 +73,34 @@ class ProcessHealth:
 
 
 class ProcessSupervisor(Generic[_Command, _Event]):
-    """Owns the processes of one kind. All methods belong to the event loop's thread.
+    """Supervisor of the processes of one kind. All methods belong to the event loop's thread.
 
-    A kind says by the class attributes and the methods behind ``what a kind says`` how it differs.
+    A subclass defines its kind: the class attributes, and the methods marked as such below.
     """
 
     what: ClassVar[str]
     refused: ClassVar[type[ProcessRefused]] = ProcessRefused
     unavailable: ClassVar[type[ProcessUnavailable]] = ProcessUnavailable
-    # The event by which a process shows that it is alive; it has ``monotonic``.
+    # The event with which a process proves that it is alive; it has ``monotonic``.
     heartbeat: ClassVar[type]
-    # Kinds of event of which the newest is kept.
+    # Kinds of event whose newest one is kept.
     kept: ClassVar[tuple[type, ...]]
 
     def __init__(
         self, command: Sequence[str], slots: Mapping[str, int], limits: SupervisorLimits
     ) -> None:
-        """
+        """Set up the supervisor.
+
         Args:
-            command: starts a process; its arguments are put behind it.
-            slots: descriptor of each latest-value slot by name, handed to every process.
+            command: starts a process; its arguments are appended.
+            slots: descriptor of each latest-value slot by name, passed to every process.
         """
         self._command = tuple(command)
         self._limits = limits
         self._inherited = dict(slots)
         self._subscribers: list[Callable[[_Event], None]] = []
         self._active: ChildProcess | None = None
-        # Started, and not yet (or never) needed: the stand-in, or the next one on its way.
+        # Started, and not yet (or never) needed: the standby, or the next process on its way.
         self._standby: ChildProcess | None = None
         # Killed, but not gone yet.
         self._lingering: list[ChildProcess] = []
@@ -114,10 +115,10 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._watching: asyncio.Task[None] | None = None
         self._closed = False
 
-    # --- what a kind says ------------------------------------------------------------------
+    # --- what a subclass defines -----------------------------------------------------------
 
     def _farewell(self) -> _Command:
-        """What asks a process to leave in good order."""
+        """Return the command that asks a process to leave in good order."""
         raise NotImplementedError
 
     def _started_event(self, generation: int, pid: int) -> _Event:
@@ -127,17 +128,17 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         raise NotImplementedError
 
     def _lost(self, child: ChildProcess | None) -> int:
-        """How much of what a process sent was dropped."""
+        """Return the number of messages from a process that were dropped."""
         del child
         return 0
 
     def _state(self, child: ChildProcess) -> _Event | None:
-        """What a process that takes over said before anybody listened, to be published then."""
+        """Return the state a process sent before its takeover, for publication at that time."""
         del child
         return None
 
     def _release(self) -> None:
-        """Free what the processes used, behind the end of the last one."""
+        """Release the resources of the processes, after the last one has ended."""
 
     # --- what others use -------------------------------------------------------------------
 
@@ -145,7 +146,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         """Start the first process and wait until it is ready.
 
         Raises:
-            ProcessUnavailable: it ended in all attempts; nothing is left running.
+            ProcessUnavailable: all attempts failed; nothing is left running.
         """
         if self._watching is not None or self._closed:
             raise RuntimeError("a supervisor is started once")
@@ -163,7 +164,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             return
         self._closed = True
         if self._watching is not None:
-            # Not cancelled: it may hold a process that it is about to start or to remove.
+            # Do not cancel it: it may hold a process that it is about to start or to remove.
             self._wake.set()
             await asyncio.gather(self._watching, return_exceptions=True)
         children = [child for child in (self._active, self._standby) if child is not None]
@@ -175,10 +176,10 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._release()
 
     async def request(self, command: _Command, timeout_s: float = 10.0) -> Any:
-        """Ask the process and wait for its answer's value.
+        """Send a request to the process and return its reply's value.
 
         Raises:
-            ProcessRefused: it says no, and why.
+            ProcessRefused: it refuses, and why.
             ProcessUnavailable: there is none, it ended meanwhile or did not answer in time.
         """
         child = self._active
@@ -203,7 +204,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         """Call ``callback`` in the event loop for every event, in order.
 
         Returns:
-            What ends the subscription.
+            The function that ends the subscription.
         """
         self._subscribers.append(callback)
 
@@ -238,7 +239,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
                     await self._wake.wait()
             self._wake.clear()
             now = time.monotonic()
-            # While this event loop itself stood still, nobody could be heard: that is not the
+            # While this event loop itself stood still, it could hear nobody: that is not the
             # processes' silence.
             passed, looked = min(now - looked, 2 * self._limits.tick_s), now
             for child in (self._active, self._standby):
@@ -311,7 +312,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             self._give_up_start()
 
     def _complaint(self, child: ChildProcess) -> str | None:
-        """What is wrong with a process, in words that go on from its name."""
+        """Return the fault of a process, in words that continue after its name."""
         if child.ended:
             return _ENDED
         limit = self._limits.hang_s if child.ready else self._limits.start_s
@@ -320,7 +321,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         return None
 
     def _count_failure(self, since: float) -> None:
-        """Pause longer and longer where one process after the other ends quickly."""
+        """Count a failure, and pause longer and longer when processes keep ending quickly."""
         now = time.monotonic()
         self._failures = self._failures + 1 if now - since < self._limits.quick_death_s else 1
         pause = 0.0
@@ -353,13 +354,13 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             try:
                 callback(event)
             except Exception:  # noqa: BLE001
-                # One listener's fault must neither deafen the others nor end the supervision.
+                # A fault in one listener must neither deafen the others nor end the supervision.
                 _log.exception("a listener failed at %s", type(event).__name__)
 
     # --- ending ----------------------------------------------------------------------------
 
     async def _end(self, child: ChildProcess) -> None:
-        """Let it leave by itself, then by SIGTERM, then by force."""
+        """End a process: let it leave by itself, then SIGTERM, then force."""
         try:
             await child.request(self._farewell(), self._limits.stop_s)
         except (TimeoutError, ChildEnded):

@@ -1,4 +1,4 @@
-"""The hold of a worker: a module of ours in a process that yields to others and ends with this one.
+"""Handle of a worker: one of our modules in a process that yields to others and ends with this one.
 
 A job is given up by ending its worker: no step inside a native library can be interrupted.
 """
@@ -31,17 +31,17 @@ _Result = TypeVar("_Result")
 
 
 class JobFailed(DynamicObserverError):
-    """A job has no result; the sentence says why."""
+    """Failure of a job to produce a result; the sentence says why."""
 
 
 @dataclass(frozen=True)
 class Worker:
-    """One kind of worker.
+    """Definition of one kind of worker.
 
     Attributes:
-        module: that is run; see ``app.runtime.worker_main``.
+        module: the module to run; see ``app.runtime.worker_main``.
         niceness: added to this process's.
-        environment: beside that of every process that we start.
+        environment: additions to that of every process that we start.
     """
 
     module: str
@@ -49,22 +49,23 @@ class Worker:
     environment: Mapping[str, str] = field(default_factory=dict)
 
     def command(self, *arguments: str) -> list[str]:
-        """Command line that starts a process as a child of this one."""
+        """Return the command line that starts a process as a child of this one."""
         own = (str(os.getpid()), str(self.niceness))
         return [*_COMMAND, *own, self.module, *arguments]
 
     @property
     def options(self) -> dict[str, Any]:
-        """Keywords for whatever starts a process."""
-        # A terminal's Ctrl-C is the server's to answer.
+        """Return the keywords for the function that starts a process."""
+        # The server handles a terminal's Ctrl-C.
         return {"env": {**program_environment(), **self.environment}, "start_new_session": True}
 
     @asynccontextmanager
     async def started(self, *arguments: str, **streams: int) -> AsyncIterator[Process]:
-        """A process, ended behind the block together with all that it started.
+        """Start a process; end it after the block, together with all that it started.
 
         Args:
-            streams: ``stdin``, ``stdout`` and ``stderr``; by default nothing, nowhere and ours.
+            streams: ``stdin``, ``stdout`` and ``stderr``; by default no input, discarded output,
+                and our stderr.
 
         Raises:
             OSError: it cannot be started.
@@ -83,10 +84,10 @@ class Worker:
                     await process.wait()
 
     async def do(self, job: object, progress: Callable[[Progress], None]) -> Any:
-        """Have a process of its own do a job (``app.runtime.jobs``); cancelling ends it.
+        """Run a job (``app.runtime.jobs``) in a separate process; cancelling ends it.
 
         Args:
-            progress: called in the event loop whenever there is news.
+            progress: called in the event loop on every progress report.
 
         Returns:
             The job's result.
@@ -125,9 +126,9 @@ async def _heard(process: Process, message: bytes, progress: Callable[[Progress]
 
 
 class LastingWorker:
-    """A process that does job after job and may remember; started anew where it was lost.
+    """Process that does job after job and may keep state; started anew where it was lost.
 
-    Jobs are given by one thread, which waits for their results.
+    One thread gives the jobs and waits for their results.
 
     Args:
         longest_s: a job that takes longer is given up, and the process with it.
@@ -141,14 +142,14 @@ class LastingWorker:
         self._ended = False
 
     def do(self, job: object, kind: type[_Result]) -> _Result | None:
-        """Have it do a job with a result of that kind.
+        """Run a job with a result of that kind.
 
-        None where it was lost, took too long or is to be used no more. Lost, it has forgotten all;
-        the next job begins with a new one.
+        None where the process was lost, took too long or must not be used any more. A lost process
+        has forgotten everything; the next job begins with a new one.
         """
         process = self._started()
         if process is None:
-            # Ended between two jobs, it was killed and nobody has waited for its end.
+            # It was ended between two jobs: killed, but not yet waited for.
             self._let_go()
             return None
         assert process.stdin is not None
@@ -166,13 +167,13 @@ class LastingWorker:
         return None
 
     def end(self) -> None:
-        """End it for good. Any thread may call."""
+        """End the process for good. Any thread may call this."""
         with self._lock:
             self._ended = True
         self._kill()
 
     def close(self) -> None:
-        """End it and wait for its end; for the thread that gives jobs."""
+        """End the process and wait for its end; for the thread that gives jobs."""
         self.end()
         self._let_go()
 

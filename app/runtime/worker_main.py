@@ -1,6 +1,7 @@
-"""``python -m app.runtime.worker_main PARENT NICENESS MODULE ARGUMENT...``: a module as a worker.
+"""Runner of a module as a worker.
 
-Runs it like ``python -m MODULE ARGUMENT...``, niced, and not longer than its parent lives.
+``python -m app.runtime.worker_main PARENT NICENESS MODULE ARGUMENT...`` runs it like ``python -m
+MODULE ARGUMENT...``, niced, and no longer than its parent lives.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from observer.processes import die_with_parent
 
 
 def main() -> None:
-    """Become a worker first of all: what a module imports takes seconds."""
+    """Become a worker before anything else: a module's imports take seconds."""
     parent, niceness, module, *arguments = sys.argv[1:]
     die_with_parent(int(parent))
     os.nice(int(niceness))

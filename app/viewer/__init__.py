@@ -1,4 +1,4 @@
-"""The 3D scene: viser on loopback, fed from the newest observation, reached only by our proxy."""
+"""3D scene: viser on loopback, fed from the newest observation, reached only through our proxy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the scene shows at one moment, made of the newest messages; nothing of viser in it."""
+"""Content of the scene at one moment, made from the newest messages; nothing of viser in it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from observer.geometry import Float64Array, Pose
 from observer.mount import level_pose
 
 STALE_AFTER_S = 1.0
-# An arrow shows where the obstacle will be after this time.
+# An arrow shows the obstacle's place after this time.
 _ARROW_S = 1.0
 _SLOWEST_ARROW_MPS = 0.03
 _LABEL_ABOVE_M = 0.08
@@ -27,7 +27,7 @@ _LABEL_ABOVE_M = 0.08
 
 @dataclass(frozen=True, eq=False)
 class Tag:
-    """A text at a place in the world."""
+    """Text at a place in the world."""
 
     text: str
     position: Float64Array
@@ -44,16 +44,18 @@ class Cloud:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """Everything drawn from one observation, world frame, metres.
+    """Drawing of one observation, world frame, metres.
 
     Attributes:
-        segment: (engine's generation, segment): another one is another world.
-        boxes, truth: (N, 12, 2, 3) edges. arrows: (N, 2, 3) start and end.
-        rig: (N, 2, 3) how the camera stands on its robot.
-        tags: one per obstacle. positions: of the obstacles by id.
+        segment: (engine's generation, segment): another value is another world.
+        boxes, truth: (N, 12, 2, 3) edges.
+        arrows: (N, 2, 3) start and end.
+        rig: (N, 2, 3) lines from the camera to its robot.
+        tags: one per obstacle.
+        positions: of the obstacles by id.
         robot: the observing robot, where one is connected and its place is known.
-        notice: why what is shown is not fresh; None while it is. stale: whether it is old
-            without having been asked to stand still.
+        notice: the reason why the content is not fresh; None while it is.
+        stale: it is old without having been paused on request.
     """
 
     segment: tuple[int, int]
@@ -80,10 +82,10 @@ def make_picture(
     now: float,
     driving: RobotsNow | None = None,
 ) -> Picture:
-    """The picture of the newest observation, and how fresh it is at ``now``.
+    """Make the picture of the newest observation, with its freshness at ``now``.
 
     Args:
-        driving: how the robots are, as far as known.
+        driving: state of the robots, as far as known.
     """
     mount = state.mount
     T_display_world = level_pose(mount)
@@ -116,7 +118,7 @@ def make_picture(
 
 
 def read_cloud(value: Latest) -> Cloud:
-    """The cloud as the engine writes it: points float32 (N, 3), then colours uint8 (N, 3)."""
+    """Read the cloud as the engine writes it: points float32 (N, 3), then colours uint8 (N, 3)."""
     count = int(value.header["count"])
     points = np.frombuffer(value.payload, np.float32, count * 3).reshape(-1, 3)
     colors = np.frombuffer(value.payload, np.uint8, count * 3, offset=points.nbytes)

@@ -1,4 +1,4 @@
-"""The observing robot in the scene: its outline, the guard's zones, its sonar; pure geometry."""
+"""Observing robot in the scene: its outline, the guard's zones, its sonar; pure geometry."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ MOST_SONARS = 16
 LINES_OF_A_SONAR = 3
 MOST_SONAR_LINES = MOST_SONARS * LINES_OF_A_SONAR
 
-# Just above the floor, so that its own lines do not cut through.
+# Just above the floor, so that the floor's own lines do not cut through.
 _ZONE_HEIGHT_M = 0.012
 _SONAR_HEIGHT_M = 0.16
 _BODY_HEIGHT_M = 0.02
 _TEXT_HEIGHT_M = 0.75
 _SONAR_HALF_CONE_RAD = math.radians(15)
-# Beyond this an echo says nothing of the robot's surroundings.
+# Beyond this an echo reveals nothing of the robot's surroundings.
 _SONAR_REACH_M = 4.0
 _SONAR_OLD_S = 1.0
 _HEADING_M = 0.2
@@ -39,10 +39,12 @@ class RobotMarks:
     """Lines (N, 2, 3) and a place in the world frame, metres.
 
     Attributes:
-        outline: of the robot, and which way it faces. stop_zone, slow_zone: on the floor.
-        sonar: short arcs where something echoed within the last second.
-        level: of the guard; None where it tells nothing. text: why it limits the robot, None while
-            it does not. place: (3,) of the text.
+        outline: of the robot, with its heading.
+        stop_zone, slow_zone: on the floor.
+        sonar: short arcs at echoes within the last second.
+        level: of the guard; None where it reports nothing.
+        text: the reason why the guard limits the robot, None while it does not.
+        place: (3,) of the text.
     """
 
     outline: Float64Array
@@ -57,7 +59,7 @@ class RobotMarks:
 def robot_marks(
     robot: RobotNow | None, mount: CameraMount | None, T_world_camera: Pose | None
 ) -> RobotMarks | None:
-    """What is drawn of the observing robot; None where nothing is known of it or its place.
+    """Return the marks of the observing robot; None if nothing is known of it or its place.
 
     Args:
         robot: the observer's.
@@ -111,7 +113,7 @@ def _zone(corners: Sequence[Sequence[float]]) -> Float64Array:
 
 
 def _sonar(sonars: Sequence[SonarReading], received: float | None) -> Float64Array:
-    """Chords along the arc of each echo; the newest word of the robot tells how old one is."""
+    """Return chords along the arc of each echo; the robot's newest report tells each echo's age."""
     newest = max([received or -math.inf, *(each.received for each in sonars)])
     lines = []
     for each in sonars:
@@ -131,11 +133,11 @@ def _sonar(sonars: Sequence[SonarReading], received: float | None) -> Float64Arr
 
 
 def _closed(corners: Sequence[Sequence[float]]) -> Float64Array:
-    """(N, 2, 2) lines around N corners."""
+    """Return (N, 2, 2) lines around N corners."""
     points = np.array(corners, dtype=np.float64)[:, :2]
     return np.stack([points, np.roll(points, -1, axis=0)], axis=1)
 
 
 def _raised(lines: Float64Array, height_m: float) -> Float64Array:
-    """(N, 2, 3) of flat ones (N, 2, 2)."""
+    """Return (N, 2, 3) lines from flat ones (N, 2, 2)."""
     return np.concatenate([lines, np.full((*lines.shape[:2], 1), height_m)], axis=2)

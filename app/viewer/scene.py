@@ -1,7 +1,7 @@
-"""The nodes of the viser scene. Each layer is one node for ever; only its content changes.
+"""Nodes of the viser scene. Each layer is one permanent node; only its content changes.
 
-Nodes that are removed and added again, and arrays that change their length, make the browsers'
-memory grow; so every layer has a fixed number of elements and is hidden where it has none.
+Removing and re-adding nodes, and changing the length of arrays, makes the browsers' memory grow; so
+every layer has a fixed number of elements and is hidden where it has none.
 """
 
 from __future__ import annotations
@@ -38,21 +38,21 @@ _BLUE = (66, 133, 244)
 _ROSE = (214, 122, 122)
 _FLOOR = (150, 162, 158)
 _SONAR = (36, 160, 148)
-# Colours of the stop zone and of the slow zone by what the guard does.
+# Colours of the stop zone and of the slow zone by the guard's action.
 _ZONES: dict[Level | None, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     None: (_GREY, _GREY),
     "clear": ((170, 120, 110), (120, 160, 130)),
     "slow": ((205, 110, 70), _ORANGE),
     "stop": (_RED, _ORANGE),
 }
-# Behind the robot, above it and somewhat to its left, looking where it looks.
+# Behind the robot, above it and somewhat to its left, looking in its direction.
 _EYE = (-1.6, 1.0, 1.5)
 _LOOK_AT = (2.3, -0.1, 0.25)
 _EYE_FOV_RAD = 0.9
 
 
 class Scene:
-    """Called by one thread.
+    """Scene, for use by one thread.
 
     Args:
         points: number of points of the cloud.
@@ -75,8 +75,8 @@ class Scene:
         server.initial_camera.fov = _EYE_FOV_RAD
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         self._display = scene.add_frame("/display", show_axes=False)
-        # viser's own infinite grid is a shader over the whole picture, which is a fifth of a
-        # drawing's time where the processor draws.
+        # viser's own infinite grid is a shader over the whole picture; with software rendering it
+        # takes a fifth of the drawing time.
         self._floor = scene.add_line_segments(
             "/display/floor",
             floor_lines(_FLOOR_HALF_WIDTH_M),
@@ -151,7 +151,7 @@ class Scene:
         )
 
     def together(self) -> AbstractContextManager[None]:
-        """What is shown within this context reaches browsers at once, as one drawing."""
+        """Send all changes made within this context to browsers at once, as one drawing."""
         return self._server.atomic()
 
     def show(self, picture: Picture, now: float) -> None:
@@ -175,7 +175,7 @@ class Scene:
             self._show_robot(picture.robot, picture.stale)
 
     def _show_robot(self, robot: RobotMarks | None, stale: bool) -> None:
-        """Where the robot is and what keeps it from going on; nothing of it is shown when old."""
+        """Draw the robot's place and the reason the guard limits it; hide both when old."""
         nodes = (self._outline, self._stop_zone, self._slow_zone, self._sonar)
         if robot is None or stale:
             for node in (*nodes, self._guard_label):
@@ -213,7 +213,7 @@ class Scene:
     def show_image(self, jpeg: bytes) -> None:
         """Put the live image into the camera's frustum.
 
-        The handle's own setter would decode and encode it anew; the bytes are what it sends.
+        The handle's own setter would decode and re-encode it; these bytes are sent as they are.
         """
         with self._server.atomic():
             self._camera._format = "jpeg"
@@ -232,7 +232,7 @@ class Scene:
         at = picture.T_display_world.apply(self._T_world_camera.translation)
         self._display.position = self._follower.offset(at)
         _move(self._world, picture.T_display_world)
-        # Moved by whole metres, so that the floor is everywhere and its lines stand still.
+        # Moved by whole metres, so that the floor is everywhere and its lines stay still.
         self._floor.position = (*np.round(at[:2]), 0.0)
         self._floor.visible = picture.floor_known
 
@@ -242,7 +242,7 @@ class Scene:
         self._trails.forget_gone(now)
 
     def _mark(self, picture: Picture) -> None:
-        """Say that what is shown is old, in words and by taking its colours away."""
+        """Mark old content, in words and by removing its colours."""
         self._notice.visible = picture.notice is not None
         if picture.notice is not None:
             self._notice.text = picture.notice

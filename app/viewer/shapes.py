@@ -1,7 +1,7 @@
-"""Arrays for what is drawn: pure geometry, nothing of viser.
+"""Arrays for drawing: pure geometry, nothing of viser.
 
-Everything is given in the world frame, metres, unless a name says otherwise. Layers have a fixed
-number of elements (``padded``), because a viewer's browser reuses its buffers only then.
+All are in the world frame, metres, unless a name says otherwise. Layers have a fixed number of
+elements (``padded``), because only then does a viewer's browser reuse its buffers.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from observer.mount import CameraMount
 Float32Array = NDArray[np.float32]
 Colors = NDArray[np.uint8]
 
-# A box's corners in units of its half size, and the pairs of them that are its edges.
+# A box's corners in units of its half size, and the pairs of them that form its edges.
 _CORNERS = np.array(
     [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)], dtype=np.float64
 )
@@ -32,15 +32,16 @@ _EDGES = np.array(
     ]
 )
 EDGES_OF_A_BOX = len(_EDGES)
-# A small robot, about as large as those that such cameras ride on.
+# A small robot, about as large as those that usually carry such cameras.
 _HALF_AXLE_M, _AHEAD_M = 0.17, 0.3
 
 
 def rig_edges(mount: CameraMount | None, T_world_camera: Pose | None) -> Float64Array:
-    """Lines (N, 2, 3) in the world that show how the camera stands on its robot.
+    """Return lines (N, 2, 3) in the world that show the camera's place on its robot.
 
-    From the camera down to the floor, from there to the middle of the axle, the axle, and the way
-    the robot drives; without the offset from the axle only the first. None where nothing is known.
+    They lead from the camera down to the floor, from there to the middle of the axle, along the
+    axle, and in the driving direction; without the offset from the axle only the first. None where
+    nothing is known.
     """
     if mount is None or T_world_camera is None:
         return np.zeros((0, 2, 3))
@@ -57,10 +58,11 @@ def rig_edges(mount: CameraMount | None, T_world_camera: Pose | None) -> Float64
 
 
 def box_edges(center: ArrayLike, size: ArrayLike, rotation: ArrayLike) -> Float64Array:
-    """The 12 edges (12, 2, 3) of a box.
+    """Return the 12 edges (12, 2, 3) of a box.
 
     Args:
-        size: (3,) extent along the box's own axes. rotation: (3, 3) box axes in the world.
+        size: (3,) extent along the box's own axes.
+        rotation: (3, 3) box axes in the world.
     """
     half = np.asarray(size, dtype=np.float64) / 2
     corners = (_CORNERS * half) @ np.asarray(rotation).T + np.asarray(center)
@@ -68,7 +70,7 @@ def box_edges(center: ArrayLike, size: ArrayLike, rotation: ArrayLike) -> Float6
 
 
 def upright_rotation(yaw: float, up: Float64Array) -> Float64Array:
-    """(3, 3) axes of a body that stands on the floor: columns ahead, left, up in the world.
+    """Return (3, 3) axes of a body standing on the floor: columns ahead, left, up in the world.
 
     Args:
         yaw: heading in the world's x-z plane, 0 along z and positive to the right (``TrueBody``).
@@ -81,13 +83,13 @@ def upright_rotation(yaw: float, up: Float64Array) -> Float64Array:
 
 
 def trail_segments(positions: Sequence[ArrayLike]) -> Float64Array:
-    """(N - 1, 2, 3) lines through N positions."""
+    """Return (N - 1, 2, 3) lines through N positions."""
     points = [np.asarray(p, dtype=np.float64) for p in positions]
     return np.array([(a, b) for a, b in pairwise(points)]).reshape(-1, 2, 3)
 
 
 def floor_lines(half_width_m: int, step_m: float = 1.0) -> Float64Array:
-    """(N, 2, 3) lines of a square grid on z = 0 around the origin, along x and along y."""
+    """Return (N, 2, 3) lines of a square grid on z = 0 around the origin, along x and along y."""
     at = np.arange(-half_width_m, half_width_m + step_m / 2, step_m)
     far = np.full_like(at, half_width_m)
     zero = np.zeros_like(at)
@@ -96,27 +98,27 @@ def floor_lines(half_width_m: int, step_m: float = 1.0) -> Float64Array:
 
 
 def padded(rows: NDArray[Any], count: int) -> NDArray[Any]:
-    """Exactly ``count`` rows: the first ones, or the last one repeated, which is not seen."""
+    """Return exactly ``count`` rows, repeating the last one, unseen, where there are fewer."""
     if len(rows) >= count:
         return rows[:count]
     return np.concatenate([rows, np.repeat(rows[-1:], count - len(rows), axis=0)])
 
 
 def thinned(count: int, most: int) -> slice:
-    """Every k-th of ``count`` rows, so that at most ``most`` remain, evenly spread."""
+    """Return every k-th of ``count`` rows, evenly spread, so that at most ``most`` remain."""
     return slice(None, None, max(1, -(-count // most)))
 
 
 def greyed(colors: Colors) -> Colors:
-    """Faded to grey: what is shown is old."""
+    """Fade colours to grey: the content is old."""
     level = 90 + colors.mean(axis=-1, keepdims=True) * 0.25
     return np.repeat(level, 3, axis=-1).astype(np.uint8)
 
 
 class Follower:
-    """Keeps the robot within sight: the scene moves along once it is further than ``radius_m``.
+    """Follower that keeps the robot in view: the scene moves once it is beyond ``radius_m``.
 
-    Within the radius nothing moves, so that a robot in a room is seen to drive.
+    Within the radius nothing moves, so that the motion of a robot in a room is visible.
     """
 
     def __init__(self, radius_m: float = 4.0) -> None:
@@ -127,7 +129,7 @@ class Follower:
         self._anchor = np.zeros(2)
 
     def offset(self, position_display: Float64Array) -> Float64Array:
-        """(3,) by which the display is shifted; horizontal only."""
+        """Return the (3,) shift of the display; horizontal only."""
         away = position_display[:2] - self._anchor
         distance = float(np.linalg.norm(away))
         if distance > self._radius:

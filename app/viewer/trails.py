@@ -1,4 +1,4 @@
-"""Where the camera and the obstacles have been."""
+"""Trails of the camera and the obstacles."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 from app.viewer.shapes import trail_segments
 from observer.geometry import Float64Array
 
-# Every line costs where the processor draws, whether it is in use or not.
+# Every line costs time with software rendering, whether it is in use or not.
 MOST_CAMERA_POINTS = 150
 _OBSTACLE_POINTS = 40
 _LEAST_STEP_M = 0.06
-# Obstacles that are gone keep their trail for this long.
+# Trails of lost obstacles remain for this long.
 _KEPT_S = 4.0
 
 
@@ -37,19 +37,19 @@ class Trails:
         self._obstacles[id] = (now, points)
 
     def forget_gone(self, now: float) -> None:
-        """Drop the trails of obstacles that were not seen for a while."""
+        """Drop the trails of obstacles not seen for a while."""
         gone = [id for id, (seen, _) in self._obstacles.items() if now - seen > _KEPT_S]
         for id in gone:
             del self._obstacles[id]
 
     @property
     def camera(self) -> Float64Array:
-        """(N, 2, 3) lines."""
+        """Return (N, 2, 3) lines of the camera's trail."""
         return trail_segments(self._camera)
 
     @property
     def obstacles(self) -> Float64Array:
-        """(N, 2, 3) lines of all obstacles together."""
+        """Return (N, 2, 3) lines of all obstacles' trails together."""
         lines = [trail_segments(points) for _, points in self._obstacles.values()]
         return np.concatenate(lines) if lines else np.zeros((0, 2, 3))
 

@@ -1,7 +1,7 @@
-"""The viewer as the server sees it: a port on loopback, and a thread that keeps the scene fresh.
+"""Viewer for the server: a port on loopback, and a thread that keeps the scene fresh.
 
-It may fail (a missing wheel, no free port) without hurting anything else; a ``NullViewer`` then
-says why.
+It may fail (a missing wheel, no free port) without affecting anything else; a ``NullViewer`` then
+gives the reason.
 """
 
 from __future__ import annotations
@@ -35,24 +35,24 @@ _STOP_TIMEOUT_S = 5.0
 
 
 class Viewer(Protocol):
-    """What the web layer needs of a viewer."""
+    """Interface that the web layer needs of a viewer."""
 
     @property
     def port(self) -> int | None:
-        """Where viser listens on 127.0.0.1, or None where there is no viewer."""
+        """Return the port of viser on 127.0.0.1, or None where there is no viewer."""
         ...
 
     @property
     def trouble(self) -> str | None:
-        """Why there is none, one sentence."""
+        """Return the reason why there is none, one sentence."""
         ...
 
     def page(self) -> bytes:
-        """The client's page."""
+        """Return the client's page."""
         ...
 
     def connected(self) -> contextlib.AbstractContextManager[None]:
-        """Somebody looks at the scene as long as the block runs (in the event loop)."""
+        """Count a client that looks at the scene while the block runs (in the event loop)."""
         ...
 
     def stop(self) -> None:
@@ -61,7 +61,7 @@ class Viewer(Protocol):
 
 
 class NullViewer:
-    """No viewer, and why."""
+    """Placeholder for a missing viewer, with the reason."""
 
     port: int | None = None
 
@@ -76,14 +76,15 @@ class NullViewer:
         yield
 
     def stop(self) -> None:
-        """Nothing to end."""
+        """Do nothing: there is nothing to end."""
 
 
 class ViserViewer:
-    """viser with our scene, updated at a fixed rate while somebody looks.
+    """Viewer that shows our scene with viser, updated at a fixed rate while somebody looks.
 
     Args:
-        points: most points of the cloud. rate_hz: most updates per second.
+        points: maximum number of points of the cloud.
+        rate_hz: maximum updates per second.
     """
 
     trouble: str | None = None
@@ -149,7 +150,7 @@ class ViserViewer:
                 try:
                     self._update()
                 except Exception:
-                    # One broken picture must not end the viewer, nor the viewer the server.
+                    # A faulty picture must not end the viewer, nor the viewer the server.
                     log.exception("viewer_update_failed")
                     self._stopping.wait(1.0)
 
@@ -157,7 +158,7 @@ class ViserViewer:
         server, source = self._server, self._server.source
         now = server.clock()
         with self._scene.together():
-            # Read while the event loop may change it: then what was told before counts once more.
+            # The event loop may change it during the read; then the previous facts are used again.
             with contextlib.suppress(RuntimeError):
                 self._driving = server.driving.facts()
             picture = make_picture(
@@ -177,7 +178,7 @@ class ViserViewer:
 
 
 def start_viewer(server: Server, *, points: int, rate_hz: float) -> Viewer:
-    """The viewer, or a null one that says why there is none. Takes a second; use a thread."""
+    """Start the viewer, or return a null one with the reason. Takes a second; use a thread."""
     try:
         return ViserViewer(server, points=points, rate_hz=rate_hz)
     except Exception as error:
@@ -190,7 +191,7 @@ def _quiet_server() -> viser.ViserServer:
 
     with _quiet():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    # Any client could otherwise have a public tunnel to this machine opened.
+    # Otherwise any client could have a public tunnel to this machine opened.
     server.request_share_url = _refuse_sharing  # type: ignore[method-assign]
     return server
 
@@ -201,7 +202,7 @@ def _refuse_sharing(*_: object, **__: object) -> None:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """viser announces itself through rich's shared console; our output is for our own words."""
+    """Silence viser's announcement on rich's shared console, which is for our own output."""
     import rich
 
     console = rich.get_console()

@@ -1,1 +1,1 @@
-"""Jobs that processes of their own do; see ``app.runtime.worker``."""
+"""Jobs that run in processes of their own; see ``app.runtime.worker``."""

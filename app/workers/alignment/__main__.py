@@ -1,4 +1,4 @@
-"""Aligns, again and again; run by ``app.runtime.worker_main``."""
+"""Process that aligns repeatedly; run by ``app.runtime.worker_main``."""
 
 from app.runtime.jobs import do_jobs
 from app.workers.alignment.work import Aligner

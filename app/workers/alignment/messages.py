@@ -1,4 +1,4 @@
-"""What goes into the worker, and what comes out of it. Plain frozen dataclasses, as pickles."""
+"""Messages to and from the worker: plain frozen dataclasses, sent as pickles."""
 
 from __future__ import annotations
 
@@ -13,12 +13,13 @@ from observer.truth.motion_capture import Trajectory
 
 @dataclass(frozen=True, eq=False)
 class Choices:
-    """What is known beforehand; see ``observer.truth.alignment.choices``.
+    """Prior knowledge; see ``observer.truth.alignment.choices``.
 
     Attributes:
-        observer: the body that carries the camera, None where it is to be found out.
-        ignore: bodies that are none of it.
-        mount: of the camera. T_body_base: of the observer's body.
+        observer: the body that carries the camera; None if it is to be found.
+        ignore: bodies to leave out.
+        mount: of the camera.
+        T_body_base: of the observer's body.
     """
 
     observer: str | None = None
@@ -29,13 +30,13 @@ class Choices:
 
 @dataclass(frozen=True, eq=False)
 class Solve:
-    """Align with what came since the last time.
+    """Request to align with the data since the last one.
 
     Attributes:
-        anew: what was observed before belongs to another source or another beginning of it.
+        anew: earlier observations belong to another source or another beginning of it.
         lines: as ``observer.jsonl.observation_line`` makes them.
         samples: motion capture's bodies, on its own clock.
-        clocks: between the two, as they are known now.
+        clocks: the relation between both clocks, as known now.
     """
 
     anew: bool
@@ -47,13 +48,13 @@ class Solve:
 
 @dataclass(frozen=True)
 class Solved:
-    """What came of it.
+    """Result of an alignment.
 
     Attributes:
         alignment: as ``Alignment.as_dict`` makes it; None where there is none.
-        sentence: why, beginning with "not yet aligned".
-        tried: whether enough was there, and time enough has passed, to try.
-        seconds: that it took.
+        sentence: the reason, beginning with "not yet aligned".
+        tried: there was enough data, and enough time had passed, to try.
+        seconds: time it took.
     """
 
     alignment: dict[str, Any] | None

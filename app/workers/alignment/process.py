@@ -1,22 +1,22 @@
-"""The engine's hold of the worker that aligns."""
+"""Handle through which the engine uses the alignment worker."""
 
 from __future__ import annotations
 
 from app.runtime.worker import LastingWorker, Worker
 from app.workers.alignment.messages import Solve, Solved
 
-# Robots are driven, frames observed and pages served before this.
+# Driving robots, observing frames and serving pages go before this.
 _WORKER = Worker("app.workers.alignment", 15)
-# A solution takes seconds at most, also on a busy machine.
+# A solution takes seconds at most, even on a busy machine.
 _LONGEST_S = 30.0
 
 
 class AlignmentWorker(LastingWorker):
-    """A process that is started with the first job, and anew where it was lost."""
+    """Alignment process that starts with the first job, and again whenever it was lost."""
 
     def __init__(self) -> None:
         super().__init__(_WORKER, longest_s=_LONGEST_S)
 
     def solve(self, job: Solve) -> Solved | None:
-        """Have it align; see ``LastingWorker.do``."""
+        """Send it a job and wait for the result; see ``LastingWorker.do``."""
         return self.do(job, Solved)

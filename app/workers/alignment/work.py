@@ -1,4 +1,4 @@
-"""The worker's one job, again and again."""
+"""Job of the alignment worker, done again and again."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from observer.truth.alignment.choices import AlignmentChoices, BodyRole
 from observer.truth.alignment.online import OnlineAlignment
 from observer.truth.alignment.result import Alignment
 
-# Both clocks are known from arrivals, up to delays.
+# Both clocks are known from arrival times, up to delays.
 _SEARCH_S = (-1.0, 1.0)
 
 
 class Aligner:
-    """Keeps the last minutes and aligns them."""
+    """Aligner of the last minutes, which it keeps."""
 
     def __init__(self) -> None:
         self._online = OnlineAlignment()
 
     def solve(self, job: Solve) -> Solved:
-        """Take what is new and align, where it is time to."""
+        """Add the new data and align, if it is time to."""
         began = time.perf_counter()
         online = self._online
         if job.anew:
@@ -43,7 +43,7 @@ class Aligner:
 
 
 def _choices(given: Choices, bodies: Iterable[str]) -> AlignmentChoices:
-    # What is ignored need not be there.
+    # An ignored body need not be present.
     roles: dict[str, BodyRole] = dict.fromkeys(set(given.ignore) & set(bodies), "ignored")
     if given.observer is not None:
         roles[given.observer] = "observer"

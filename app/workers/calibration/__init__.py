@@ -1,5 +1,5 @@
-"""A process that computes one calibration and leaves.
+"""Process that computes one calibration and exits.
 
-Apart from the server, because it takes seconds of full work, decodes images that somebody sent
-in, and is cancelled by ending it: no step inside OpenCV can be interrupted.
+It is separate from the server because it takes seconds of full CPU load, decodes images that
+somebody uploaded, and is cancelled by ending it: no step inside OpenCV can be interrupted.
 """

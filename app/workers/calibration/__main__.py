@@ -1,4 +1,4 @@
-"""Computes calibrations; run by ``app.runtime.worker_main``."""
+"""Process that computes calibrations; run by ``app.runtime.worker_main``."""
 
 from app.runtime.jobs import do_jobs
 from app.workers.calibration.work import do_job

@@ -1,4 +1,4 @@
-"""Pairs of images out of a ZIP archive that somebody sent: nothing is written, nothing trusted."""
+"""Image pairs from an uploaded ZIP archive: nothing is written to disk, nothing is trusted."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ MAX_IMAGE_BYTES = 40 * 1024 * 1024
 # Images are compressed already, so an honest archive hardly grows.
 MAX_EXPANDED_BYTES = 1024 * 1024 * 1024
 _MAX_RATIO = 100
-# All that Python's unpackers raise at damaged archives, beside what they say themselves.
+# Everything that Python's decompressors raise on damaged archives, beside their own errors.
 _DAMAGES = (OSError, ValueError, RuntimeError, EOFError, struct.error, zlib.error, lzma.LZMAError)
 # The archive's end record, and the 64 bit one with its locator before it (APPNOTE.TXT 4.3.14-16).
 _RECORD, _RECORD_64, _LOCATOR = b"PK\x05\x06", b"PK\x06\x06", b"PK\x06\x07"
 _RECORD_BYTES, _LOCATOR_BYTES, _RECORD_64_BYTES = 22, 20, 56
 _LONGEST_COMMENT = 65535
-# Of what is listed for one entry: its name, and what the packing program adds.
+# Size of one entry in the directory: its name, and what the packing program adds.
 _ENTRY_BYTES = 1024
 _LONGEST_NAME = 100
-# How cameras are called in folders and file names; the rest of the path is the pair's name.
+# Names of the two cameras in folders and file names; the rest of the path is the pair's name.
 _SIDES = (
     (r"left", r"right"),
     (r"links", r"rechts"),
@@ -38,7 +38,7 @@ _SIDES = (
     (r"image_?0?0(?!\d)", r"image_?0?1(?!\d)"),
     (r"l", r"r"),
 )
-# A short name counts only where it stands by itself, as in 12_l.png.
+# A short name counts only if it stands alone, as in 12_l.png.
 _EDGE = r"(?:^|(?<=[^a-z]))"
 _END = r"(?:$|(?=[^a-z]))"
 
@@ -48,7 +48,8 @@ class ArchivedPair:
     """Two entries that belong together.
 
     Attributes:
-        name: what both names have in common. left, right: names within the archive.
+        name: the common part of both names.
+        left, right: names within the archive.
     """
 
     name: str
@@ -57,14 +58,14 @@ class ArchivedPair:
 
 
 class ImageArchive:
-    """An opened archive; use it in a ``with`` block.
+    """Opened archive, for use in a ``with`` block.
 
     Attributes:
         pairs: in the order of their names.
         refused: one sentence for each entry that could not be used.
 
     Raises:
-        CalibrationError: it is no ZIP archive, is dangerous, or holds no pairs of images.
+        CalibrationError: it is no ZIP archive, is dangerous, or holds no image pairs.
     """
 
     def __init__(self, path: Path) -> None:
@@ -89,7 +90,7 @@ class ImageArchive:
         self._zip.close()
 
     def read(self, name: str) -> bytes:
-        """The bytes of one entry.
+        """Return the bytes of one entry.
 
         Raises:
             CalibrationError: it is damaged, encrypted or larger than announced.
@@ -110,7 +111,7 @@ class ImageArchive:
         names: list[str] = []
         for entry in entries:
             path = PurePosixPath(entry.filename)
-            # What macOS adds to archives looks like images and is none.
+            # Files that macOS adds to archives look like images but are not.
             if entry.is_dir() or path.name.startswith(".") or "__MACOSX" in path.parts:
                 continue
             if path.suffix.lower() in IMAGE_SUFFIXES:
@@ -133,7 +134,7 @@ class ImageArchive:
 
 
 def check_archive(path: Path) -> None:
-    """Refuse an archive by what it lists, before a worker is started for it.
+    """Refuse an archive by its directory, before a worker is started for it.
 
     Raises:
         CalibrationError: as ``ImageArchive``.
@@ -143,13 +144,13 @@ def check_archive(path: Path) -> None:
 
 
 def _refuse_long_directory(path: Path) -> None:
-    """Refuse millions of entries before they are listed, which takes gigabytes and minutes."""
+    """Refuse millions of entries before listing them, which takes gigabytes and minutes."""
     with path.open("rb") as file:
         length = file.seek(0, 2)
         file.seek(max(0, length - _RECORD_BYTES - _LONGEST_COMMENT - _LOCATOR_BYTES))
         tail = file.read()
         sizes = []
-        # Whichever of them is taken for the end: its directory must be short.
+        # Whichever record a reader takes for the end, its directory must be short.
         for found in re.finditer(re.escape(_RECORD), tail):
             end = tail[found.start() : found.start() + _RECORD_BYTES]
             if len(end) == _RECORD_BYTES:
@@ -162,7 +163,7 @@ def _refuse_long_directory(path: Path) -> None:
                     end = file.read(_RECORD_64_BYTES)
                     if end.startswith(_RECORD_64):
                         sizes.append(int.from_bytes(end[40:48], "little"))
-    # All ones: the 64 bit record has it.
+    # All ones: the 64 bit record holds the size.
     if any(MAX_ENTRIES * _ENTRY_BYTES < size != 0xFFFFFFFF for size in sizes):
         raise CalibrationError(
             f"the archive lists far more than {MAX_ENTRIES} entries; twenty pairs are enough"
@@ -170,7 +171,7 @@ def _refuse_long_directory(path: Path) -> None:
 
 
 def pair_names(names: list[str]) -> tuple[tuple[ArchivedPair, ...], tuple[str, ...]]:
-    """Which names belong together, and one sentence for each that has no partner."""
+    """Return the names that belong together, and one sentence for each that has no partner."""
     for left, right in _SIDES:
         sides = dict(_sorted_by_side(names, left, right))
         keys = sorted({key for key, _ in sides}, key=natural_order)
@@ -187,7 +188,7 @@ def pair_names(names: list[str]) -> tuple[tuple[ArchivedPair, ...], tuple[str, .
 
 
 def _view_names(keys: list[str]) -> list[str]:
-    """A name for each key by which a person finds the pair, and an address can name it."""
+    """Return a name for each key that people recognise and that is valid in a URL."""
     names: list[str] = []
     for key in keys:
         plain = re.sub(r"[\\/\s_.-]+", _plain_separator, key).strip("_-. ")
@@ -202,7 +203,7 @@ def _view_names(keys: list[str]) -> list[str]:
 
 
 def _plain_separator(found: re.Match[str]) -> str:
-    # A slash would end the name in an address.
+    # A slash would end the name in a URL.
     return " " if re.search(r"[\\/\s]", found[0]) else found[0]
 
 
@@ -211,7 +212,7 @@ def _sorted_by_side(
 ) -> Iterator[tuple[tuple[str, int], str]]:
     for name in names:
         stem = str(PurePosixPath(name).with_suffix("")).lower()
-        # The last one: a folder further up may be called so by chance.
+        # Take the last match: a folder further up may have such a name by chance.
         last: tuple[int, int, int] | None = None
         for side, word in enumerate((left, right)):
             short = f"{_EDGE}{word}{_END}" if len(word) == 1 else word

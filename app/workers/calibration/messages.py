@@ -1,4 +1,4 @@
-"""What goes into the worker, and what comes out of it. Plain frozen dataclasses, as pickles."""
+"""Messages to and from the worker: plain frozen dataclasses, sent as pickles."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from observer.types import Image
 
 @dataclass(frozen=True)
 class FitViews:
-    """Compute a calibration of boards that were found already.
+    """Request to compute a calibration from boards already found.
 
     Attributes:
-        views: as captured. width, height: of the images they were found in.
-        frame_rate: of the camera, for what the verdict says of delays; 1/s.
+        views: as captured.
+        width, height: of the images they were found in.
+        frame_rate: of the camera, for the verdict on delays; 1/s.
     """
 
     views: tuple[BoardView, ...]
@@ -31,7 +32,7 @@ class FitViews:
 
 @dataclass(frozen=True)
 class FindBoards:
-    """Find the board in the image pairs of a ZIP archive."""
+    """Request to find the board in the image pairs of a ZIP archive."""
 
     archive: Path
     board: Board
@@ -39,10 +40,11 @@ class FindBoards:
 
 @dataclass(frozen=True, eq=False)
 class RefineRows:
-    """Set the rows of a calibration straight by pairs of the scene.
+    """Request to align the rows of a calibration, using pairs of the scene.
 
     Attributes:
-        pairs: as taken, (H, W) grey. name: what the calibration is called in messages.
+        pairs: as taken, (H, W) grey.
+        name: name of the calibration in messages.
     """
 
     calibration_yaml: str
@@ -55,11 +57,11 @@ Job = FitViews | FindBoards | RefineRows
 
 @dataclass(frozen=True)
 class Fitted:
-    """A calibration.
+    """Computed calibration.
 
     Attributes:
-        calibration_yaml: OpenCV FileStorage. report: plain JSON, see
-            ``observer.calibration.report.fit_report``.
+        calibration_yaml: OpenCV FileStorage.
+        report: plain JSON, see ``observer.calibration.report.fit_report``.
     """
 
     calibration_yaml: str
@@ -68,7 +70,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class BoardsFound:
-    """The boards of an archive.
+    """Boards found in an archive.
 
     Attributes:
         views: one for each pair in which at least one camera sees the board.
@@ -85,7 +87,7 @@ class BoardsFound:
 
 @dataclass(frozen=True)
 class Refined:
-    """A calibration turned by a little.
+    """Calibration corrected by a small rotation.
 
     Attributes:
         facts: the figures of ``observer.calibration.ageing.row_refinement.RowRefinement``.

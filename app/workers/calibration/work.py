@@ -1,4 +1,4 @@
-"""The worker's jobs."""
+"""Jobs of the calibration worker."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from observer.image_files.reading import decoded_image
 
 
 def do_job(job: Job, progress: Report) -> Result:
-    """Do it.
+    """Do one job and return its result.
 
     Raises:
         CalibrationError: it cannot be done; one sentence says why.
