@@ -6,7 +6,7 @@ from observer.errors import DynamicObserverError, InputError
 
 
 class FieldError(InputError):
-    """A value of a request cannot be used.
+    """Unusable value in a request.
 
     Attributes:
         field: its place in the request, such as ``("body", "source")``.
@@ -18,12 +18,12 @@ class FieldError(InputError):
 
 
 class NotThere(DynamicObserverError):
-    """The requested object does not exist."""
+    """Request for an object that does not exist."""
 
 
 class Conflict(DynamicObserverError):
-    """The request is valid, but not possible in the present state."""
+    """Valid request that is not possible in the present state."""
 
 
 class NotAvailable(DynamicObserverError):
-    """The request is not possible at the moment; the same request may succeed later."""
+    """Request that is not possible at the moment; the same request may succeed later."""

@@ -25,7 +25,7 @@ def write_whole(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def told_as_ours(path: Path) -> Iterator[None]:
-    """Convert errors in writing a file or folder to our own.
+    """Convert errors in writing a file or folder to our own errors.
 
     Raises:
         StorageFull: no space is left. FieldError: it cannot be written.

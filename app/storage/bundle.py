@@ -37,7 +37,7 @@ _BROKEN = (
 
 
 class BackupError(InputError):
-    """A backup cannot be written, or cannot be restored as it is."""
+    """Failure to write a backup, or to restore it as it is."""
 
 
 @dataclass(frozen=True)

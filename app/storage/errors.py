@@ -8,31 +8,31 @@ from observer.errors import DynamicObserverError
 
 
 class StorageError(DynamicObserverError):
-    """The database cannot be used as requested; the message says what would help."""
+    """Failure to use the database as requested; the message says what would help."""
 
 
 class StorageBusy(StorageError):
-    """Another program holds the database; the same call may succeed later."""
+    """Database held by another program; the same call may succeed later."""
 
 
 class StorageUnreachable(StorageBusy):
-    """The database server does not answer; it may do so later."""
+    """Database server without an answer; it may answer later."""
 
 
 class StorageFull(StorageError):
-    """The disk (or the quota) is full; the failed call wrote nothing."""
+    """Full disk (or quota); the failed call wrote nothing."""
 
 
 class StorageCorrupt(StorageError):
-    """The file was damaged while it was open; the next start moves it aside."""
+    """Damage to the file while it was open; the next start moves it aside."""
 
 
 class StorageMissing(StorageError):
-    """The record that the call names or refers to does not exist."""
+    """Missing record that the call names or refers to."""
 
 
 class StorageExists(StorageError):
-    """A record of that name exists already."""
+    """Name that another record has already."""
 
 
 # PostgreSQL's codes: https://www.postgresql.org/docs/current/errcodes-appendix.html

@@ -44,7 +44,7 @@ def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
 
 
 def name_beside(file: Path, why: str) -> Path:
-    """Return a free name beside a file, ``observer.sqlite`` as ``observer.corrupt-<UTC>.sqlite``."""
+    """Return a free name beside a file, such as ``observer.corrupt-<UTC>.sqlite``."""
     stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
     name = file.with_name(f"{file.stem}.{why}-{stamp}{file.suffix}")
     number = 1

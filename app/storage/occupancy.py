@@ -28,7 +28,8 @@ def occupied(folder: Path, database: str | None = None) -> Iterator[None]:
 
     Raises:
         InputError: another server holds the folder, or the file of the database.
-        StorageError: another server holds the database, or it cannot be asked; the URL is none.
+        StorageError: another server holds the database, or it does not answer, or the URL is
+            invalid.
     """
     remedy = "stop it, or give this one a folder of its own with --data"
     with contextlib.ExitStack() as held:

@@ -24,7 +24,7 @@ _REQUEST_TIMEOUT_S = 20.0
 
 
 class BenchmarkError(DynamicObserverError):
-    """A measurement could not be made."""
+    """Failure of a measurement."""
 
 
 @dataclass(frozen=True)

@@ -42,7 +42,7 @@ OLDEST_NPM = 7
 
 
 class FrontendError(Exception):
-    """A requirement is missing; one sentence names it with the next command."""
+    """Missing requirement; one sentence names it with the next command."""
 
 
 def vendor() -> bool:

@@ -27,7 +27,7 @@ def accepts_kind(path: str, content_type: str | None, has_body: bool) -> bool:
 
 
 class BodyTooLarge(Exception):
-    """The body has more bytes than the route accepts."""
+    """Body with more bytes than the route accepts."""
 
 
 class LimitedBody:

@@ -18,7 +18,7 @@ _LONGEST_JSON = 1000
 
 
 class BadMessage(Exception):
-    """A client sent something that the route does not understand."""
+    """Message that the route does not understand."""
 
 
 async def receive_text(socket: WebSocket) -> str:

@@ -48,7 +48,7 @@ _REFUSALS = (Conflict, FieldError, NotAvailable)
 
 
 class DriveSocket:
-    """One operator."""
+    """Socket of one operator."""
 
     def __init__(self, socket: WebSocket, server: Server, name: str | None) -> None:
         self._socket = socket
@@ -77,7 +77,7 @@ class DriveSocket:
             self._driving.operators.leave(self._operator)
             await self._background.cancel()
 
-    # --- out -------------------------------------------------------------------------------
+    # --- outgoing --------------------------------------------------------------------------
 
     def _say(self, message: DriveMessage) -> None:
         try:
@@ -123,7 +123,7 @@ class DriveSocket:
         holder = self._driving.operators.holder(role)
         self._say(LeaseMessage(role, "lost", holder=holder, sentence=sentence))
 
-    # --- in --------------------------------------------------------------------------------
+    # --- incoming --------------------------------------------------------------------------
 
     async def _read(self) -> None:
         while True:

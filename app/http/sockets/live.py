@@ -83,7 +83,7 @@ class LiveHub:
             if self._robots_later is not None:
                 self._robots_later.cancel()
 
-    # --- as a follower of the server --------------------------------------------------------
+    # --- follower of the server -------------------------------------------------------------
 
     def observed(self, event: ObservationEvent) -> None:
         self._sequence += 1

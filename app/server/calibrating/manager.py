@@ -35,7 +35,7 @@ class CalibrationManager:
         self._storage = shared.storage
         self._source = source
 
-    # --- making one ------------------------------------------------------------------------
+    # --- making a calibration --------------------------------------------------------------
 
     async def begin(self, source: str | None, board: Board) -> None:
         """Look for a board in the images of a source; None stands for the open source.
@@ -133,7 +133,7 @@ class CalibrationManager:
         }
         return self._storage.save_calibration(fitted.calibration_yaml, name=name, info=info)
 
-    # --- those that are kept ---------------------------------------------------------------
+    # --- stored calibrations ---------------------------------------------------------------
 
     async def activate(self, id: str | None) -> None:
         """Use this calibration for the open source; None restores the source's own.

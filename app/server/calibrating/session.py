@@ -90,7 +90,7 @@ class CalibrationSession:
         self.cameras = CalibratedCameras(None, (), ())
         self.computation.clear()
 
-    # --- beginning and ending ----------------------------------------------------------------
+    # --- starting and ending -----------------------------------------------------------------
 
     @property
     def open(self) -> bool:
@@ -243,7 +243,7 @@ class CalibrationSession:
             FitViews(views, self.board, *self._size, self._frame_rate, distortion_model)
         )
 
-    # --- what is shown -----------------------------------------------------------------------
+    # --- display -----------------------------------------------------------------------------
 
     def facts(self) -> CalibratingFacts | None:
         """Return all that the page shows except the result; None without a calibration."""

@@ -58,7 +58,7 @@ class CheckManager:
         self._saved: str | None = None
         self._trouble: str | None = None
 
-    # --- what the drive process tells ------------------------------------------------------
+    # --- events of the drive process -------------------------------------------------------
 
     def drive_said(self, robots: Robots) -> None:
         """Take the robots' state from ``DriveEvent.facts``."""
@@ -75,7 +75,7 @@ class CheckManager:
         if check.over():
             self._soon(self._save_or_tell())
 
-    # --- what people ask for ---------------------------------------------------------------
+    # --- requests --------------------------------------------------------------------------
 
     def facts(self) -> CheckNow | None:
         """Return the check in progress, or the last one that ended; None if there is none."""
@@ -153,7 +153,7 @@ class CheckManager:
         if self._unsaved:
             raise Conflict("the check before is not kept yet; DELETE /api/robots/check keeps it")
 
-    # --- keeping ---------------------------------------------------------------------------
+    # --- storing ---------------------------------------------------------------------------
 
     async def _save(self) -> None:
         async with self._saving:

@@ -176,7 +176,7 @@ class Connecting:
 
 
 async def _keep(due: asyncio.Event, tell: Callable[[], Awaitable[None]]) -> None:
-    """Send whenever due, and again if nobody answered."""
+    """Send whenever due, and again after a missing reply."""
     again = False
     while True:
         with contextlib.suppress(TimeoutError):

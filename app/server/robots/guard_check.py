@@ -21,7 +21,7 @@ _MARGIN = "guard.margin_m"
 
 
 class GuardCheck:
-    """Check of one role. Pure: the caller passes the time of day, ISO 8601 in UTC.
+    """Guided check of one role. Pure: the caller passes the time of day, ISO 8601 in UTC.
 
     Attributes:
         steps: in order. ended_at: None while the check is in progress.

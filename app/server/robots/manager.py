@@ -120,7 +120,7 @@ class RobotManager:
             clock=clock,
         )
 
-    # --- life ------------------------------------------------------------------------------
+    # --- life cycle ------------------------------------------------------------------------
 
     def start(self) -> None:
         """Start the drive process in the background: the server works without it as well."""
@@ -148,7 +148,7 @@ class RobotManager:
         if health.alive and health.generation > self._generation:
             self._started(health.generation)
 
-    # --- what others tell ------------------------------------------------------------------
+    # --- changes elsewhere -----------------------------------------------------------------
 
     def source_changed(self, state: StateEvent) -> None:
         """Handle a newly opened source, or other robots in the same one."""
@@ -210,7 +210,7 @@ class RobotManager:
         self.operators.drive_lost(event.reason)
         self._changed()
 
-    # --- what is known ---------------------------------------------------------------------
+    # --- state -----------------------------------------------------------------------------
 
     def facts(self) -> RobotsNow:
         """Return all facts of driving."""
@@ -270,7 +270,7 @@ class RobotManager:
         """Return the number of restarts of the drive process."""
         return self._drive.health.restarts
 
-    # --- what is asked for -----------------------------------------------------------------
+    # --- requests --------------------------------------------------------------------------
 
     async def ask(self, command: ToDrive[Answer]) -> Answer:
         """Send a command.

@@ -16,7 +16,7 @@ _KEPT = 200
 
 @dataclass(frozen=True)
 class WheelSample(WheelSpeed):
-    """One measurement.
+    """Measured wheel speed.
 
     Attributes:
         number: counted from 1, without gaps. segment: that of the newest observation.

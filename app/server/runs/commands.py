@@ -34,7 +34,7 @@ _LOGGED = 2000
 
 
 class CommandRefused(DynamicObserverError):
-    """A command refused the work on this run; the sentence is the command's."""
+    """Refusal by a command to do the work on this run; the sentence is the command's."""
 
 
 class RunCommands:

@@ -57,8 +57,7 @@ class CurrentRun:
         self._writer = writer
         self._clock = clock
         self._rows = PendingRows(self.most_rows)
-        # Whether a write is queued or being repeated: it takes the rows that arrive meanwhile as
-        # well.
+        # Whether a write is queued or being retried: it includes the rows that arrive meanwhile.
         self._asked = False
         self._began = self._flushed = clock()
         # The database's number of each incident; used only in the writer's thread.

@@ -90,7 +90,7 @@ class RunManager:
         """Return the run in progress, in its present state."""
         return None if self.running is None else self.running.snapshot()
 
-    # --- life ------------------------------------------------------------------------------
+    # --- life cycle ------------------------------------------------------------------------
 
     def load(self) -> None:
         """Tidy up after a server that ended during a run; the server starts in another thread."""
@@ -105,7 +105,7 @@ class RunManager:
             complete = partial(complete_recording, self._storage.folder, run_id)
             self._soon(asyncio.to_thread(complete))
 
-    # --- beginning -------------------------------------------------------------------------
+    # --- starting --------------------------------------------------------------------------
 
     async def start(
         self,
@@ -259,7 +259,7 @@ class RunManager:
         await self._observe(self._source.wanted, run, segment=segment)
         run.segments = max(run.segments, segment + 1)
 
-    # --- while it is kept ------------------------------------------------------------------
+    # --- during a run ----------------------------------------------------------------------
 
     def observed(self, event: ObservationEvent) -> None:
         """Handle the observation of a frame."""

@@ -68,7 +68,7 @@ class SourceManager:
             self.wanted, calibration=calibration or self._storage.active_calibration()
         )
 
-    # --- what is asked for -----------------------------------------------------------------
+    # --- requests --------------------------------------------------------------------------
 
     async def open(self, source: str, calibration_id: str | None) -> None:
         """Open another source.
@@ -155,7 +155,7 @@ class SourceManager:
             await self.use(replace(self.wanted, calibration=None))
 
     async def reopen(self) -> None:
-        """Observe again what was open before a calibration."""
+        """Reopen the source from before a calibration."""
         try:
             await self.restore()
         except (FieldError, Conflict, NotAvailable) as error:
@@ -164,7 +164,7 @@ class SourceManager:
             self.failed(str(error))
         self._shared.followers.status_changed()
 
-    # --- what the engine tells -------------------------------------------------------------
+    # --- events of the engine --------------------------------------------------------------
 
     def observed(self, event: ObservationEvent) -> None:
         """Store the observation of a frame."""
