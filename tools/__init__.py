@@ -1,1 +1,1 @@
-"""What is done with the project and is no part of the wheel."""
+"""Development tools that are not part of the wheel."""

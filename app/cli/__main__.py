@@ -1,4 +1,4 @@
-"""``python -m app.cli``: as ``dynamic-observer``."""
+"""Entry point of ``python -m app.cli``, the same as ``dynamic-observer``."""
 
 from app.cli import main
 

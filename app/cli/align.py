@@ -1,4 +1,4 @@
-"""``dynamic-observer align``: motion capture laid over a run that was recorded before."""
+"""``dynamic-observer align``: lay motion capture over a recorded run."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from app.cli.truth_options import (
 )
 from observer.errors import InputError
 
-# Of an offset that a person expects.
+# Tolerance of the offset that a person expects.
 _ROUGHLY_S = 2.0
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def align(
             comparison = Comparison(None, file)
         else:
             capture = recorded_capture(recording) if file is None else file.capture()
-            # What is left out need not be there.
+            # Bodies that are ignored need not be in the file.
             ignored = [body for body in ignore or [] if body in capture.bodies]
             choices = _choices(
                 recording.facts, observer, ignored, match or [], expect, T_body_camera

@@ -1,4 +1,4 @@
-"""Parameters as people type them: ``--set ego_motion.ransac_threshold_px=2``."""
+"""Parameters as typed on the command line: ``--set ego_motion.ransac_threshold_px=2``."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from observer.parameters import Parameters, ParameterValue, effective, preset
 
 
 def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameters:
-    """A preset with the values of ``name=value`` assignments put in.
+    """Return a preset's parameters with ``name=value`` assignments applied.
 
     Raises:
-        InputError: an assignment has no ``=`` or the preset is unknown.
-        ParameterError: naming every refused parameter and its range, or what does not act with
-            the method in force.
+        InputError: an assignment has no ``=``, or the preset is unknown.
+        ParameterError: a parameter was refused; the message names each with its range, or the
+            parameters that have no effect with the method in force.
     """
     changes: dict[str, ParameterValue] = {}
     for text in assignments:
@@ -29,7 +29,7 @@ def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameter
 
 
 def _typed(text: str) -> ParameterValue:
-    """Numbers and true/false as what they are, everything else as a word."""
+    """Convert numbers and true/false to their types; keep everything else as text."""
     try:
         value = json.loads(text)
     except json.JSONDecodeError:

@@ -1,4 +1,4 @@
-"""``dynamic-observer backup``: all that is kept in one file, while a server goes on."""
+"""``dynamic-observer backup``: write all data to one file, even while a server runs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``dynamic-observer benchmark``: how good presets are, and what the method costs."""
+"""``dynamic-observer benchmark``: measure the accuracy of presets and the cost of the method."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def benchmark(
     values = {"machine": machine_facts(), "seeds": shown_seeds} | method.as_dict()
     tell("\n".join(lines).rstrip(), values, output, as_json=as_json)
     if figures_to:
-        # Imported where it is needed: matplotlib would slow down the start of every command.
+        # Imported here because matplotlib would slow down the start of every command.
         from observer.evaluation.figure import benchmark_figure, save_figure
 
         for path in figures_to:
@@ -128,7 +128,7 @@ def benchmark(
 
 
 def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
-    """Where to draw; refused before hours of work rather than after them."""
+    """Return the paths of the figures; refuse bad ones before hours of work, not after."""
     paths = [] if figure is None else [figure]
     make_folder(output)
     if output is not None:

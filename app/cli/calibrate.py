@@ -1,4 +1,4 @@
-"""``dynamic-observer calibrate``: pairs of images of a board as a calibration, with a verdict."""
+"""``dynamic-observer calibrate``: compute and judge a calibration from image pairs of a board."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from observer.calibration.stereo_fit import StereoFit
 from observer.calibration.verdict import Verdict, judge, length_words
 from observer.errors import InputError
 
-# Detection runs on both cores; the fit takes about as long as this share of all.
+# Detection uses both cores; the fit takes roughly the remaining share of the steps.
 _WORKERS = 2
 _STEPS, _LOOKING = 1000, 600
 
@@ -54,7 +54,7 @@ def calibrate(
     columns, rows = parse_board_size(board)
     shown = Board("charuco" if charuco else "chessboard", columns, rows, square_mm / 1e3)
     pairs, unpaired = read_board_pairs(left, right)
-    # Before seconds of work rather than after them.
+    # Checked before seconds of work, not after.
     if not output.parent.is_dir():
         raise InputError(f"cannot write {output}: name a file in a folder that exists")
     with progress_bar(f"calibrating by {len(pairs)} pairs") as advance:
@@ -89,7 +89,7 @@ def calibrate(
 
 
 def _tell_views(found: FoundBoards, fit: StereoFit) -> None:
-    """What became of each view, on stderr."""
+    """Print the outcome of each view to stderr."""
     by_one = 0
     for view, error in zip(found.views, fit.views, strict=True):
         if not error.used:

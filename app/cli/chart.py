@@ -1,4 +1,4 @@
-"""``dynamic-observer chart``: figure 17 of one run, as a picture or as data."""
+"""``dynamic-observer chart``: figure 17 of one run, as an image or as data."""
 
 from __future__ import annotations
 
@@ -53,13 +53,13 @@ def chart(
         if title is None:
             with Recording(path) as recording:
                 title = recording.facts.name or recording.facts.id
-        # What draws takes as long to import as all else.
+        # The plotting code takes as long to import as everything else.
         from app.reports.drawing import figure_bytes
         from app.reports.speed_figure import speed_figure
 
         figure = speed_figure([(title, gathered)])
         if begin is not None or end is not None:
-            # The visible range, although nothing may be known at its ends.
+            # The requested range is shown even if no value is known at its ends.
             figure.axes[0].set_xlim(begin, end)
         content = figure_bytes(figure, "speed", ending[1:])
     elif ending == ".csv":

@@ -1,7 +1,7 @@
-"""Commands by name, imported when they are called, and what becomes of their errors.
+"""Commands by name, imported on demand, and the handling of their errors.
 
-Errors are one sentence on stderr; the exit code is 2 for usage and input, 1 for failed work.
-Data goes to stdout or to the named file only, progress to stderr.
+An error is one sentence on stderr. The exit code is 2 for usage and input, 1 for failed work.
+Data goes only to stdout or to the named file; progress goes to stderr.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ EXIT_FAILED = 1
 EXIT_INPUT = 2
 EXIT_INTERRUPTED = 130
 
-# What ``--help`` lists: the first sentence of each command's own help.
+# Shown by ``--help``: the first sentence of each command's own help.
 COMMANDS: Mapping[str, str] = {
     "serve": "Serve the panel; prints the link to open.",
     "observe": "Observe a source from its first frame to its last and write one JSON line per "
@@ -56,21 +56,21 @@ COMMANDS: Mapping[str, str] = {
     "doctor": "List cameras, ports, data folder and what to do about each problem; 1 if one "
     "hinders.",
 }
-# A command lies in the module of its name but for this one.
+# Each command lives in the module of its name, with this one exception.
 _MODULES = {"programmes": "drive"}
 
 
 class _Commands(TyperGroup):
-    """Holds stand-ins with help lines; the command itself is imported when it is called."""
+    """Group of stand-ins with help lines; a command is imported when it is called."""
 
-    # Any: Typer keeps the types of its contexts and commands to itself.
+    # Any: Typer does not export the types of its contexts and commands.
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
         name, stand_in, rest = super().resolve_command(ctx, args)
         return name, stand_in if name is None else load_command(name), rest
 
 
 def load_command(name: str) -> Any:
-    """Import one of ``COMMANDS``; returns Typer's form of it."""
+    """Import one of ``COMMANDS`` and return Typer's form of it."""
     function = name.replace("-", "_")
     module = importlib.import_module(f"app.cli.{_MODULES.get(name, function)}")
     alone = _empty()
@@ -79,7 +79,7 @@ def load_command(name: str) -> Any:
 
 
 def build() -> typer.Typer:
-    """Make the command line."""
+    """Build the command line."""
     cli = _empty()
     for name, help_line in COMMANDS.items():
         cli.command(name, help=help_line)(_stand_in)
@@ -87,7 +87,7 @@ def build() -> typer.Typer:
 
 
 def _stand_in() -> None:
-    """Never called; see ``_Commands``."""
+    """Stand in for a command; never called, see ``_Commands``."""
 
 
 def _empty() -> typer.Typer:
@@ -108,12 +108,12 @@ def main(arguments: Sequence[str] | None = None) -> NoReturn:
 
 
 def run(cli: typer.Typer, arguments: Sequence[str] | None = None) -> NoReturn:
-    """Run a command line, say its errors as all of them say theirs, and exit.
+    """Run a command line, print its errors in the common form, and exit.
 
     Args:
-        arguments: in place of the process's.
+        arguments: used instead of the process's own.
     """
-    # Before numpy and OpenCV are imported, which read it then.
+    # Must be set before numpy and OpenCV are imported: they read it then.
     for name, value in NATIVE_ENVIRONMENT.items():
         os.environ.setdefault(name, value)
     try:

@@ -1,4 +1,4 @@
-"""``dynamic-observer coppelia-scene``: the paper's scene, built in a running CoppeliaSim."""
+"""``dynamic-observer coppelia-scene``: build the paper's scene in a running CoppeliaSim."""
 
 from __future__ import annotations
 

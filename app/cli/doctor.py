@@ -1,4 +1,4 @@
-"""``dynamic-observer doctor``: devices, permissions, data folder, and what to do about each."""
+"""``dynamic-observer doctor``: check devices, permissions and data folder, and suggest remedies."""
 
 from __future__ import annotations
 

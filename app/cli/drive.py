@@ -1,4 +1,4 @@
-"""``dynamic-observer drive``: a programme of timed velocities, played by a running server."""
+"""``dynamic-observer drive``: play a programme of timed velocities on a running server."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from app.cli.progress import drawn_progress
 from observer.errors import DynamicObserverError, InputError
 
 _DEFAULT_SERVER = "http://127.0.0.1:8080"
-# As shells tell a process that a signal ended.
+# Shells report a process ended by a signal this way.
 _SIGNALLED = 128
 
 Watch = Callable[[dict[str, Any], dict[str, Any]], None]
@@ -132,7 +132,7 @@ def _play(
 
 
 def _chosen(api: Any, programme: str) -> Any:
-    """The programme as the server has it; a file is brought to it first."""
+    """Return the programme as the server knows it; upload it first if it is a file."""
     from observer.motion_profiles.library import read_profile
     from observer.motion_profiles.profile_file import profile_from_text, profile_text
 
@@ -146,7 +146,7 @@ def _chosen(api: Any, programme: str) -> Any:
 
 @contextmanager
 def _ended_by_signals() -> Iterator[None]:
-    """Ctrl-C, a closed terminal, or somebody who ends the process: the drive ends in order."""
+    """End the drive in order on Ctrl-C, a closed terminal or SIGTERM."""
 
     def end(number: int, _: object) -> None:
         raise typer.Exit(_SIGNALLED + number)
@@ -165,7 +165,7 @@ def _ended_by_signals() -> Iterator[None]:
 
 @contextmanager
 def _shown(duration_s: float, repeat: int, roles: Sequence[str]) -> Iterator[Watch]:
-    """What is driven, on stderr: a bar on a terminal, and each reason to drive less once."""
+    """Show the drive on stderr: a bar on a terminal, and each limiting reason once."""
     told: set[str] = set()
     with drawn_progress() as progress:
         task = progress.add_task("starting", total=duration_s)

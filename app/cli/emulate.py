@@ -1,4 +1,4 @@
-"""``dynamic-observer emulate``: a robot to try things with, without a robot."""
+"""``dynamic-observer emulate``: emulate a robot to try things without hardware."""
 
 from __future__ import annotations
 

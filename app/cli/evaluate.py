@@ -1,4 +1,4 @@
-"""``dynamic-observer evaluate``: how good the tracks of ``observe`` are, against truth."""
+"""``dynamic-observer evaluate``: compare the tracks of ``observe`` with ground truth."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def _choices(
 
 
 def _sentences(opened: OpenedTruth) -> list[str]:
-    """What was understood of the file and how it was aligned; for people, on stderr."""
+    """Describe how the truth file was read and aligned; for people, on stderr."""
     if opened.capture is None or opened.alignment is None:
         return []
     return [

@@ -1,4 +1,4 @@
-"""``dynamic-observer export``: a run as files for other tools."""
+"""``dynamic-observer export``: export a run to files for other tools."""
 
 from __future__ import annotations
 

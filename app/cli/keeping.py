@@ -1,4 +1,4 @@
-"""What ``observe`` keeps beside its lines: a recording and a video of what it observed."""
+"""Files that ``observe`` writes besides its lines: a recording and a video."""
 
 from __future__ import annotations
 
@@ -29,10 +29,11 @@ _FALLBACK_RATE = 15.0
 
 
 class Keeper:
-    """Keeps each frame as it was observed; without a recording and a video it does nothing.
+    """Writer of each frame as it was observed; does nothing without a recording and a video.
 
     Args:
-        rectification: of the frames; for the video alone, so that observing is not disturbed.
+        rectification: of the frames; used only for the video, so that it does not interfere with
+            observing.
     """
 
     def __init__(
@@ -49,19 +50,19 @@ class Keeper:
 
     @property
     def video_told(self) -> str:
-        """How long the video is and what it was encoded as, in words."""
+        """Describe the length and encoding of the video."""
         assert self._video is not None
         return f"{self._video.pictures} pictures as {self._video.codec}"
 
     def frame(self, frame: StereoFrame) -> None:
-        """A frame that is about to be observed."""
+        """Take a frame that is about to be observed."""
         if self._writer is not None:
             self._writer.frame(frame)
 
     def observed(
         self, frame: StereoFrame, observation: Observation, line: Mapping[str, Any]
     ) -> None:
-        """What was found in it."""
+        """Write the observation of a frame."""
         if self._writer is not None:
             bodies: list[TrueBodyEntry] = []
             if self._truth is not None:
@@ -74,12 +75,12 @@ class Keeper:
             self._video.add(draw_overlay(left, line), frame.time)
 
     def skipped(self, skipped: SkippedFrame) -> None:
-        """A frame that could not be read."""
+        """Note a frame that could not be read."""
         if self._writer is not None:
             self._writer.skipped(skipped, time.monotonic())
 
     def waited(self) -> None:
-        """A live source had nothing new."""
+        """Note that a live source had no new frame."""
         if self._writer is not None:
             self._writer.flush(time.monotonic())
 
@@ -96,14 +97,14 @@ def keeping(
     images: Images,
     video: Path | None,
 ) -> Iterator[Keeper]:
-    """A keeper for what is observed within the block; its files are whole behind it.
+    """Yield a keeper for the block; its files are complete when the block ends.
 
     Args:
-        calibration, parameters, preset: what is observed with.
-        record, video: files, or None. images: which of them are recorded.
+        calibration, parameters, preset: used to observe.
+        record, video: files, or None. images: which images are recorded.
 
     Raises:
-        InputError: a file cannot be written. RecordingError, ExportError: it ended early.
+        InputError: a file cannot be written. RecordingError, ExportError: writing ended early.
     """
     with ExitStack() as stack:
         writer = recorded = None
@@ -121,9 +122,9 @@ def keeping(
 
 @contextmanager
 def _whole(path: Path) -> Iterator[Path]:
-    """As ``app.cli.output.whole_file``, for what others write.
+    """Do as ``app.cli.output.whole_file`` does, for files that others write.
 
-    An interrupt is how observing a live source ends, so what there is until then is the result.
+    An interrupt is the normal end of observing a live source, so the file so far is the result.
     """
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK) or path.is_dir():
         raise InputError(
@@ -159,7 +160,7 @@ def _facts(
     from app.versions import versions
 
     return RunFacts(
-        # Not one of the server's runs; unique enough to be told from others.
+        # Not a run of the server, but unique enough to tell runs apart.
         id=f"observe-{datetime.now(UTC):%Y%m%d-%H%M%S-%f}",
         name=name,
         source=info.spec,

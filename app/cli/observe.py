@@ -1,4 +1,4 @@
-"""``dynamic-observer observe``: the method over a source, as fast as it goes."""
+"""``dynamic-observer observe``: run the method over a source at full speed."""
 
 from __future__ import annotations
 
@@ -110,8 +110,8 @@ def observe(
 
 
 def _read_calibration(names: list[str], size: Size) -> StereoCalibration:
-    """The calibration of these files, for images of this size; what was decided goes to stderr."""
-    # A comma may be part of a file's name.
+    """Read the calibration from these files for images of this size; log decisions to stderr."""
+    # A file name may contain a comma.
     paths = [
         path
         for name in names
@@ -131,7 +131,7 @@ def _observe_all(
     tentative: bool,
     kept: Keeper,
 ) -> list[SkippedFrame]:
-    """Write one line per readable frame; the frames that could not be read are returned."""
+    """Write one line per readable frame; return the frames that could not be read."""
     skipped: list[SkippedFrame] = []
     observed = 0
     trouble: str | None = None
@@ -161,7 +161,7 @@ def _observe_all(
 
 
 def _told(trouble: str | None, before: str | None) -> str | None:
-    """A live source's trouble, said once on stderr as long as it stays the same."""
+    """Print a live source's trouble to stderr, once as long as it stays the same."""
     if trouble is not None and trouble != before:
         typer.echo(trouble, err=True)
     return trouble

@@ -1,4 +1,4 @@
-"""Writing a result file so that an interrupted run never destroys an earlier result."""
+"""Result files, written so that an interrupted run never destroys an earlier result."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from observer.errors import InputError
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[IO[str]]:
-    """Write text beside ``path`` and put it in place when the block ends well.
+    """Write text beside ``path`` and move it into place if the block succeeds.
 
-    When it does not, an earlier file stays as it was and what was written so far is kept beside
-    it under the name with ``.part`` added.
+    If the block fails, an earlier file stays unchanged and the text written so far is kept beside
+    it, with ``.part`` added to the name.
 
     Raises:
         InputError: the folder does not exist or cannot be written.

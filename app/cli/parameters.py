@@ -1,4 +1,4 @@
-"""``dynamic-observer parameters``: every tuning parameter, its range and what it does."""
+"""``dynamic-observer parameters``: list every tuning parameter, its range and its effect."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def parameters(
 
 
 def parameter_table() -> str:
-    """Return all parameters as one Markdown table, from their only declaration."""
+    """Return all parameters as one Markdown table, built from their only declaration."""
     rows = [
         "| parameter | default | range | acts with | what it does |",
         "| --- | --- | --- | --- | --- |",

@@ -1,4 +1,4 @@
-"""Progress of long work, on stderr, and silent where nobody watches."""
+"""Progress of long work on stderr; silent without a terminal."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-# Called with (done, total); total is None where it is not known.
+# Called with (done, total); total is None if unknown.
 ProgressCallback = Callable[[int, int | None], None]
 
 
 def drawn_progress(*columns: ProgressColumn) -> Progress:
-    """Progress on stderr, gone behind its end, and only drawn on a terminal.
+    """Return a progress display on stderr that is drawn only on a terminal and removed at its end.
 
     Args:
-        columns: between the bar and the time that remains.
+        columns: shown between the bar and the remaining time.
     """
     console = Console(stderr=True)
     return Progress(
@@ -39,7 +39,7 @@ def drawn_progress(*columns: ProgressColumn) -> Progress:
 
 @contextmanager
 def progress_bar(title: str) -> Iterator[ProgressCallback]:
-    """A bar on stderr while the block runs; only drawn on a terminal."""
+    """Show a bar on stderr while the block runs; drawn only on a terminal."""
     with drawn_progress(MofNCompleteColumn()) as progress:
         task = progress.add_task(title, total=None)
 

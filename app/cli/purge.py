@@ -1,4 +1,4 @@
-"""``dynamic-observer purge``: delete for good what was deleted in the history."""
+"""``dynamic-observer purge``: permanently delete what was deleted in the history."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``dynamic-observer report``: the paper's figures redone from a run, on one page."""
+"""``dynamic-observer report``: redo the paper's figures from a run, on one page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``dynamic-observer reproduce``: the paper's figures from both simulated experiments."""
+"""``dynamic-observer reproduce``: redo the paper's figures from both simulated experiments."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def reproduce(
     from observer.motion_profiles.library import library_text, load_profile
 
     for name in PROGRAMMES:
-        # First, so that a folder that cannot be written is told before everything is driven.
+        # Done first, to report an unwritable folder before anything is driven.
         write_file(output / "programmes" / f"{name}.yaml", library_text(name).encode())
     played = play_experiments(
         output / "recording.mcap",
@@ -48,7 +48,7 @@ def reproduce(
     written = write_figures(report, output / "figures")
     told = {
         "experiments": [each.title for each in played.experiments],
-        # Drives that came to nothing are no part of the experiments, but of how they were made.
+        # Failed drives are not part of the experiments, only of how they were made.
         "ended_early": played.interrupted,
     }
     write_file(output / "experiments.json", (json.dumps(told, indent=2) + "\n").encode())

@@ -1,4 +1,4 @@
-"""``dynamic-observer restore``: a backup put in place, what was there kept beside it."""
+"""``dynamic-observer restore``: restore a backup and keep the previous data beside it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Results of a measurement: on stdout, and as ``benchmark.json`` and ``benchmark.md``."""
+"""Results of a measurement, on stdout and as ``benchmark.json`` and ``benchmark.md``."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _Figures = TypeVar("_Figures")
 
 
 def make_folder(output: Path | None) -> None:
-    """Make the folder of results; refused before hours of work rather than after them.
+    """Make the folder of results; fail before hours of work, not after.
 
     Raises:
         InputError: it cannot be made.
@@ -32,12 +32,12 @@ def make_folder(output: Path | None) -> None:
 
 
 def tell(text: str, values: dict[str, Any], output: Path | None, *, as_json: bool) -> None:
-    """Print results and keep them.
+    """Print results and save them.
 
     Args:
-        text: Markdown. values: the same for JSON.
-        output: an existing folder; None keeps nothing.
-        as_json: what is printed.
+        text: Markdown. values: the same results for JSON.
+        output: an existing folder; None saves nothing.
+        as_json: whether to print JSON instead of the text.
     """
     data = json.dumps(values, indent=2, allow_nan=False)
     if output is not None:
@@ -56,15 +56,15 @@ def tell_measured(
     *,
     as_json: bool,
 ) -> None:
-    """Measure one thing and tell it with the machine and its load before and after.
+    """Measure one thing and report it with the machine and its load before and after.
 
     Args:
-        name: of the figures in JSON.
+        name: key of the figures in JSON.
 
     Raises:
         InputError: the folder of results cannot be made.
     """
-    # OpenCV, which comes with it, reads the environment when it is imported.
+    # This import brings OpenCV, which reads the environment when it is imported.
     from observer.evaluation.machine import load, machine_facts, machine_line
 
     make_folder(output)

@@ -1,4 +1,4 @@
-"""The run that a command is about, with the truth that was laid over it."""
+"""The run that a command works on, with the ground truth that was laid over it."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ ComparedOption = Annotated[
 def chosen_run(
     run: str, compared: Path | None, data: Path | None, database: str | None
 ) -> tuple[Path, Comparison | None]:
-    """The recording, and what it is compared with beside its own truth.
+    """Return the recording and what it is compared with besides its own truth.
 
     Args:
-        run: an id or its beginning, a run's folder, or a recording's file.
-        compared: a file that ``align`` wrote; None for what is kept with the run.
+        run: an id or its beginning, a run's folder, or a recording file.
+        compared: a file written by ``align``; None for the truth stored with the run.
 
     Raises:
-        SourceError: there is no such recording. TruthError, InputError: ``compared`` is no use.
+        SourceError: there is no such recording. TruthError, InputError: ``compared`` is unusable.
         StorageError: the database cannot be read.
     """
     from app.reports.comparison import Comparison
 
     if compared is not None or Path(run).exists():
-        # A file or a folder may be of anywhere, so no database is asked about it.
+        # A file or folder may come from anywhere, so no database is queried about it.
         path = find_recording(run, storage_settings(data, database).data.expanduser().absolute())
         return path, None if compared is None else Comparison.read(compared)
     settings = storage_settings(data, database)

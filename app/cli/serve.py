@@ -1,4 +1,4 @@
-"""``dynamic-observer serve``: the server with panel, viewer and REST."""
+"""``dynamic-observer serve``: serve the panel, the viewer and REST."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which data folder and database a command is about."""
+"""Options for the data folder and the database of a command."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ DatabaseOption = Annotated[
 
 
 def storage_settings(data: Path | None, database: str | None) -> Settings:
-    """What was given, then the environment, then the defaults.
+    """Return the settings: given values first, then the environment, then the defaults.
 
     Raises:
-        InputError: something of it is not understood.
+        InputError: a value is not understood.
     """
     given: dict[str, Any] = {"data": data, "database": database}
     try:

@@ -1,4 +1,6 @@
-"""``dynamic-observer sweep``: a grid of parameters over many sources, on all cores or a cluster."""
+"""``dynamic-observer sweep``: run a grid of parameters over many sources, on all cores or a
+cluster.
+"""
 
 from __future__ import annotations
 
@@ -22,7 +24,7 @@ from observer.evaluation.sweep.tables import ranking_csv, ranking_markdown, writ
 
 
 class TasksFailed(DynamicObserverError):
-    """Some tasks of a sweep failed; the results of the others are written."""
+    """Failure of some tasks of a sweep; the results of the others are written."""
 
 
 def sweep(
@@ -111,7 +113,7 @@ def sweep(
         )
         raise
     finally:
-        # Also of a sweep that was interrupted: what is finished is worth a look.
+        # Done for an interrupted sweep too: finished results are worth a look.
         result = run.result
         text = _write(result, output, rank_by)
     typer.echo(text.rstrip())
@@ -132,7 +134,7 @@ def sweep(
 
 
 def _write(result: Sweep, folder: Path, rank_by: RankedBy) -> str:
-    # Imported where it is needed: matplotlib would slow down the start of every command.
+    # Imported here because matplotlib would slow down the start of every command.
     from observer.evaluation.figure import save_figure
     from observer.evaluation.sweep.figure import sweep_figure
 

@@ -1,4 +1,4 @@
-"""``dynamic-observer truth``: what is understood of a truth file."""
+"""``dynamic-observer truth``: describe how a truth file is understood."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def truth(
     except AnglesUnclear as error:
         if output is None:
             raise
-        # A question, which whoever asked passes on.
+        # An open question, which the caller passes on.
         told = {"question": str(error)}
     if output is not None:
         write_file(output, json.dumps(told, allow_nan=False).encode())

@@ -1,4 +1,4 @@
-"""How a truth file is to be read and which body is which: for every command that takes one."""
+"""Options for reading a truth file and assigning its bodies, for all commands that take one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from observer.geometry import Pose
     from observer.truth.alignment.choices import BodyRole
 
-# As ``observer.truth.files.angles.AngleReading``, whose import takes half a second.
+# Same as ``observer.truth.files.angles.AngleReading``, whose import takes half a second.
 AngleReading = Literal["helical", "euler_xyz"]
 RateOption = Annotated[
     float | None,
@@ -42,10 +42,10 @@ CameraOnBodyOption = Annotated[
 
 
 def body_roles(observer: str | None, ignored: Sequence[str]) -> dict[str, BodyRole]:
-    """As ``AlignmentChoices.roles`` takes them.
+    """Return the roles in the form that ``AlignmentChoices.roles`` takes.
 
     Raises:
-        InputError: the observer is to be ignored.
+        InputError: the observer is also on the list of ignored bodies.
     """
     roles: dict[str, BodyRole] = dict.fromkeys(ignored, "ignored")
     if observer is not None:
@@ -56,10 +56,10 @@ def body_roles(observer: str | None, ignored: Sequence[str]) -> dict[str, BodyRo
 
 
 def body_camera(camera_on_body: str | None) -> Pose | None:
-    """``T_body_camera`` as ``AlignmentChoices`` takes it.
+    """Return ``T_body_camera`` in the form that ``AlignmentChoices`` takes.
 
     Raises:
-        TruthError: it is not given as it should be.
+        TruthError: its format is wrong.
     """
     from observer.truth.alignment.camera_on_body import CameraOnBody
 

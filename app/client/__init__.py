@@ -1,1 +1,1 @@
-"""Driving by a running server, as one of its operators: what the command line does."""
+"""Driving through a running server as one of its operators, for the command line."""

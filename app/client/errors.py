@@ -1,4 +1,4 @@
-"""Why driving by a server ended."""
+"""Reasons for the end of a drive through a server."""
 
 from __future__ import annotations
 
@@ -6,4 +6,4 @@ from observer.errors import DynamicObserverError
 
 
 class DrivingFailed(DynamicObserverError):
-    """The server or a robot would not, or the link to them was lost."""
+    """Refusal by the server or a robot, or a lost link to them."""

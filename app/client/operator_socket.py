@@ -1,4 +1,4 @@
-"""An operator's WebSocket to the server: leases, and the sign of life that keeps robots moving."""
+"""An operator's WebSocket to the server: leases, and the heartbeat that keeps robots moving."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ from observer.rig.rig import Role
 
 PRESENCE_INTERVAL_S = 0.1
 _ANSWER_WITHIN_S = 3.0
-# To other operators.
+# Name shown to other operators.
 _CALLED = "the command line"
-# A stalled link must not hold the end up: the robots stand long before.
+# A stalled link must not delay the end: the robots have stopped long before.
 _CLOSE_WITHIN_S = 1.0
 
 
 class OperatorSocket:
-    """Connects at once; a thread of its own says ten times a second that the operator is there.
+    """WebSocket that connects at once; its own thread sends a heartbeat ten times a second.
 
-    It says so for every lease it holds, from the moment it is given until it is let go. When the
-    connection, the process or this thread ends, nothing is said any more, and the robots stop.
+    The heartbeat covers every lease held, from the moment it is granted until it is released. When
+    the connection, the process or this thread ends, the heartbeat ends too, and the robots stop.
 
     Raises:
         InputError: the server refuses this token. DrivingFailed: it does not answer.
@@ -41,7 +41,7 @@ class OperatorSocket:
         self._lock = threading.Lock()
         self._sequence: dict[Role, int] = {}
         self._leases: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
-        # Why driving cannot go on; the first reason counts.
+        # Reason why driving cannot go on; the first one counts.
         self._over: str | None = None
         self._link: str | None = None
         self._ending = threading.Event()
@@ -50,14 +50,14 @@ class OperatorSocket:
 
     @property
     def link(self) -> str | None:
-        """What the server says of a link that is too slow; None while it is well."""
+        """Return the server's complaint about a slow link; None while the link is good."""
         return self._link
 
     def take(self, role: Role, *, takeover: bool) -> str:
-        """Become who drives a role; the lease's id.
+        """Take the lease on a role and return the lease's id.
 
         Raises:
-            DrivingFailed: somebody else drives it (and no takeover was asked for), or the server
+            DrivingFailed: somebody else drives it (and no takeover was requested), or the server
                 does not answer.
         """
         self._send({"type": "take", "role": role, "takeover": takeover})
@@ -83,17 +83,19 @@ class OperatorSocket:
             )
 
     def check(self) -> None:
-        """Raises:
-        DrivingFailed: a lease or the connection is lost, with the reason.
+        """Fail if a lease or the connection is lost.
+
+        Raises:
+            DrivingFailed: a lease or the connection is lost; the message gives the reason.
         """
         if self._over is not None:
             raise DrivingFailed(self._over)
 
     def release(self) -> tuple[Role, ...]:
-        """Give everything back: the robots stop and are disarmed. Safe where the link is gone.
+        """Release all leases, so that the robots stop and are disarmed. Safe on a lost link.
 
         Returns:
-            What was held until now.
+            The roles held until now.
         """
         with self._lock:
             held, self._sequence = tuple(self._sequence), {}
@@ -103,7 +105,7 @@ class OperatorSocket:
         return held
 
     def close(self) -> None:
-        """Say no more; the leases end with the connection. Safe to call twice."""
+        """Stop the heartbeat; the leases end with the connection. Safe to call twice."""
         self._ending.set()
         self._connection.close()
         self._thread.join(_CLOSE_WITHIN_S + PRESENCE_INTERVAL_S)
@@ -121,7 +123,7 @@ class OperatorSocket:
                 now = time.monotonic()
                 if now >= beat:
                     self._say_present()
-                    # Beats that were missed are not made up for.
+                    # Missed heartbeats are not made up for.
                     beat = now + PRESENCE_INTERVAL_S
                 try:
                     text = self._connection.recv(timeout=max(0.0, beat - time.monotonic()))
@@ -167,7 +169,7 @@ class OperatorSocket:
         if message.get("state") == "yours":
             with self._lock:
                 self._sequence.setdefault(role, 0)
-            # At once, so that it is there before anything is asked for by this lease.
+            # Sent at once, so that it arrives before any request under this lease.
             self._say_present()
         elif message.get("state") == "lost":
             with self._lock:
@@ -191,12 +193,12 @@ def _connected(api: ServerApi) -> ClientConnection:
         return connect(
             address,
             additional_headers=api.headers,
-            # A proxy or a compressor would only add delay to a sign of life.
+            # A proxy or compression would only delay the heartbeat.
             proxy=None,
             compression=None,
             open_timeout=_ANSWER_WITHIN_S,
             close_timeout=_CLOSE_WITHIN_S,
-            # The server's own pings tell sooner.
+            # The server's own pings detect a dead link sooner.
             ping_interval=None,
         )
     except InvalidStatus as error:

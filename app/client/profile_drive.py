@@ -1,4 +1,4 @@
-"""Playing a programme by a running server: take, arm, start, be present, end disarmed."""
+"""Playing a programme through a running server: take leases, arm, start, stay present, disarm."""
 
 from __future__ import annotations
 
@@ -16,20 +16,21 @@ from observer.errors import DynamicObserverError
 from observer.rig.rig import Role
 
 _POLL_S = 0.1
-# The facts are up to a tenth of a second behind, more on a busy machine.
+# The facts lag by up to a tenth of a second, more on a busy machine.
 _APPEARS_WITHIN_S = 2.0
 _CLOSE_TO_END_S = 1.0
-# A robot's stop and others' come with the end of a programme.
+# Stops of one robot and of others are reported together with the end of a programme.
 _NEWEST_INCIDENTS = 5
 
 
 @dataclass(frozen=True)
 class PlayRequest:
-    """What shall be driven.
+    """Request to play a programme.
 
     Attributes:
-        name: as the server knows it. roles: those it moves. duration_s: of the whole.
-        takeover: take the roles from who has them.
+        name: name of the programme on the server. roles: roles it moves.
+        duration_s: total duration.
+        takeover: take the roles from their current holders.
     """
 
     name: str
@@ -40,12 +41,12 @@ class PlayRequest:
     takeover: bool
 
 
-# Called with the server's facts of ``programme`` and of ``robots`` while it is driven.
+# Called with the server's facts of ``programme`` and ``robots`` during the drive.
 Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
 
 class ProfileDrive:
-    """One playing of a programme, and what became of it."""
+    """One playback of a programme and its outcome."""
 
     def __init__(self, api: ServerApi, request: PlayRequest, watch: Watch) -> None:
         self._api = api
@@ -55,11 +56,13 @@ class ProfileDrive:
         self._elapsed_s = 0.0
 
     def run(self) -> None:
-        """Drive it to its end. However this ends, the robots that it took are disarmed, or
-        left to stop.
+        """Drive the programme to its end.
+
+        However the drive ends, the robots that it took are disarmed, or left to stop.
 
         Raises:
-            InputError, DrivingFailed: one sentence of why it did not begin or did not end.
+            InputError, DrivingFailed: the drive did not begin or did not finish; one sentence
+                says why.
         """
         roles = self._request.roles
         asked = False
@@ -70,17 +73,17 @@ class ProfileDrive:
                 }
                 for role in roles:
                     self._api.post("robots", role, "arm", body={"lease": leases[role]})
-                # Before it is asked for, so that it cannot end earlier than it seems to.
+                # Taken before the request, so that the programme cannot seem to end too early.
                 began, asked = time.monotonic(), True
                 self._start(leases)
                 self._follow(socket, began)
             finally:
-                # The quickest way first; it stops and disarms, and the rest is for certainty.
-                # What somebody else drives, from the beginning or by now, is left alone.
+                # The quickest way first: it stops and disarms. The rest makes sure. Roles that
+                # somebody else drives, from the beginning or by now, are left alone.
                 self._disarm(socket.release(), asked)
 
     def summary(self) -> dict[str, Any]:
-        """How far it came, by role; ready for JSON."""
+        """Return how far each role came; ready for JSON."""
         return {
             "programme": self._request.name,
             "repeat": self._request.repeat,
@@ -121,8 +124,10 @@ class ProfileDrive:
             time.sleep(max(0.0, now + _POLL_S - time.monotonic()))
 
     def _judge_end(self, facts: dict[str, Any], since_start_s: float) -> None:
-        """Raises:
-        DrivingFailed: it did not end by itself.
+        """Check that the programme ended by itself.
+
+        Raises:
+            DrivingFailed: it did not.
         """
         whole = self._request.duration_s
         nearly = whole - min(_CLOSE_TO_END_S, whole / 2)
@@ -136,7 +141,7 @@ class ProfileDrive:
         if facts["stopped"] is not None:
             reasons.insert(0, f"stopped by {facts['stopped']['by']}")
         if not reasons:
-            # What hindered it may be over by now.
+            # The reason may be gone by now.
             newest = facts.get("incidents", ())[-_NEWEST_INCIDENTS:]
             told = [each["sentence"] for each in newest if each["kind"] == "programme"]
             reasons = [each for each in told[-1:] if self._request.name in each]
@@ -146,8 +151,8 @@ class ProfileDrive:
         )
 
     def _disarm(self, held: Sequence[Role], asked: bool) -> None:
-        # A server that does not answer has lost this operator, and stops by itself.
-        # Nor need a programme be going.
+        # A server that does not answer has lost this operator, and stops the robots by itself.
+        # There may also be no programme to stop.
         if held and asked:
             with contextlib.suppress(DynamicObserverError):
                 self._api.delete("robots", "programme")

@@ -1,4 +1,4 @@
-"""A running server's REST, asked by one thread over one connection that is kept."""
+"""Client for the REST interface of a running server: one thread, one persistent connection."""
 
 from __future__ import annotations
 
@@ -11,22 +11,23 @@ from urllib.parse import quote, urlsplit
 from app.client.errors import DrivingFailed
 from observer.errors import InputError
 
-# Arming waits for a robot's answer; nothing takes longer.
+# Arming waits for a robot's answer; no request takes longer.
 _TIMEOUT_S = 5.0
 _LONGEST_TOKEN = 512
-# What the caller asked is wrong; anything else is the server's or a robot's state. 404 is either.
+# These mean that the caller's request is wrong; anything else concerns the state of the server or
+# of a robot. 404 may be either.
 _WRONG_INPUT = (400, 401, 403, 413, 415, 422)
 
 
 class ServerApi:
-    """See the module.
+    """Client for a server's REST interface; for one thread.
 
     Args:
-        server: as in ``http://127.0.0.1:8080``, or https.
-        token: what the server printed at its start, or keeps in its token file.
+        server: an address such as ``http://127.0.0.1:8080``; https works too.
+        token: the token that the server printed at its start or keeps in its token file.
 
     Raises:
-        InputError: the address is none.
+        InputError: the address is invalid.
     """
 
     def __init__(self, server: str, token: str) -> None:
@@ -50,43 +51,44 @@ class ServerApi:
 
     @property
     def address(self) -> str:
-        """Without a path."""
+        """Return the server's address without a path."""
         host = f"[{self._host}]" if ":" in self._host else self._host
         return f"{'https' if self._tls else 'http'}://{host}:{self._port}"
 
     @property
     def headers(self) -> dict[str, str]:
-        """By which the server knows its operator."""
+        """Return the headers that authenticate the operator."""
         return dict(self._headers)
 
     def socket_address(self, path: str) -> str:
-        """Of a WebSocket."""
+        """Return the address of a WebSocket."""
         return f"ws{self.address.removeprefix('http')}{path}"
 
     def get(self, *path: str) -> Any:
-        """The decoded answer; raises as ``request``."""
+        """Send a GET request and return the decoded reply; raise as ``request``."""
         return self.request("GET", *path)
 
     def post(self, *path: str, body: Any = None) -> Any:
-        """The decoded answer; raises as ``request``."""
+        """Send a POST request and return the decoded reply; raise as ``request``."""
         return self.request("POST", *path, body={} if body is None else body)
 
     def delete(self, *path: str) -> Any:
-        """The decoded answer; raises as ``request``."""
+        """Send a DELETE request and return the decoded reply; raise as ``request``."""
         return self.request("DELETE", *path)
 
     def request(self, method: str, *path: str, body: Any = None) -> Any:
-        """One call.
+        """Send one request.
 
         Args:
-            path: the parts below ``/api``; quoted here.
+            path: the parts below ``/api``; this method quotes them.
 
         Returns:
-            The decoded JSON of the answer; None where it has none.
+            The decoded JSON of the reply; None if there is none.
 
         Raises:
-            InputError: the server refused what was asked; the sentence is the server's.
-            DrivingFailed: it refused for its state, is not there, or did not answer in time.
+            InputError: the server refused the request; the sentence is the server's.
+            DrivingFailed: the server refused because of its state, is not there, or did not
+                answer in time.
         """
         target = "/api/" + "/".join(quote(part, safe="") for part in path)
         headers = self._headers
@@ -106,7 +108,7 @@ class ServerApi:
                 f"dynamic-observer serve, or name another one with --server"
             ) from None
         except BaseException:
-            # An answer that was not waited for must not be taken for the next one.
+            # A late reply must not be taken for the reply to the next request.
             self.close()
             raise
         if answer.will_close:
@@ -118,7 +120,7 @@ class ServerApi:
         raise (InputError if unknown or answer.status in _WRONG_INPUT else DrivingFailed)(sentence)
 
     def close(self) -> None:
-        """Let the connection go; the next request makes a new one."""
+        """Close the connection; the next request opens a new one."""
         connection, self._connection = self._connection, None
         if connection is not None:
             connection.close()
@@ -148,10 +150,10 @@ class ServerApi:
 
 
 def read_token(token: str | None, file: Path | None) -> str:
-    """The token as given, or out of the server's token file.
+    """Return the given token, or read it from the server's token file.
 
     Raises:
-        InputError: none or both are given, or the file cannot be read.
+        InputError: neither or both are given, or the file cannot be read.
     """
     if token is not None and file is not None:
         raise InputError("give --token or --token-file, not both")

@@ -1,4 +1,4 @@
-"""What a robot was told and what it did, summed up from the server's facts."""
+"""Summary of a robot's commanded and measured motion, from the server's facts."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 class Travelled:
-    """Of one robot; feed it the facts of its role, a few times a second or more."""
+    """Summary for one robot; feed it the facts of its role a few times a second or more."""
 
     def __init__(self) -> None:
         self._time: float | None = None
@@ -18,7 +18,7 @@ class Travelled:
         self._driven_m: float | None = None
 
     def add(self, facts: dict[str, Any], now: float) -> None:
-        """Take in how it is ``now``, seconds on any clock that never goes back."""
+        """Add the state at ``now``, in seconds on any monotonic clock."""
         dt = 0.0 if self._time is None else now - self._time
         self._time = now
         report = facts.get("report") or {}
@@ -33,7 +33,9 @@ class Travelled:
             self._driven_m = (self._driven_m or 0.0) + step
 
     def summary(self) -> dict[str, float | None]:
-        """Ways in metres, on whatever course, and largest speeds in m/s; None where not told."""
+        """Return path lengths in metres, whatever the course, and top speeds in m/s; None if
+        unknown.
+        """
         return {
             "commanded_way_m": self._commanded.way_m,
             "sent_way_m": self._sent.way_m,
@@ -45,7 +47,7 @@ class Travelled:
 
 
 class _Course:
-    """A speed over time."""
+    """Speed over time."""
 
     def __init__(self) -> None:
         self._last: float | None = None

@@ -1,1 +1,1 @@
-"""``dynamic-observer doctor``: what would hinder or limit a start on this machine."""
+"""``dynamic-observer doctor``: find what would prevent or limit a start on this machine."""

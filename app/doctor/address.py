@@ -1,4 +1,4 @@
-"""Whether the address that the panel is served at is free."""
+"""Check that the panel's address is free."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from app.settings import Settings
 
 _SECTION = "Address"
 _WAIT_S = 1.0
-# What /healthz answers.
+# Reply of /healthz.
 _HEALTHY = {"status": "ok"}
 
 
 def examine_address(settings: Settings) -> Finding:
-    """Try to take the port, and give it back."""
+    """Try to bind the port, then release it."""
     where = f"port {settings.port} of {settings.host}"
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
@@ -31,7 +31,7 @@ def examine_address(settings: Settings) -> Finding:
             f"one with --host",
         )
     with socket.socket(family, kind, protocol) as probe:
-        # As the server does: ports of connections that ended a moment ago count as free.
+        # Same as the server: ports of connections that just closed count as free.
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind(address)
@@ -58,7 +58,7 @@ def _taken(where: str, settings: Settings, error: OSError) -> Finding:
 
 
 def _is_ours(settings: Settings) -> bool:
-    """Whether what listens there answers as this program does."""
+    """Return whether this program answers at the address."""
     host = "127.0.0.1" if settings.host in ("0.0.0.0", "") else settings.host
     connection = http.client.HTTPConnection(host, settings.port, timeout=_WAIT_S)
     try:

@@ -1,4 +1,4 @@
-"""Cameras: what is there, what it can do, what stands in its way."""
+"""Cameras: those present, their modes, and what prevents their use."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _SETTABLE = {
 
 
 def examine_cameras(machine: Machine) -> tuple[list[Finding], tuple[CameraDevice, ...]]:
-    """What was found, and the devices it was found on."""
+    """Return the findings, and the devices that they are about."""
     if sys.platform != "linux":
         text = "cameras are listed on Linux only; network cameras and files work everywhere"
         return [Finding(_SECTION, "warning", text)], ()
@@ -64,10 +64,10 @@ def _as_a_pair(left: CameraDevice, right: CameraDevice, *, compressed: bool) -> 
 def _main_nodes(
     devices: Sequence[CameraDevice],
 ) -> tuple[list[CameraDevice], list[CameraDevice]]:
-    """Nodes to speak of, and the rest.
+    """Return the nodes to report, and the others.
 
-    A node that could not be asked speaks for the further ones of its camera: most have a second
-    one for metadata, which lacks the same permission.
+    A node that could not be queried stands for the other nodes of its camera: most cameras have a
+    second node for metadata, which lacks the same permission.
     """
     main = [device for device in devices if device.use == "images"]
     spoken_for = {device.usb.device for device in main if device.usb}
@@ -102,7 +102,8 @@ def _camera(device: CameraDevice) -> Finding:
     details = tuple(_details(device))
     if device.trouble is None:
         return Finding(_SECTION, "ok", f"{name} ({device.path})", details)
-    # Who has it open may close it, and it may be ourselves; all else keeps it from being used.
+    # Another program may close the device (and may be our own server); other faults prevent its
+    # use.
     level: Level = "warning" if device.modes else "problem"
     return Finding(_SECTION, level, f"{name}: {device.trouble}", details)
 
@@ -125,7 +126,7 @@ def _details(device: CameraDevice) -> Iterator[str]:
 
 
 def _folded(modes: Sequence[CameraMode]) -> str:
-    """The largest sizes with their highest rates; 640x480 always, most rigs run at it."""
+    """Return the largest sizes with their highest rates, and always 640x480: most rigs use it."""
     shown = [mode for mode in modes if (mode.width, mode.height) == (640, 480)]
     for mode in sorted(modes, key=lambda mode: mode.width * mode.height, reverse=True):
         if len(shown) < _SIZES_SHOWN and mode not in shown:

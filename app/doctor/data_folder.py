@@ -1,4 +1,4 @@
-"""The data folder and its database, looked at without changing either."""
+"""Checks of the data folder and its database that change neither."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WAIT_S = 2.0
 
 
 def examine_data(settings: Settings) -> Iterator[Finding]:
-    """Folder, space, database."""
+    """Check the folder, its free space and the database."""
     folder = settings.data.expanduser().absolute()
     found = list(_folder(folder))
     yield from found
@@ -49,8 +49,8 @@ def examine_data(settings: Settings) -> Iterator[Finding]:
 
 
 def _url(text: str) -> URL | None:
-    """The database's URL; None where it cannot be one of ours."""
-    # Here and below: what knows databases is as much as all else that is imported.
+    """Return the database's URL; None if it cannot be one of ours."""
+    # Imported here and below: the database packages take as long to import as all the rest.
     from sqlalchemy import make_url
     from sqlalchemy.exc import ArgumentError
 
@@ -78,7 +78,7 @@ def _folder(folder: Path) -> Iterator[Finding]:
 
 
 def _not_writable(folder: Path, *, exists: bool) -> str:
-    # Only ever this folder: the one above it may be the system's.
+    # Only this folder is named: its parent may belong to the system.
     if exists:
         return (
             f"the folder {folder} may not be written by you; {_ELSEWHERE}, or become its owner: "
@@ -91,7 +91,7 @@ def _not_writable(folder: Path, *, exists: bool) -> str:
 
 
 def _nearest(folder: Path) -> Path:
-    """The folder, or the nearest one above it that exists."""
+    """Return the folder, or its nearest existing parent."""
     return next(each for each in (folder, *folder.parents) if os.path.lexists(each))
 
 
@@ -128,7 +128,7 @@ def _sqlite(file: Path) -> Finding:
             f"sudo chown $USER {file}",
         )
     try:
-        # Read only: what is wrong is told here and dealt with by serve, which keeps a copy.
+        # Read-only: faults are reported here and repaired by serve, which keeps a copy.
         uri = f"{file.as_uri()}?mode=ro{'&immutable=1' if _is_at_rest(file) else ''}"
         with closing(sqlite3.connect(uri, uri=True, timeout=_WAIT_S)) as db:
             (answer,) = db.execute("PRAGMA quick_check(1)").fetchone()
@@ -148,10 +148,10 @@ def _sqlite(file: Path) -> Finding:
 
 
 def _is_at_rest(file: Path) -> bool:
-    """Whether it keeps a write-ahead log and nobody has it open: the log is gone then.
+    """Return whether the file uses a write-ahead log and nobody has it open (so the log is gone).
 
-    Reading such a file in the ordinary way would leave a log and its index beside it, perhaps
-    owned by root.
+    An ordinary read of such a file would leave a log and its index beside it, perhaps owned by
+    root.
     """
     with file.open("rb") as opened:
         # https://www.sqlite.org/fileformat.html, file format version numbers: 2 is WAL.

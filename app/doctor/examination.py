@@ -1,4 +1,4 @@
-"""Everything that is looked at, one after the other."""
+"""All checks, one after the other."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from observer.sources.cameras.devices import CameraDevice
 
 @dataclass(frozen=True)
 class Examination:
-    """All findings in the order in which they are told, and the devices they are about."""
+    """All findings in the order of the report, and the devices they are about."""
 
     findings: tuple[Finding, ...]
     cameras: tuple[CameraDevice, ...]
@@ -28,11 +28,11 @@ class Examination:
 
     @property
     def hindered(self) -> bool:
-        """Whether something would hinder the start."""
+        """Return whether a finding would prevent the start."""
         return any(finding.level == "problem" for finding in self.findings)
 
     def as_json(self) -> dict[str, Any]:
-        """For scripts: plain values only."""
+        """Return plain values for scripts."""
         return {
             "version": program_version(),
             "hindered": self.hindered,
@@ -43,11 +43,11 @@ class Examination:
 
 
 def examine(settings: Settings | str, machine: Machine) -> Examination:
-    """Look at everything; nothing is changed, and no finding keeps the others from being made.
+    """Run all checks; they change nothing, and a failed check does not prevent the others.
 
     Args:
-        settings: the server's, or one sentence that says why there are none.
-        machine: where to look.
+        settings: the server's settings, or one sentence that says why there are none.
+        machine: the machine to examine.
     """
     cameras, devices = examine_cameras(machine)
     serial, ports = examine_serial_ports(machine)

@@ -1,23 +1,23 @@
-"""What the doctor finds: one line each, with how bad it is."""
+"""A finding of the doctor: one line with its severity."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Literal
 
-# ``warning``: something will not work, or not well. ``problem``: it hinders the start.
+# ``warning``: a feature will not work, or not well. ``problem``: it prevents the start.
 Level = Literal["ok", "warning", "problem"]
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked at.
+    """Result of one check.
 
     Attributes:
-        section: heading under which it stands, as in ``Cameras``.
-        level: how bad it is.
-        text: one sentence; where something is wrong, it says what to do.
-        details: further lines that belong to it.
+        section: heading of the finding, such as ``Cameras``.
+        level: severity.
+        text: one sentence; if something is wrong, it says what to do.
+        details: further lines of the finding.
     """
 
     section: str

@@ -1,4 +1,4 @@
-"""Whether robots can be driven: the drive loop's priority, and the ports that the rig names."""
+"""Checks for driving: the priority of the drive loop, and the ports that the rig names."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _ALLOW_IT = (
 
 
 def examine_robots(settings: Settings | str, machine: Machine) -> Iterator[Finding]:
-    """Nothing is connected, opened or changed.
+    """Check the robots' ports without connecting, opening or changing anything.
 
     Args:
-        settings: a sentence where there are none; then it is not known which rig there is.
+        settings: a sentence if there are none; the rig is then unknown.
     """
     rig = Rig()
     if not isinstance(settings, str):
@@ -35,7 +35,7 @@ def examine_robots(settings: Settings | str, machine: Machine) -> Iterator[Findi
             yield found
         else:
             rig = found
-    # Who drives nothing has nothing to mend.
+    # Without robots there is nothing to fix.
     yield _priority(machine, driven=bool(rig.ports))
     for role in ROLES:
         if role in rig.ports:
@@ -50,7 +50,7 @@ def _rig(file: Path) -> Rig | Finding:
     except (InputError, UnicodeDecodeError) as error:
         return Finding(_SECTION, "warning", f"the rig is unknown: {error}")
     except OSError as error:
-        # A data folder that cannot be used is told under its own heading.
+        # An unusable data folder is reported under its own heading.
         return Finding(
             _SECTION, "warning", f"the rig is unknown: {file} cannot be read ({error.strerror})"
         )

@@ -1,4 +1,4 @@
-"""Serial ports, by which robots are driven: what would hinder their use."""
+"""Serial ports for robots: faults that would prevent their use."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SECTION = "Serial ports"
 
 
 def examine_serial_ports(machine: Machine) -> tuple[list[Finding], tuple[SerialPort, ...]]:
-    """What was found, and the ports it was found on."""
+    """Return the findings, and the ports that they are about."""
     ports = find_serial_ports(machine)
     findings = [_finding(port) for port in ports]
     if not ports:

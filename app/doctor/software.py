@@ -1,4 +1,4 @@
-"""Python, the packages and what OpenCV was built with."""
+"""Python, the packages and the build options of OpenCV."""
 
 from __future__ import annotations
 
@@ -14,19 +14,19 @@ from app.doctor.finding import Finding
 _SECTION = "Software"
 _DISTRIBUTION = "dynamic-observer"
 _NEEDED_PYTHON = (3, 11)
-# Named with their versions; of the others it counts only that they are there.
+# Reported with their versions; the others only need to be present.
 _SHOWN = ("numpy", "scipy", "opencv-python-headless", "fastapi", "uvicorn", "viser", "sqlalchemy")
 _OPENCV = ("opencv-python-headless", "opencv-python", "opencv-contrib-python",
            "opencv-contrib-python-headless")  # fmt: skip
 
 
 def program_version() -> str:
-    """The installed version; ``unknown`` where it runs from a folder without being installed."""
+    """Return the installed version, or ``unknown`` if the program runs without installation."""
     return _version(_DISTRIBUTION) or "unknown"
 
 
 def examine_software() -> Iterator[Finding]:
-    """Python, packages, OpenCV's video, cores."""
+    """Check Python, packages, OpenCV's video support and cores."""
     yield _python()
     yield from _packages(metadata.requires(_DISTRIBUTION) or [] if _version(_DISTRIBUTION) else [])
     yield from _video_support(_video_backends())
@@ -41,7 +41,7 @@ def _python() -> Finding:
 
 
 def _packages(requirements: Collection[str]) -> Iterator[Finding]:
-    """Whether what the program needs is installed; ``requirements`` as in its metadata."""
+    """Check that the required packages are installed; ``requirements`` as in the metadata."""
     if not requirements:
         yield Finding(
             _SECTION,
@@ -94,7 +94,7 @@ def _video_backends() -> frozenset[str]:
 
 
 def _video_support(backends: Collection[str]) -> Iterator[Finding]:
-    """What OpenCV can read with these backends."""
+    """Report what OpenCV can read with these backends."""
     needs = [("FFMPEG", "video files and network cameras")]
     if sys.platform == "linux":
         needs.insert(0, ("V4L2", "cameras on USB"))

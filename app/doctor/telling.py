@@ -20,17 +20,17 @@ _MARKS: dict[Level, tuple[str, str]] = {
 
 
 def tell(examination: Examination, console: Console) -> None:
-    """Print to the console; with marks and colours where it is a terminal that can show them."""
+    """Print to the console, with marks and colours if it is a terminal that supports them."""
     if console.is_terminal and console.encoding.lower().startswith("utf"):
         for line in marked_lines(examination):
-            # Sentences are left whole, so that what they say to type can be copied.
+            # Sentences are not wrapped, so that commands in them can be copied.
             console.print(line, soft_wrap=True)
     else:
         console.file.write("\n".join([*plain_lines(examination), ""]))
 
 
 def plain_lines(examination: Examination) -> Iterator[str]:
-    """For files and pipes."""
+    """Yield lines for files and pipes."""
     for section, findings in groupby(examination.findings, key=lambda each: each.section):
         yield section
         for finding in findings:
@@ -40,7 +40,7 @@ def plain_lines(examination: Examination) -> Iterator[str]:
 
 
 def marked_lines(examination: Examination) -> Iterator[Text]:
-    """For terminals."""
+    """Yield lines for terminals."""
     for section, findings in groupby(examination.findings, key=lambda each: each.section):
         yield Text(section, style="bold")
         for finding in findings:

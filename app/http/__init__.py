@@ -1,1 +1,1 @@
-"""The web layer: HTTP, WebSockets, and who may come in."""
+"""The web layer: HTTP, WebSockets and access control."""

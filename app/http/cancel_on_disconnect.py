@@ -1,4 +1,4 @@
-"""Work for one request, given up when its client goes."""
+"""Work for one request, cancelled when its client disconnects."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ T = TypeVar("T")
 
 
 async def while_there(request: Request, work: Coroutine[Any, Any, T]) -> T:
-    """Do the work; it is cancelled when the client closes its connection.
+    """Do the work; cancel it if the client closes its connection.
 
-    The body of the request must have been read.
+    The request's body must have been read before.
 
     Raises:
-        ClientDisconnect: the client went; nobody hears the answer.
+        ClientDisconnect: the client left; nobody reads the reply.
     """
     working = asyncio.ensure_future(work)
     leaving = asyncio.ensure_future(_gone(request))

@@ -1,8 +1,8 @@
-"""From the application's errors to HTTP: the only place that knows both.
+"""Mapping of the application's errors to HTTP; the only place that knows both.
 
-Whatever was wrong, the answer is JSON that any client can read: ``{"detail": sentence}``, or for
-values ``{"detail": [{"loc": [...], "msg": sentence, "type": kind}]}``. What was sent is never
-echoed: it may be no JSON (NaN, an infinity) or no text.
+Every error reply is JSON that any client can read: ``{"detail": sentence}``, or for values
+``{"detail": [{"loc": [...], "msg": sentence, "type": kind}]}``. The input is never echoed: it may
+be invalid JSON (NaN, an infinity) or invalid text.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ log = structlog.get_logger(__name__)
 
 _LONGEST_TEXT = 200
 _MOST_PROBLEMS = 50
-# Several match where one class stands above another, so the narrower ones come first.
+# Several handlers match if one class derives from another, so the narrower ones come first.
 _STATUS: tuple[tuple[type[DynamicObserverError], int], ...] = (
     (NotThere, 404),
     (Conflict, 409),
@@ -41,7 +41,7 @@ _STATUS: tuple[tuple[type[DynamicObserverError], int], ...] = (
 
 
 class SafeJSON(Response):
-    """JSON in ASCII, so that no text of a client (half a surrogate pair) can break the answer."""
+    """JSON in ASCII, so that no text from a client (half a surrogate pair) can break the reply."""
 
     media_type = "application/json"
 
@@ -50,18 +50,18 @@ class SafeJSON(Response):
 
 
 def answer(fact: object, status: int = 200) -> Response:
-    """Answer with a dataclass of the contract as it is, not checked again."""
+    """Reply with a dataclass of the contract as it is, without checking it again."""
     return Response(json_text(fact), status, media_type="application/json")
 
 
 def problem(loc: Sequence[str | int], msg: str, kind: str) -> dict[str, Any]:
-    """One entry of a 422 answer."""
+    """Return one entry of a 422 reply."""
     places = [part[:_LONGEST_TEXT] if isinstance(part, str) else part for part in loc]
     return {"loc": places, "msg": msg, "type": kind}
 
 
 def install_error_handlers(app: FastAPI) -> None:
-    """Have the application answer its errors as described above."""
+    """Make the application answer its errors as described above."""
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(DynamicObserverError, _ours)
@@ -104,5 +104,5 @@ async def _ours(request: Request, error: Exception) -> Response:
 
 
 async def _unexpected(_: Request, __: Exception) -> Response:
-    # The server's log holds the cause; the client is told nothing of its inside.
+    # The server's log holds the cause; the client learns no internals.
     return _answer(500, "the server failed at this request; its log says why")

@@ -1,4 +1,4 @@
-"""An answer that is a file without a name."""
+"""Response that streams a file without a name."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _QUOTED = '"\\'
 
 
 class MadeFileResponse(Response):
-    """Streams the file and closes it, whether or not the client stays to the end."""
+    """Response that streams the file and closes it, even if the client leaves early."""
 
     def __init__(
         self,

@@ -1,4 +1,4 @@
-"""``/metrics``: the status's figures in the form that Prometheus collects."""
+"""``/metrics``: the figures of the status in the format of Prometheus."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ async def metrics(server: TheServer) -> Response:
 
 
 class _StatusCollector(Collector):
-    """Reads one status when it is asked; nothing is counted twice."""
+    """Collector that reads one status per scrape; nothing is counted twice."""
 
     def __init__(self, server: Server) -> None:
         self._server = server

@@ -1,4 +1,4 @@
-"""Pages and files: the panel, signing in, the description of the interface, health."""
+"""Pages and files: the panel, sign-in, the API description, health."""
 
 from __future__ import annotations
 
@@ -34,7 +34,9 @@ _PLAIN_SIGN_IN = """<!doctype html>
 
 
 def static_folder() -> Path:
-    """The panel's files: inside the installed package, or beside it in a source tree."""
+    """Return the folder of the panel's files: in the installed package, or beside it in a source
+    tree.
+    """
     inside = Path(app_package.__file__).parent / "static"
     if (inside / "index.html").is_file():
         return inside
@@ -42,13 +44,13 @@ def static_folder() -> Path:
 
 
 def sign_in_page(folder: Path) -> str:
-    """The page shown to those who come without a token; it brings everything within itself."""
+    """Return the sign-in page; it is self-contained."""
     page = folder / "sign-in.html"
     return page.read_text(encoding="utf-8") if page.is_file() else _PLAIN_SIGN_IN
 
 
 class PanelFiles(StaticFiles):
-    """Files that browsers ask for again each time and mostly need not load again."""
+    """Files that browsers revalidate each time and rarely have to load again."""
 
     def file_response(
         self,
@@ -63,7 +65,7 @@ class PanelFiles(StaticFiles):
 
 
 def add_pages(app: FastAPI, server: Server, policy: Policy, folder: Path) -> None:
-    """Everything that is no part of the REST interface, the viewer excepted."""
+    """Add everything that is not part of the REST interface, except the viewer."""
     router = APIRouter(include_in_schema=False)
 
     @router.get("/", name="panel")
@@ -77,7 +79,7 @@ def add_pages(app: FastAPI, server: Server, policy: Policy, folder: Path) -> Non
     async def show_sign_in() -> Response:
         headers = {
             "Content-Security-Policy": page_policy(policy.sign_in_page),
-            # With "no-referrer" browsers would hide the form's origin, which we insist on.
+            # With "no-referrer" browsers would hide the form's origin, which we require.
             "Referrer-Policy": "same-origin",
         }
         return HTMLResponse(policy.sign_in_page, headers=headers)

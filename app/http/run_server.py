@@ -1,4 +1,4 @@
-"""Serving: the socket, the printed link, uvicorn, and an end that leaves nothing behind."""
+"""Serving: the socket, the printed link, uvicorn, and a clean shutdown."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from app.storage.occupancy import occupied
 from observer.errors import InputError
 
 _EXIT_FAILED = 1
-# Camera poses and acknowledgements are small; nothing else is taken over WebSockets.
+# Camera poses and acknowledgements are small; WebSockets receive nothing else.
 _LARGEST_MESSAGE = 1024 * 1024
 _SHUTDOWN_S = 2
 _BACKLOG = 128
 
 
 def run(settings: Settings) -> int:
-    """Serve until SIGINT or SIGTERM; returns the process's exit code.
+    """Serve until SIGINT or SIGTERM and return the process's exit code.
 
     Raises:
         InputError: the port, a certificate or the token file cannot be used, or another server
@@ -51,27 +51,27 @@ def run(settings: Settings) -> int:
 
 
 async def serve(app: FastAPI, server: uvicorn.Server, listener: socket.socket) -> None:
-    """Start what the application owns, serve, and end it all.
+    """Start what the application owns, serve, and shut it all down.
 
-    uvicorn's own way of starting an application would turn a sentence into a traceback.
+    uvicorn's own startup would turn a one-sentence error into a traceback.
     """
     async with app.router.lifespan_context(app):
         await server.serve(sockets=[listener])
 
 
 class _Server(uvicorn.Server):
-    """uvicorn that just ends where the original would raise the signal again."""
+    """uvicorn server that just ends where the original would raise the signal again."""
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
         with super().capture_signals():
             yield
-            # Being asked to end is how serving ends; nothing is left to be signalled.
+            # A signal is the normal end of serving; there is nothing left to signal.
             self._captured_signals.clear()
 
 
 def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
-    """How uvicorn serves the application.
+    """Return uvicorn's configuration for the application.
 
     Raises:
         InputError: the certificate or its key cannot be used.
@@ -80,17 +80,17 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         config = uvicorn.Config(
             app,
             ws="websockets-sansio",
-            # With compression, five viewers of 50000 points cost 85 % of a core; without it 2 %.
+            # With compression, five viewers of 50000 points use 85 % of a core; without it 2 %.
             ws_per_message_deflate=False,
             ws_max_size=_LARGEST_MESSAGE,
             ws_ping_interval=20.0,
             ws_ping_timeout=20.0,
             lifespan="off",
-            # Links hold the token, so requests are not logged.
+            # Links contain the token, so requests are not logged.
             access_log=False,
             log_config=None,
             log_level=settings.log_level,
-            # Nobody in front of us is trusted to say who the client is.
+            # No proxy is trusted to name the client.
             proxy_headers=False,
             server_header=False,
             timeout_graceful_shutdown=_SHUTDOWN_S,
@@ -99,7 +99,7 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
         )
         config.load()
     except OSError as error:
-        # ssl.SSLError is one of them.
+        # ssl.SSLError is a subclass.
         raise InputError(
             f"the certificate {settings.tls_cert} with the key {settings.tls_key} cannot be used "
             f"({error.strerror or error}); --tls-cert and --tls-key take PEM files that belong "
@@ -109,7 +109,7 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
 
 
 def _bind(settings: Settings) -> socket.socket:
-    """The listening socket, taken before anything is started."""
+    """Return the listening socket, bound before anything is started."""
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -150,12 +150,12 @@ def _link(settings: Settings, port: int, token: str) -> str:
 
 
 def _announce(link: str) -> None:
-    # For the person who started it, wherever that is a terminal, a file or a pipe.
+    # For the person who started the server, on a terminal, in a file or through a pipe.
     print(f"Dynamic Observer is at {link}\nCtrl-C ends it.", flush=True)  # noqa: T201
 
 
 class _Lasting(io.TextIOBase):
-    """A log that loses what cannot be written, as onto a full disk: nothing fails for its line."""
+    """Log stream that drops what cannot be written (a full disk): no work fails for a log line."""
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
@@ -171,7 +171,7 @@ class _Lasting(io.TextIOBase):
 
 
 def _configure_logging(level: str) -> None:
-    """One line an event on stderr, ours and the libraries' alike."""
+    """Log one line per event to stderr, for our code and for libraries."""
     number = logging.getLevelNamesMapping()[level.upper()]
     logging.basicConfig(level=number, format="%(levelname)s %(name)s: %(message)s")
     structlog.configure(

@@ -1,4 +1,4 @@
-"""The web application, put together explicitly from its parts."""
+"""The web application, assembled explicitly from its parts."""
 
 from __future__ import annotations
 
@@ -102,12 +102,12 @@ def create_app(
     storage: Storage | None = None,
     viewer: ViewerStarter | None = None,
 ) -> FastAPI:
-    """The application; its lifespan starts and ends everything it owns.
+    """Create the application; its lifespan starts and ends everything it owns.
 
     Args:
-        token: opens the server.
-        engine, drive, storage, viewer: take the place of the real ones. With another engine and
-            no drive nothing can be driven.
+        token: required to use the server.
+        engine, drive, storage, viewer: replace the real ones. With another engine and no drive,
+            nothing can be driven.
     """
     if engine is None:
         engine, drive = _real_processes(drive)
@@ -228,7 +228,7 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
 
 
 def _complete_description(app: FastAPI) -> None:
-    """Add to the description how to sign in and what refusals look like."""
+    """Add sign-in and refusals to the API description."""
     describe = app.openapi
 
     def described() -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What the server does, apart from how it is asked; ``Server`` is the door to it."""
+"""The server's functions, independent of the web layer; ``Server`` is their entry point."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requests to the other processes whose refusals become the server's own errors."""
+"""Requests to the other processes; their refusals become the server's own errors."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ async def ask(
     field: tuple[str, ...] = ("body",),
     timeout_s: float = 10.0,
 ) -> Answer:
-    """Send the engine a command and return its reply's value.
+    """Send the engine a command and return the value of its reply.
 
     Args:
-        field: the part of the person's request that the command stems from.
+        field: the part of the user's request that caused the command.
 
     Raises:
-        FieldError: what was asked is wrong. Conflict: it is not possible in this state.
+        FieldError: the request is wrong. Conflict: it is not possible in this state.
         StorageFull: the disk is full.
         NotAvailable: it failed, or there is no engine at the moment.
     """
@@ -35,7 +35,7 @@ async def ask(
 
 
 async def ask_drive(drive: Drive, command: ToDrive[Answer], *, timeout_s: float = 1.0) -> Answer:
-    """Send the drive process a command; as ``ask`` in all else."""
+    """Send the drive process a command; otherwise the same as ``ask``."""
     with _own_errors(("body",)):
         return await drive.request(command, timeout_s)
 

@@ -1,4 +1,4 @@
-"""Work of the event loop that nobody waits for."""
+"""Background tasks of the event loop that nobody waits for."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ log = structlog.get_logger(__name__)
 
 
 class Background:
-    """Tasks that are held until they end; what one raises is logged."""
+    """Set of tasks, held until they end; an exception in one is logged."""
 
     def __init__(self) -> None:
         self._tasks: set[asyncio.Future[None]] = set()
 
     def start(self, work: Awaitable[None]) -> None:
-        """Have it done."""
+        """Start a task."""
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._done)
 
     async def cancel(self) -> None:
-        """End all that goes on."""
+        """Cancel all running tasks."""
         tasks = tuple(self._tasks)
         for task in tasks:
             task.cancel()

@@ -1,4 +1,4 @@
-"""What the server needs of its processes, and what others hear of the server."""
+"""Interfaces of the server's processes, and of the server's followers."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from app.runtime.latest import Latest
 
 
 class LatestValue(Protocol):
-    """The reading side of one latest-value slot."""
+    """Reading side of one latest-value slot."""
 
     def read(self, after: int = 0) -> Latest | None:
-        """The newest value if its sequence is above ``after``; never waits."""
+        """Return the newest value if its sequence is above ``after``; never wait."""
         ...
 
 
 class Health(Protocol):
-    """How the engine process is."""
+    """Health of the engine process."""
 
     @property
     def generation(self) -> int: ...
@@ -42,27 +42,27 @@ class Health(Protocol):
 
 
 class Engine(Protocol):
-    """The engine process as the web process sees it; ``app.supervisor.Supervisor`` fulfils it."""
+    """Engine process as seen by the web process; implemented by ``app.supervisor.Supervisor``."""
 
     async def start(self) -> None:
         """Start the process; ``EngineStartedEvent`` follows."""
         ...
 
     async def stop(self) -> None:
-        """End the process; safe to call twice."""
+        """Stop the process; safe to call twice."""
         ...
 
     async def request(self, command: ToEngine[Answer], timeout_s: float = 10.0) -> Answer:
-        """Send a command and wait for its reply's value.
+        """Send a command and return the value of its reply.
 
         Raises:
-            EngineRefused: the engine said why not.
-            EngineUnavailable: there is no engine to ask at this moment, or it did not answer.
+            EngineRefused: the engine refused and said why.
+            EngineUnavailable: there is no engine at the moment, or it did not answer.
         """
         ...
 
     def subscribe(self, callback: Callable[[Event], None]) -> Callable[[], None]:
-        """Have every event handed to ``callback`` in the event loop; returns the unsubscription."""
+        """Pass every event to ``callback`` in the event loop; return how to unsubscribe."""
         ...
 
     @property
@@ -76,7 +76,7 @@ class Engine(Protocol):
 
 
 class Drive(Protocol):
-    """The drive process as the web process sees it; ``app.drive.supervisor`` fulfils it."""
+    """Drive process as seen by the web process; implemented by ``app.drive.supervisor``."""
 
     async def start(self) -> None:
         """Start the process; ``DriveStartedEvent`` follows."""
@@ -87,16 +87,16 @@ class Drive(Protocol):
         ...
 
     async def request(self, command: ToDrive[Answer], timeout_s: float = 1.0) -> Answer:
-        """Send a command and wait for its reply's value.
+        """Send a command and return the value of its reply.
 
         Raises:
-            ProcessRefused: it said why not.
-            ProcessUnavailable: there is none at this moment, or it did not answer in time.
+            ProcessRefused: it refused and said why.
+            ProcessUnavailable: there is no process at the moment, or it did not answer in time.
         """
         ...
 
     def subscribe(self, callback: Callable[[DriveEvents], None]) -> Callable[[], None]:
-        """Have every event handed to ``callback`` in the event loop; returns the unsubscription."""
+        """Pass every event to ``callback`` in the event loop; return how to unsubscribe."""
         ...
 
     @property
@@ -104,16 +104,16 @@ class Drive(Protocol):
 
 
 class Listener(Protocol):
-    """Somebody who follows the server; called in the event loop, must not block."""
+    """Follower of the server; called in the event loop, must not block."""
 
     def observed(self, event: ObservationEvent) -> None:
-        """A frame was observed."""
+        """Handle the observation of a frame."""
         ...
 
     def status_changed(self) -> None:
-        """Something in ``Server.status`` changed, beside figures that always move."""
+        """Handle a change in ``Server.status``, apart from figures that always move."""
         ...
 
     def robots_changed(self) -> None:
-        """``RobotManager.facts`` are others; ten times a second while robots are there."""
+        """Handle a change in ``RobotManager.facts``; ten times a second while there are robots."""
         ...

@@ -1,4 +1,4 @@
-"""What the engine tells goes to whom it concerns; a new engine goes on where a lost one was."""
+"""Distribution of the engine's events; a new engine continues where a lost one stopped."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from observer.opening import shown_spec
 
 log = structlog.get_logger(__name__)
 
-# Engines lost without a single observation between: more of the same would not help.
+# Engines lost without a single observation in between: another attempt would not help.
 _MOST_FRUITLESS_LOSSES = 3
 
 
 @dataclass(eq=False)
 class EngineEvents:
-    """Follows the engine in the event loop."""
+    """Follower of the engine; runs in the event loop."""
 
     _shared: Shared
     _source: SourceManager
@@ -49,15 +49,15 @@ class EngineEvents:
     _unsubscribe: Callable[[], None] = lambda: None
 
     def follow(self) -> None:
-        """Hear the engine from now on."""
+        """Start to receive the engine's events."""
         self._unsubscribe = self._shared.engine.subscribe(self._heard)
 
     def unfollow(self) -> None:
-        """Hear nothing any more; safe to call twice."""
+        """Stop receiving events; safe to call twice."""
         self._unsubscribe()
 
     def engine_started(self, generation: int) -> None:
-        """Have a new engine do what the lost one did; nothing where it is no new one."""
+        """Set a new engine up like the lost one; do nothing if it is not a new one."""
         if self._source.engine_started(generation):
             self._shared.telemetry.new_engine()
             self._watching.engine_started()
@@ -70,7 +70,8 @@ class EngineEvents:
             case StateEvent():
                 self._state_changed(event)
             case BoardLookEvent():
-                # While calibrating nothing is observed; that it looks is as good a sign.
+                # During calibration nothing is observed; a look for the board is as good a sign of
+                # life.
                 self._source.fruitless_losses = 0
                 self._session.looked(event)
             case BoardViewsEvent():
@@ -102,7 +103,7 @@ class EngineEvents:
             self._shared.followers.status_changed()
 
     async def _restore(self) -> None:
-        """Have a new engine do what the lost one did; a run goes on as a new segment."""
+        """Set a new engine up like the lost one; a run continues as a new segment."""
         async with self._shared.lock:
             source = self._source
             try:
@@ -114,7 +115,7 @@ class EngineEvents:
                 else:
                     await self._runs.resume()
             except NotAvailable as error:
-                # This engine is gone as well; the next one is tried with the same.
+                # This engine is gone as well; the next one will be set up the same way.
                 log.warning("not_restored", reason=str(error))
             except (FieldError, Conflict) as error:
                 source.restoring = False

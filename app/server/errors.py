@@ -1,4 +1,4 @@
-"""Why the server did not do what was asked; the web layer maps each to its status."""
+"""Reasons why the server refused a request; the web layer maps each to its status."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from observer.errors import DynamicObserverError, InputError
 
 
 class FieldError(InputError):
-    """One value of a request cannot be used.
+    """Unusable value in a request.
 
     Attributes:
-        field: where it stands in the request, as in ``("body", "source")``.
+        field: its place in the request, such as ``("body", "source")``.
     """
 
     def __init__(self, field: tuple[str, ...], sentence: str) -> None:
@@ -18,12 +18,12 @@ class FieldError(InputError):
 
 
 class NotThere(DynamicObserverError):
-    """What was asked for does not exist."""
+    """Request for an object that does not exist."""
 
 
 class Conflict(DynamicObserverError):
-    """Right in itself, but not possible in the present state."""
+    """Valid request that is not possible in the present state."""
 
 
 class NotAvailable(DynamicObserverError):
-    """Not possible for the moment; the same request may succeed later."""
+    """Request that is not possible at the moment; the same request may succeed later."""

@@ -1,4 +1,4 @@
-"""Who follows the server."""
+"""Followers of the server."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from app.server.contracts import Listener
 
 
 class Followers:
-    """Hands what happens to everybody who asked for it, in the event loop."""
+    """Distributor of events to all followers, in the event loop."""
 
     def __init__(self) -> None:
         self._listeners: list[Listener] = []
 
     def follow(self, listener: Listener) -> Callable[[], None]:
-        """Tell ``listener`` of everything from now on; returns how to end that."""
+        """Notify ``listener`` of everything from now on; return a function that ends this."""
         self._listeners.append(listener)
 
         def unfollow() -> None:
@@ -26,16 +26,16 @@ class Followers:
         return unfollow
 
     def status_changed(self) -> None:
-        """Tell all that the status is another."""
+        """Notify all followers that the status changed."""
         for listener in tuple(self._listeners):
             listener.status_changed()
 
     def observed(self, event: ObservationEvent) -> None:
-        """Tell all of a frame."""
+        """Notify all followers of a frame."""
         for listener in tuple(self._listeners):
             listener.observed(event)
 
     def robots_changed(self) -> None:
-        """Tell all that the robots are otherwise."""
+        """Notify all followers that the robots' facts changed."""
         for listener in tuple(self._listeners):
             listener.robots_changed()

@@ -1,6 +1,6 @@
-"""The server, apart from how it is asked: puts its parts together, starts and ends them.
+"""The server without its web layer: assembly, start and end of its parts.
 
-It owns the engine, the drive process and the database. One change at a time: whatever changes
+It owns the engine, the drive process and the database. Changes happen one at a time: a change of
 source, run, calibration, parameters or rig holds the shared lock.
 """
 
@@ -33,17 +33,17 @@ from observer.rig.rig import Rig
 
 
 class Server:
-    """The door to all that the server does. Everything runs in one event loop; database calls run
-    in threads.
+    """Entry point to all functions of the server.
+
+    Everything runs in one event loop; database calls run in threads.
 
     Attributes:
-        source: what is open. runs: what is kept of it. calibrating: makes calibrations.
-        parameters: parameters and presets. rig: how the cameras stand on their robot.
-        driving: the robots. programmes: what they can be told to drive.
-        survey: notes a drive, by which the rig is estimated. live_truth: motion capture.
-        watching: which views are looked at. viewers: open live pages.
-        shared: what all of them stand on; engine, storage, clock, followers and telemetry are
-            of it.
+        source: the open source. runs: recorded runs. calibrating: makes calibrations.
+        parameters: parameters and presets. rig: poses of the cameras on their robot.
+        driving: the robots. programmes: programmes that they can drive.
+        survey: records a drive, to estimate the rig. live_truth: live motion capture.
+        watching: views being watched. viewers: open live pages.
+        shared: common parts, among them engine, storage, clock, followers and telemetry.
     """
 
     def __init__(
@@ -118,13 +118,13 @@ class Server:
         self.driving.start()
         self._unsubscribe_drive = self._drive.subscribe(self.runs.clips.drive_said)
         await self.engine.start()
-        # An engine that was up before somebody listened.
+        # The engine may have started before anybody subscribed.
         if self.engine.health.alive:
             self._events.engine_started(self.engine.health.generation)
 
     async def stop(self) -> None:
-        """End driving, the run, the engine and the database; safe to call twice and half-way."""
-        # The robots stop first, while everything that hears of it is still there.
+        """Stop driving, the run, the engine and the database; safe to call twice and half-way."""
+        # The robots stop first, while everything that hears of it still runs.
         await self.driving.stop()
         self._events.unfollow()
         self._unsubscribe_drive()
@@ -148,16 +148,17 @@ class Server:
         self.source.load()
 
     async def change_rig(self, changed: Callable[[], Rig]) -> None:
-        """Put a rig into force; the open source begins again with it, where it would differ.
+        """Put a rig into force; reopen the source if it would be observed differently.
 
-        Robots whose port or model is another are connected anew, disarmed.
+        Robots with a changed port or model are reconnected, disarmed.
 
         Args:
-            changed: makes it of the one in force, which nobody else changes meanwhile.
+            changed: returns the new rig, made from the one in force, which nobody else changes
+                meanwhile.
 
         Raises:
-            Conflict: a run or a calibration is going, and it would be observed otherwise.
-            FieldError: as ``changed`` raises, or it cannot be written.
+            Conflict: a run or a calibration is in progress and would be observed differently.
+            FieldError: raised by ``changed``, or the rig cannot be written.
         """
         async with self.shared.lock:
             rig = changed()

@@ -1,4 +1,4 @@
-"""What the parts of the server stand on, and what excludes what."""
+"""Common parts of the server, and the rules of mutual exclusion."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from app.storage import RunRecord, Storage
 
 
 class Shared:
-    """One change at a time; and a run or a calibration of cameras, never both.
+    """Common parts; they allow one change at a time, and either a run or a calibration of cameras.
 
     Attributes:
         clock: monotonic seconds. lock: held while source, run, calibration, parameters or rig
             are changed.
-        run: gives the one that is kept. calibrates: tells whether cameras are being calibrated.
-        writer: the way into the database. followers: who is told of everything.
-        telemetry: figures of the running loop. background: work that nobody waits for.
-        warnings: sentences for the person at the page.
+        run: returns the run in progress. calibrates: returns whether cameras are being calibrated.
+        writer: writes to the database. followers: receivers of all events.
+        telemetry: figures of the running loop. background: background tasks.
+        warnings: sentences for the user of the page.
     """
 
     def __init__(self, engine: Engine, storage: Storage, clock: Callable[[], float]) -> None:
@@ -40,16 +40,18 @@ class Shared:
         self.warnings: list[str] = []
 
     def refuse_in_run(self, remedy: str) -> None:
-        """
+        """Refuse to go on while a run is in progress.
+
         Raises:
-            Conflict: a run is going; the sentence ends with ``remedy``.
+            Conflict: a run is in progress; the sentence ends with ``remedy``.
         """
         run = self.run()
         if run is not None:
             raise Conflict(f"the run {run.name} is going; {remedy}")
 
     def refuse_calibrating(self) -> None:
-        """
+        """Refuse to go on while cameras are being calibrated.
+
         Raises:
             Conflict: cameras are being calibrated.
         """

@@ -1,4 +1,4 @@
-"""The server's state as one fact: ``GET /api/status`` and the live socket's."""
+"""The server's state as one object, for ``GET /api/status`` and the live socket."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from observer.version import library_version
 
 
 def status(server: Server) -> Status:
-    """Everything the page shows about the server."""
+    """Return everything that the page shows about the server."""
     health = server.engine.health
     telemetry = server.telemetry
     dense = telemetry.dense(server.clock())
@@ -72,7 +72,7 @@ def status(server: Server) -> Status:
 
 
 def observation_age_s(server: Server) -> float | None:
-    """Since the newest observation's frame was received; None before the first."""
+    """Return the time since reception of the newest observation's frame; None before the first."""
     latest = server.source.latest
     return None if latest is None else round(max(0.0, server.clock() - latest.received), 3)
 

@@ -1,4 +1,4 @@
-"""Figures of the running loop: rates, timings, latency, losses; time comes in from outside."""
+"""Figures of the running loop: rates, timings, latency, losses; the caller passes the time."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SKIPPED_SHOWN = 5
 
 
 class Telemetry:
-    """Collects what ``status`` shows of the last seconds."""
+    """Collector of the recent figures that ``status`` shows."""
 
     def __init__(self) -> None:
         self._arrivals: deque[float] = deque()
@@ -35,22 +35,24 @@ class Telemetry:
 
     @property
     def frames_observed(self) -> int:
-        """Frames that all engine processes observed, those whose message was lost included."""
+        """Return the frames observed by all engine processes, including those whose message was
+        lost.
+        """
         return self._observed_before + self._observed_now
 
     @property
     def skipped(self) -> list[SkippedFrame]:
-        """The frames last skipped, oldest first."""
+        """Return the last skipped frames, oldest first."""
         return [SkippedFrame(event.index, event.reason) for event in self._skipped]
 
     def new_engine(self) -> None:
-        """The engine counts from 0 again."""
+        """Handle a new engine, which counts from 0 again."""
         self._observed_before += self._observed_now
         self._observed_now = 0
         self._last = None
 
     def new_source(self) -> None:
-        """What was measured with another source does not describe this one."""
+        """Discard figures of another source: they do not describe this one."""
         self._arrivals.clear()
         self._timings.clear()
         self._skipped.clear()
@@ -61,7 +63,7 @@ class Telemetry:
         self.frame_skips = 0
 
     def observed(self, event: ObservationEvent, now: float) -> None:
-        """Count one observation; a frame that is observed twice counts once."""
+        """Count one observation; a frame observed twice counts once."""
         self._observed_now = max(self._observed_now, event.sequence + 1)
         self.frame_skips = event.frame_skips
         unique = (event.line["segment"], event.line["frame"])
@@ -71,7 +73,7 @@ class Telemetry:
         self._timings.append(event.line["timings_ms"])
 
     def dense_made(self, event: DenseStereoEvent, now: float) -> bool:
-        """Count a cloud or disparity view, or that it failed; whether the trouble is another."""
+        """Count a cloud or disparity view, or its failure; return whether the trouble changed."""
         changed = event.trouble != self.dense_trouble
         self.dense_trouble = event.trouble
         if event.trouble is None:
@@ -80,7 +82,7 @@ class Telemetry:
         return changed
 
     def dense(self, now: float) -> DenseStereoStatus:
-        """Rate and cost of the last 2 s, and the newest one's age."""
+        """Return rate and cost over the last 2 s, and the age of the newest result."""
         while self._dense and self._dense[0][0] < now - _RATE_WINDOW_S:
             self._dense.popleft()
         newest, lately = self._newest_dense, [event for _, event in self._dense]
@@ -95,18 +97,18 @@ class Telemetry:
         self._skipped.append(event)
 
     def painted(self, latency_s: float) -> None:
-        """A page acknowledged a painted observation."""
+        """Store the latency of an observation that a page has painted and acknowledged."""
         self._latency.append(1000.0 * latency_s)
 
     def rate(self, now: float) -> float:
-        """Unique frames per second over the last 2 s."""
+        """Return the unique frames per second over the last 2 s."""
         while self._arrivals and self._arrivals[0] < now - _RATE_WINDOW_S:
             self._arrivals.popleft()
         return _per_second(self._arrivals, now)
 
     @property
     def timings_ms(self) -> dict[str, float]:
-        """Median of every stage over the last frames, in the order of the newest."""
+        """Return the median time of every stage over the last frames, in the newest one's order."""
         stages = list(self._timings[-1]) if self._timings else []
         return {
             stage: round(median(t[stage] for t in self._timings if stage in t), 3)
@@ -131,5 +133,5 @@ def _per_second(arrivals: Sequence[float], now: float) -> float:
 
 
 def _percentile(ordered: list[float], share: float) -> float:
-    """The smallest value that is not below the given share of all (nearest rank)."""
+    """Return the smallest value not below the given share of all (nearest rank)."""
     return ordered[min(math.ceil(share * len(ordered)), len(ordered)) - 1]

@@ -14,10 +14,10 @@ from app.storage import StorageFull
 
 
 def write_whole(path: Path, text: str) -> None:
-    """Write a file so that nobody ever sees half of it, and no other user (mode 0600) any of it.
+    """Write a file atomically and hide it from other users (mode 0600).
 
     Raises:
-        StorageFull: no space is left. FieldError: it cannot be written; what was there stays.
+        StorageFull: no space is left. FieldError: the file cannot be written; the old one stays.
     """
     with told_as_ours(path):
         _write(path, text)
@@ -25,7 +25,7 @@ def write_whole(path: Path, text: str) -> None:
 
 @contextlib.contextmanager
 def told_as_ours(path: Path) -> Iterator[None]:
-    """What goes wrong in writing a file or a folder, as an error of ours.
+    """Convert errors in writing a file or folder to our own errors.
 
     Raises:
         StorageFull: no space is left. FieldError: it cannot be written.

@@ -1,4 +1,4 @@
-"""Writing to the database beside the event loop: one thread, a bounded queue, no blocking."""
+"""Writes to the database beside the event loop: one thread, a bounded queue, no blocking."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class _Job:
 
 
 class Writer:
-    """Runs writes one after the other, in the order given.
+    """Thread that runs writes one after the other, in the order given.
 
-    A locked database is tried again for ``patience_s``; meanwhile the queue fills, and what no
-    longer fits is refused (``submit``) or dropped and counted (``post``).
+    It retries a locked database for ``patience_s``. Meanwhile the queue fills; once it is full,
+    writes are refused (``submit``) or dropped and counted (``post``).
 
     Attributes:
-        trouble: the sentence of the last failed write; None since one succeeded.
-        dropped: how many posted writes were lost.
+        trouble: the sentence of the last failed write; None after a success.
+        dropped: number of lost posted writes.
     """
 
     def __init__(self, *, queue_length: int = _QUEUE_LENGTH, patience_s: float = 60.0) -> None:
@@ -53,7 +53,7 @@ class Writer:
         self._thread.start()
 
     def stop(self) -> None:
-        """Finish what is queued (one attempt each) and end the thread."""
+        """Finish the queued writes (one attempt each) and end the thread."""
         if not self._thread.is_alive():
             return
         self._stopping.set()
@@ -68,11 +68,11 @@ class Writer:
         work: Callable[[], Any],
         done: Callable[[Any, BaseException | None], None] | None = None,
     ) -> bool:
-        """Write when possible; False where the queue is full and the write was not taken.
+        """Queue a write; return False if the queue is full and the write was not taken.
 
         Args:
-            done: told of its end in the writer's thread; it answers for what was not written,
-                which counts as dropped otherwise.
+            done: called at its end in the writer's thread; it then answers for a failed write,
+                which otherwise counts as dropped.
         """
         try:
             self._jobs.put_nowait(_Job(work, done))
@@ -82,11 +82,11 @@ class Writer:
         return True
 
     async def submit(self, work: Callable[[], T], *, timeout_s: float = 8.0) -> T:
-        """Write and wait for it.
+        """Write and wait for the result.
 
         Raises:
-            NotAvailable: it was not written in time; it may still be.
-            StorageError: as the write raised.
+            NotAvailable: it was not written in time, but may still be.
+            StorageError: raised by the write.
         """
         loop = asyncio.get_running_loop()
         future: asyncio.Future[T] = loop.create_future()
@@ -100,7 +100,7 @@ class Writer:
                 future.set_exception(error)
 
         def done(value: Any, error: BaseException | None) -> None:
-            # The loop may be gone by the time a late write is through.
+            # The loop may be closed by the time a late write is done.
             if not loop.is_closed():
                 loop.call_soon_threadsafe(settle, value, error)
 
@@ -143,7 +143,7 @@ class Writer:
                     log.error("write_failed", reason=str(error))
                 return None, error
             except Exception as error:
-                # A fault of ours in one write must not end all further ones.
+                # A bug in one write must not end all further ones.
                 log.exception("write_raised")
                 return None, error
             else:

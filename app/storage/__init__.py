@@ -1,8 +1,9 @@
-"""What outlives the process: runs, speeds, parameters, presets, calibrations, truths, settings.
+"""Data that outlives the process: runs, speeds, parameters, presets, calibrations, truths,
+settings.
 
-``Storage`` is the only door. It is synchronous and thread-safe; the server calls it from worker
-threads. SQLite (write-ahead log) in one file is the default, a PostgreSQL
-server by its URL may take its place; runs and truths have their files in the data folder.
+``Storage`` is the only entry point. It is synchronous and thread-safe; the server calls it from
+worker threads. The default is SQLite (write-ahead log) in one file; the URL of a PostgreSQL server
+may replace it. Runs and truths have their files in the data folder.
 """
 
 from __future__ import annotations

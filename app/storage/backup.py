@@ -1,4 +1,4 @@
-"""A backup of all that is kept, of one moment, while a server goes on."""
+"""Backup of all data at one moment, while a server runs."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ from app.storage.records import utc_now
 from observer.recording.run_folder import RUNS
 
 DATABASE = "observer.sqlite"
-# Of the data folder, beside the database; the token and the server's log are nobody else's.
+# Parts of the data folder to save besides the database; the token and the server's log are private.
 FILES = ("rig.yaml",)
 FOLDERS = ("programmes", "guard-checks", TRUTHS, RUNS, RINGS)
 _WITH_RECORDINGS = (RUNS, RINGS)
 _RECORDINGS = ".mcap"
 _BUSY_S = 5.0
 
-# Told (bytes so far, bytes in all).
+# Called with (bytes so far, total bytes).
 Progress = Callable[[int, int | None], None]
 
 
@@ -46,9 +46,9 @@ def write_backup(
     """Write database, rig, programmes, truths and runs' files into one file.
 
     Args:
-        target: ends in .zip or .tar. data: the data folder. location: as ``Storage`` takes it.
-        recordings: also the runs' recordings and saved rings, which may be large.
-        application: the version that is told in it.
+        target: ends in .zip or .tar. data: the data folder. location: as for ``Storage``.
+        recordings: include the runs' recordings and saved rings, which may be large.
+        application: the version to write into it.
 
     Raises:
         BackupError: there is nothing to back up, or the target cannot be written.
@@ -62,7 +62,7 @@ def write_backup(
             try:
                 done += bundle.add(name, file)
             except FileNotFoundError:
-                # Deleted meanwhile by the server that goes on.
+                # Deleted meanwhile by the running server.
                 continue
             if progress is not None:
                 progress(done, total)
@@ -74,10 +74,10 @@ def write_backup(
 
 @contextmanager
 def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
-    """The database of this moment as an SQLite file of its own, gone behind the block."""
+    """Yield the database of this moment as a separate SQLite file, deleted after the block."""
     url = database_url(location)
     try:
-        # Where the backup goes there is space, if anywhere.
+        # If there is space anywhere, it is where the backup goes.
         folder = Path(tempfile.mkdtemp(prefix=".observer-backup-", dir=beside))
     except OSError as error:
         raise BackupError(
@@ -117,7 +117,7 @@ def _copy_file(file: Path, snapshot: Path) -> None:
 
 
 def size_of(file: Path) -> int:
-    """Bytes; 0 where it is gone."""
+    """Return the size in bytes; 0 if the file is gone."""
     try:
         return file.stat().st_size
     except FileNotFoundError:
@@ -134,7 +134,7 @@ def _revision(snapshot: Path) -> str:
 
 
 def _files(data: Path, recordings: bool) -> dict[str, Path]:
-    """By name in the backup; a run's folder on its way out is none."""
+    """Return the files by name in the backup; skip run folders being deleted."""
     found = {name: data / name for name in FILES if (data / name).is_file()}
     for folder in FOLDERS:
         for file in sorted((data / folder).rglob("*")):

@@ -1,4 +1,4 @@
-"""One file that holds many, a zip or a tar, written and read in streams, every byte checked.
+"""Archive of many files, a zip or a tar, streamed in both directions, with every byte checked.
 
 ``manifest.json`` names each file with its size and SHA-256; it is written last.
 """
@@ -25,7 +25,7 @@ _MANIFEST = "manifest.json"
 _COMMAND = "dynamic-observer backup"
 _CHUNK = 1024 * 1024
 _LARGEST_MANIFEST = 64 * _CHUNK
-# What is compressed already, or too much to compress.
+# Endings of files that are compressed already, or too large to compress.
 _STORED = (".mcap", ".mp4", ".zip", ".jpg", ".png")
 
 
@@ -37,12 +37,12 @@ _BROKEN = (
 
 
 class BackupError(InputError):
-    """A backup cannot be written, or cannot be restored as it is."""
+    """Failure to write a backup, or to restore it as it is."""
 
 
 @dataclass(frozen=True)
 class Entry:
-    """One file. ``size`` in bytes."""
+    """File in a backup. ``size`` in bytes."""
 
     size: int
     sha256: str
@@ -50,11 +50,11 @@ class Entry:
 
 @dataclass(frozen=True)
 class Manifest:
-    """What a backup holds.
+    """Contents of a backup.
 
     Attributes:
-        made_at: UTC. application: the version that made it. revision: of its database.
-        recordings: whether runs' recordings are in it.
+        made_at: UTC. application: the version that made it. revision: revision of its database.
+        recordings: whether it includes runs' recordings.
         files: by name, relative to the data folder.
     """
 
@@ -72,14 +72,14 @@ class _Sink(Protocol):
 
 
 class BundleWriter:
-    """Adds files; ``finish`` writes the manifest. See ``bundle_writer``."""
+    """Writer that adds files; ``finish`` writes the manifest. See ``bundle_writer``."""
 
     def __init__(self, sink: _Sink) -> None:
         self._sink = sink
         self.files: dict[str, Entry] = {}
 
     def add(self, name: str, file: Path) -> int:
-        """Add what a file holds now; what is written to it meanwhile is left out. Returns bytes."""
+        """Add the present content of a file and return its bytes; later appends are left out."""
         size = file.stat().st_size
         with file.open("rb") as opened:
             stream = _Counted(opened, size)
@@ -95,10 +95,10 @@ class BundleWriter:
 
 @contextmanager
 def bundle_writer(path: Path) -> Iterator[BundleWriter]:
-    """Write ``path``, by its ending a zip or a tar, whole or not at all.
+    """Write ``path`` as a zip or a tar, by its extension, completely or not at all.
 
     Raises:
-        BackupError: another ending, or it cannot be written.
+        BackupError: the extension is another one, or the file cannot be written.
     """
     part = path.with_name(f".{path.name}.part")
     try:
@@ -124,7 +124,7 @@ def bundle_writer(path: Path) -> Iterator[BundleWriter]:
 
 
 class _Counted:
-    """Exactly ``size`` bytes of a stream, hashed as they pass."""
+    """Reader of exactly ``size`` bytes of a stream that hashes them on the way."""
 
     def __init__(self, stream: IO[bytes], size: int) -> None:
         self._stream = stream
@@ -181,7 +181,7 @@ def _pass(stream: IO[bytes], target: IO[bytes], size: int) -> None:
 
 
 class Bundle:
-    """A backup that is open for reading; its manifest is checked against what is in it."""
+    """Backup open for reading; its manifest is checked against its contents."""
 
     def __init__(self, path: Path, archive: zipfile.ZipFile | tarfile.TarFile) -> None:
         self._path = path
@@ -193,10 +193,10 @@ class Bundle:
             raise self._broken("its files are not those that it lists")
 
     def extract(self, name: str, target: Path) -> None:
-        """Write one file, checked.
+        """Extract one file and check it.
 
         Raises:
-            BackupError: it is not what the manifest says. OSError: it cannot be written.
+            BackupError: the file does not match the manifest. OSError: it cannot be written.
         """
         entry = self.manifest.files[name]
         target.parent.mkdir(parents=True, exist_ok=True)
@@ -253,7 +253,7 @@ class Bundle:
 
 
 def _is_safe(name: str) -> bool:
-    """A plain relative path, the same on every system."""
+    """Return whether the name is a plain relative path, valid on every system."""
     parts = name.split("/")
     return all(part not in ("", ".", "..") and "\\" not in part for part in parts) and (
         "\0" not in name and ":" not in parts[0]
@@ -265,7 +265,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
     """Open a backup, whatever its name.
 
     Raises:
-        BackupError: it is not there, or none, or damaged.
+        BackupError: the file is missing, is not a backup, or is damaged.
     """
     try:
         if zipfile.is_zipfile(path):

@@ -1,4 +1,4 @@
-"""Calibrations by content: the same text is the same calibration, whatever it is called."""
+"""Calibrations, identified by content: the same text is the same calibration under any name."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _ACTIVE = "calibrations.active"
 
 
 class CalibrationTables(Database):
-    """Texts are kept as they came; reading them is not this package's work."""
+    """Tables of calibrations. Texts are stored unchanged; this package does not parse them."""
 
     def save_calibration(
         self, text: str, *, name: str, info: dict[str, Any] | None = None, listed: bool = True
     ) -> CalibrationRecord:
-        """Keep a calibration; one with the same text is found again and takes the new name.
+        """Store a calibration; an existing one with the same text takes the new name.
 
-        What is known of that one already stays; keys of ``info`` are replaced.
+        Its existing ``info`` stays, except for keys that are replaced.
 
-        ``listed=False`` keeps one for a run's sake (a source's own) without showing it in lists;
-        one that is listed stays so.
+        ``listed=False`` stores one only for a run (a source's own) without listing it; one that is
+        listed already stays listed.
         """
         key = calibration_id(text)
         with self._writing() as session:
@@ -45,13 +45,13 @@ class CalibrationTables(Database):
             return _calibration(row)
 
     def get_calibration(self, id: str) -> CalibrationRecord | None:
-        """One calibration, deleted ones that a run refers to included."""
+        """Return one calibration, including deleted ones that a run refers to."""
         with self._reading() as session:
             row = session.get(Calibration, id)
             return None if row is None else _calibration(row)
 
     def list_calibrations(self) -> list[CalibrationRecord]:
-        """Those that are listed, newest first."""
+        """Return the listed calibrations, newest first."""
         query = (
             select(Calibration)
             .where(Calibration.listed)
@@ -63,7 +63,7 @@ class CalibrationTables(Database):
     def change_calibration(
         self, id: str, *, name: str | None = None, info: dict[str, Any] | None = None
     ) -> CalibrationRecord:
-        """Rename a calibration or add to what is known of it; keys of ``info`` are replaced.
+        """Rename a calibration or extend its ``info``; existing keys are replaced.
 
         Raises:
             StorageMissing: there is no such calibration.
@@ -79,9 +79,9 @@ class CalibrationTables(Database):
             return _calibration(row)
 
     def delete_calibration(self, id: str) -> bool:
-        """Take it off the list (False: it is not there); the active one is deactivated.
+        """Remove it from the list (False if absent) and deactivate it if active.
 
-        The text stays as long as a run refers to it: a run must remain repeatable.
+        The text stays while a run refers to it: a run must remain repeatable.
         """
         with self._writing() as session:
             row = session.get(Calibration, id)
@@ -99,7 +99,7 @@ class CalibrationTables(Database):
             return True
 
     def activate_calibration(self, id: str | None) -> None:
-        """Use this calibration from now on; None goes back to the source's own.
+        """Use this calibration from now on; None restores the source's own.
 
         Raises:
             StorageMissing: there is no such calibration.
@@ -110,7 +110,7 @@ class CalibrationTables(Database):
             write_setting(session, _ACTIVE, id)
 
     def active_calibration(self) -> CalibrationRecord | None:
-        """The calibration that replaces the sources' own, if any."""
+        """Return the calibration that replaces the sources' own, if any."""
         with self._reading() as session:
             id = read_setting(session, _ACTIVE)
             row = None if id is None else session.get(Calibration, id)

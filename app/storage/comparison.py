@@ -1,4 +1,4 @@
-"""The truth that is kept with a run, as the text that commands take."""
+"""Truth stored with a run, in the form that commands take."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ _FOUND = "time"
 
 
 def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
-    """The truth that was laid over a run, which must have one.
+    """Return the truth that was laid over a run; the run must have one.
 
-    It is what ``app.reports.comparison.Comparison.of_dict`` takes.
+    The result fits ``app.reports.comparison.Comparison.of_dict``.
 
     Raises:
         StorageMissing: the truth's file is gone.
@@ -24,7 +24,7 @@ def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
     kept = record.alignment
     assert kept is not None
     return {
-        # Of what is on the run's own clock nothing had to be found.
+        # Truth on the run's own clock needed no alignment in time.
         "alignment": kept if _FOUND in kept else None,
         "truth": comparison_truth(storage, record.truth_id, kept),
     }
@@ -33,11 +33,12 @@ def kept_comparison(record: RunRecord, storage: TruthTables) -> dict[str, Any]:
 def comparison_truth(
     storage: TruthTables, truth_id: str | None, kept: Mapping[str, Any]
 ) -> dict[str, Any] | None:
-    """A truth file and how it is read; None for what the run itself received live.
+    """Return a truth file and the options to read it; None for truth received live by the run
+    itself.
 
     Args:
-        kept: with the run: ``reading`` as it was then (else as it was uploaded), and ``heard_by``,
-            another run that received the motion capture live.
+        kept: data stored with the run: its ``reading`` (default: the one of the upload), and
+            ``heard_by``, another run that received the motion capture live.
 
     Raises:
         StorageMissing: there is no such truth, or its file is gone.

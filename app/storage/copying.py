@@ -1,4 +1,4 @@
-"""Copying whole databases between kinds: a server's into an SQLite file, and back."""
+"""Copies of whole databases between kinds: from a server into an SQLite file, and back."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ _ROWS = 2000
 
 
 def copy_tables(engine: Engine, file: Path) -> None:
-    """Copy a server's tables, whatever revision they have, into a new SQLite file.
+    """Copy a server's tables, at any revision, into a new SQLite file.
 
-    All of one moment, while others write.
+    The copy is a snapshot of one moment, even while others write.
 
     Raises:
         StorageError: the file cannot be written; nothing of it is left.
@@ -56,9 +56,9 @@ def copy_tables(engine: Engine, file: Path) -> None:
 
 
 def replace_tables(source: Engine, connection: Connection) -> None:
-    """Within the connection's transaction, all of its rows make place for the source's.
+    """Replace all rows by those of the source, within the connection's transaction.
 
-    Both are at the same revision.
+    Both databases must have the same revision.
     """
     tables = _tables(connection)
     for table in reversed(tables.sorted_tables):
@@ -78,7 +78,7 @@ def _copy(source: Connection, sink: Connection, tables: Iterable[Table]) -> None
 
 
 def _count_on(connection: Connection, table: Table) -> None:
-    """Rows that brought their numbers did not move the sequence that gives the next one."""
+    """Advance the sequence of row numbers, which rows with given numbers did not."""
     for column in table.primary_key:
         name = connection.scalar(select(func.pg_get_serial_sequence(table.name, column.name)))
         if name is not None:
@@ -96,7 +96,7 @@ def _tables(connection: Connection) -> MetaData:
 
 
 def _plain(_inspector: object, _table: Table, column: ReflectedColumn) -> None:
-    # A server's sequences and casts are none of SQLite's.
+    # SQLite has no use for a server's sequences and casts.
     column["default"] = None
     if isinstance(column["type"], JSON):
         column["type"].none_as_null = True

@@ -1,4 +1,4 @@
-"""Opening one database, and sessions on it whose errors speak the storage's language."""
+"""Opening a database, and sessions on it that raise the storage's errors."""
 
 from __future__ import annotations
 
@@ -27,21 +27,21 @@ BUSY_TIMEOUT_S = 5.0
 
 
 class Database:
-    """One database: opened, migrated, closed; reading and writing sessions for the tables' parts.
+    """Database: opening, migration and closing, with read and write sessions for the table classes.
 
     Args:
         location: a file's path, or an SQLAlchemy URL (``sqlite:////data/observer.sqlite``,
             ``postgresql://user:password@host/database``).
-        folder: the data folder, where runs and truths have their files; where the SQLite file is
-            if left out. Needed beside a database server.
+        folder: the data folder for the files of runs and truths; the folder of the SQLite file if
+            left out. Required with a database server.
         busy_timeout_s: how long a call waits for another writer before ``StorageBusy``.
 
     Attributes:
-        folder: what is kept in files.
+        folder: the data kept in files.
         warnings: sentences for the person who started the server, filled by ``open``.
 
     Raises:
-        StorageError: the location is none, its driver is missing, or the folder is.
+        StorageError: the location is invalid, or its driver or the folder is missing.
     """
 
     def __init__(
@@ -59,29 +59,29 @@ class Database:
         self._busy_timeout_s = busy_timeout_s
         self._engine: Engine | None = None
         # Writers of this process queue here; SQLite's own lock only arbitrates between processes,
-        # by polling, which starves whoever sleeps longest.
+        # and by polling, which starves whoever sleeps longest.
         self._write_lock = threading.Lock()
         self.warnings: tuple[str, ...] = ()
 
     @property
     def where(self) -> str:
-        """The database as a person is told of it: a path, or a URL without its password."""
+        """Return the database's name for people: a path, or a URL without its password."""
         file = self.file
         return str(file) if file else self._url.render_as_string(hide_password=True)
 
     @property
     def file(self) -> Path | None:
-        """The SQLite file; None for a database server."""
+        """Return the SQLite file; None for a database server."""
         if self._url.get_backend_name() != "sqlite":
             return None
         return Path(str(self._url.database))
 
     def open(self) -> Self:
-        """Make the database ready: damaged files aside, migrations applied. Idempotent.
+        """Make the database ready: move damaged files aside, apply migrations. Idempotent.
 
         Raises:
             StorageBusy: another program holds it.
-            StorageError: it cannot be made or read, or belongs to a newer version.
+            StorageError: it cannot be created or read, or belongs to a newer version.
         """
         if self._engine is not None:
             return self
@@ -100,7 +100,7 @@ class Database:
         return self
 
     def close(self) -> None:
-        """Give all connections back. Idempotent; waits for a write that is under way."""
+        """Close all connections. Idempotent; waits for a write in progress."""
         with self._write_lock:
             engine, self._engine = self._engine, None
         if engine is not None:
@@ -113,7 +113,7 @@ class Database:
         self.close()
 
     def disk_use(self) -> DiskUse:
-        """What all that is kept takes of the disk; a server's database is not counted."""
+        """Return the disk space of all data, except a server's database."""
         return self.folder.disk_use(self.file)
 
     @contextmanager
@@ -123,7 +123,7 @@ class Database:
 
     @contextmanager
     def _writing(self) -> Iterator[Session]:
-        """One transaction: committed at the end, nothing of it kept on an error."""
+        """Yield one transaction: committed at the end, rolled back on an error."""
         if not self._write_lock.acquire(timeout=self._busy_timeout_s):
             raise StorageBusy(
                 f"the database {self.where} is busy with another write; try again later"

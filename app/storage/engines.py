@@ -1,4 +1,4 @@
-"""From a file or a URL to SQLAlchemy's engine, with what each kind of database needs."""
+"""SQLAlchemy engines for a file or a URL, with the settings that each kind of database needs."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from sqlalchemy.exc import ArgumentError
 
 from app.storage.errors import StorageError
 
-# How our connections are called in PostgreSQL's pg_stat_activity.
+# Name of our connections in PostgreSQL's pg_stat_activity.
 APPLICATION = "dynamic-observer"
 _POSTGRESQL = ("postgresql", "postgres", "postgresql+psycopg")
-# A server that is gone is noticed after so long, also in the middle of a request.
+# Time until a lost server is noticed, even during a request.
 _SILENCE_S = 10
-# How either side asks the other whether it is there: after seconds, again after seconds, times.
+# TCP keepalive on either side: idle seconds, interval in seconds, count.
 _KEEPALIVES = {"idle": _SILENCE_S // 2, "interval": 2, "count": 3}
 
 
 def database_url(location: str | Path) -> URL:
-    """What ``Storage`` takes as a location, as a URL.
+    """Convert the location that ``Storage`` takes to a URL.
 
     Raises:
-        StorageError: it is no URL of a database that can serve, or its driver is missing.
+        StorageError: it is not the URL of a supported database, or its driver is missing.
     """
     text = str(location)
     if "://" not in text:
@@ -66,11 +66,10 @@ def _missing(url: URL, error: ImportError) -> str:
 
 
 def make_engine(url: URL, busy_timeout_s: float) -> Engine:
-    """An engine whose writers begin with the option ``writes``.
+    """Create an engine whose writers begin with the option ``writes``.
 
     Args:
-        busy_timeout_s: how long a statement waits for another's lock, and a thread for a
-            connection.
+        busy_timeout_s: how long a statement waits for a lock, and a thread for a connection.
     """
     options: dict[str, Any] = {
         "json_serializer": partial(json.dumps, allow_nan=False, ensure_ascii=False),
@@ -79,7 +78,7 @@ def make_engine(url: URL, busy_timeout_s: float) -> Engine:
     if url.get_backend_name() == "postgresql":
         options["connect_args"] = _postgresql_arguments(url, busy_timeout_s)
     if url.get_backend_name() != "sqlite":
-        # Asked before each use: the server may have been restarted meanwhile.
+        # Tested before each use: the server may have restarted meanwhile.
         return create_engine(url, pool_pre_ping=True, **options)
     engine = create_engine(url, connect_args={"timeout": busy_timeout_s}, **options)
     event.listen(engine, "connect", _on_sqlite_connect)
@@ -88,13 +87,13 @@ def make_engine(url: URL, busy_timeout_s: float) -> Engine:
 
 
 def _postgresql_arguments(url: URL, busy_timeout_s: float) -> dict[str, Any]:
-    """What the URL says itself goes before."""
+    """Return the connection arguments; those in the URL take precedence."""
     waits_ms = max(1, round(1000 * busy_timeout_s))
     of_session = {
         "lock_timeout": waits_ms,
         "client_encoding": "UTF8",
-        # A client without power is gone for the server as soon as a server is for us: its locks
-        # would keep the next one from starting.
+        # The server gives up a client without power as soon as a client gives up the server:
+        # otherwise its locks would keep the next one from starting.
         **{f"tcp_keepalives_{name}": value for name, value in _KEEPALIVES.items()},
     }
     # https://www.postgresql.org/docs/current/libpq-connect.html#LIBPQ-PARAMKEYWORDS
@@ -109,24 +108,24 @@ def _postgresql_arguments(url: URL, busy_timeout_s: float) -> dict[str, Any]:
 
 
 def use_write_ahead_log(engine: Engine) -> None:
-    """The mode is the file's, not the connection's: set once, after the file is known as ours."""
+    """Set the mode of the file, not of the connection: once, after the file is known to be ours."""
     with closing(engine.raw_connection()) as connection:
         connection.cursor().execute("PRAGMA journal_mode=WAL")
 
 
 def _on_sqlite_connect(connection: Any, _record: object) -> None:
-    # We say BEGIN ourselves: the driver's own leaves DDL outside transactions.
+    # We send BEGIN ourselves: the driver's own leaves DDL outside transactions.
     connection.isolation_level = None
     cursor = connection.cursor()
-    # With a write-ahead log, NORMAL survives the process's death at any moment without loss;
-    # a power cut may lose the last transactions but never damages the file.
+    # With a write-ahead log, NORMAL survives the process's death at any moment without loss; a
+    # power cut may lose the last transactions but never damages the file.
     cursor.execute("PRAGMA synchronous=NORMAL")
     cursor.execute("PRAGMA foreign_keys=ON")
     cursor.close()
 
 
 def _on_sqlite_begin(connection: Connection) -> None:
-    # A writer takes the lock at once: a reader that turns writer half-way is refused without
-    # waiting when somebody else wrote in between.
+    # A writer takes the lock at once: a reader that upgrades to a writer is refused without waiting
+    # if somebody else wrote in between.
     writes = connection.get_execution_options().get("writes", False)
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

@@ -1,4 +1,4 @@
-"""Errors of the storage, and how a database driver's codes become them."""
+"""Errors of the storage, and their mapping from the codes of database drivers."""
 
 from __future__ import annotations
 
@@ -8,31 +8,31 @@ from observer.errors import DynamicObserverError
 
 
 class StorageError(DynamicObserverError):
-    """The database cannot be used as asked; the message says what would help."""
+    """Failure to use the database as requested; the message says what would help."""
 
 
 class StorageBusy(StorageError):
-    """Somebody else holds the database; the same call may succeed later."""
+    """Database held by another program; the same call may succeed later."""
 
 
 class StorageUnreachable(StorageBusy):
-    """The database server does not answer; it may later."""
+    """Database server without an answer; it may answer later."""
 
 
 class StorageFull(StorageError):
-    """The disk (or the quota) is full; nothing of the refused call was written."""
+    """Full disk (or quota); the failed call wrote nothing."""
 
 
 class StorageCorrupt(StorageError):
-    """The file was damaged while it was open; it is moved aside at the next start."""
+    """Damage to the file while it was open; the next start moves it aside."""
 
 
 class StorageMissing(StorageError):
-    """A record that the call names or refers to is not there."""
+    """Missing record that the call names or refers to."""
 
 
 class StorageExists(StorageError):
-    """A record of that name is there already."""
+    """Name that another record has already."""
 
 
 # PostgreSQL's codes: https://www.postgresql.org/docs/current/errcodes-appendix.html
@@ -76,7 +76,7 @@ _SENTENCES: dict[type[StorageError], str] = {
 
 
 def storage_error(cause: BaseException | None, where: str) -> StorageError:
-    """The storage's own error for a driver's error; ``where`` names the database to a person."""
+    """Convert a driver's error to the storage's own; ``where`` names the database for people."""
     kind = _kind(cause)
     if kind is None:
         return StorageError(f"the database {where} refused the request: {_said(cause)}")
@@ -84,7 +84,7 @@ def storage_error(cause: BaseException | None, where: str) -> StorageError:
 
 
 def _said(cause: BaseException | None) -> str:
-    """In one line and without the labels of drivers that tell in several."""
+    """Return the message on one line, without the labels of drivers that write several."""
     return " ".join(str(cause).removesuffix("\n").split())
 
 
@@ -95,7 +95,7 @@ def _kind(cause: BaseException | None) -> type[StorageError] | None:
         return _BY_SQLITE_EXTENDED.get(code) or _BY_SQLITE_PRIMARY.get(code & 0xFF)
     state = getattr(cause, "sqlstate", None)
     if isinstance(state, str):
-        # Class 08 are the exceptions of connections.
+        # Class 08 contains connection exceptions.
         return StorageUnreachable if state.startswith("08") else _BY_SQLSTATE.get(state)
-    # psycopg has no code for what happens before a server answers, or after it is gone.
+    # psycopg has no code for failures before a server answers, or after it is gone.
     return StorageUnreachable if type(cause).__name__ == "OperationalError" else None

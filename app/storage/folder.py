@@ -1,4 +1,4 @@
-"""The data folder: what is kept in files beside the database, and how much of the disk it takes."""
+"""The data folder: files beside the database, and the disk space that they take."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from app.storage.errors import StorageError, StorageMissing
 from observer.recording.run_folder import RECORDING, RUNS
 
 TRUTHS = "truths"
-# Saved stretches of what no run kept.
+# Folder of saved clips that belong to no run.
 RINGS = "rings"
-# A run's folder on its way out; what a crash leaves of it goes next time.
+# A run's folder during deletion; remains of a crash are deleted next time.
 _LEAVING = ".deleted-"
 _ID = re.compile(r"[0-9A-Za-z][0-9A-Za-z_-]{0,99}")
 _BLOCK = 512
@@ -24,13 +24,13 @@ _BLOCK = 512
 
 @dataclass(frozen=True)
 class DiskUse:
-    """Bytes on the disk.
+    """Disk space in bytes.
 
     Attributes:
-        runs: by run id, only those that have a folder.
-        truths: all truth files. database: with its log. copies: made before migrations and
-            restorations, and databases that were moved aside. other: calibrations' images, ...
-        free: what may still be written.
+        runs: by run id, only for runs with a folder.
+        truths: all truth files. database: with its log. copies: copies made before migrations
+            and restorations, and databases that were moved aside. other: calibrations' images, ...
+        free: space left.
     """
 
     runs: dict[str, int]
@@ -42,20 +42,22 @@ class DiskUse:
 
     @property
     def total(self) -> int:
-        """All of the data folder."""
+        """Return the size of the whole data folder."""
         return sum(self.runs.values()) + self.truths + self.database + self.copies + self.other
 
 
 class DataFolder:
-    """Args:
-    path: the folder; it need not exist.
+    """Data folder.
+
+    Args:
+        path: the folder; it need not exist.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
 
     def run(self, run_id: str) -> Path:
-        """Where a run's files are: ``recording.mcap`` and whatever belongs to it.
+        """Return the folder of a run's files: ``recording.mcap`` and whatever belongs to it.
 
         Raises:
             StorageMissing: no run can have this id.
@@ -65,10 +67,10 @@ class DataFolder:
         return self.path / RUNS / run_id
 
     def make_run(self, run_id: str) -> Path:
-        """The same, made if need be.
+        """Return the folder of a run's files, created if necessary.
 
         Raises:
-            StorageError: it cannot be made.
+            StorageError: it cannot be created.
         """
         folder = self.run(run_id)
         try:
@@ -81,7 +83,7 @@ class DataFolder:
         return folder
 
     def remove_run(self, run_id: str) -> None:
-        """Delete a run's files; a folder that is not there is no error.
+        """Delete a run's files; a missing folder is no error.
 
         Raises:
             StorageError: they cannot be deleted; they stay.
@@ -89,7 +91,7 @@ class DataFolder:
         folder = self.run(run_id)
         leaving = folder.with_name(f"{_LEAVING}{run_id}-{secrets.token_hex(3)}")
         try:
-            # At once or not at all: nobody finds half a run.
+            # Renamed first, so that nobody ever finds half a run.
             folder.rename(leaving)
         except FileNotFoundError:
             return
@@ -101,30 +103,30 @@ class DataFolder:
         shutil.rmtree(leaving, ignore_errors=True)
 
     def tidy(self) -> None:
-        """Delete what a crash left of runs that were being deleted."""
+        """Delete what a crash left of runs being deleted."""
         for folder in (self.path / RUNS).glob(f"{_LEAVING}*"):
             shutil.rmtree(folder, ignore_errors=True)
 
     def truth(self, name: str) -> Path:
-        """The file of a truth, by the name of its record."""
+        """Return the file of a truth, by the name in its record."""
         return self.path / TRUTHS / name
 
     def recording_bytes(self, run_id: str) -> int | None:
-        """The size of a run's recording; None where there is none."""
+        """Return the size of a run's recording; None if there is none."""
         try:
             return (self.run(run_id) / RECORDING).stat().st_size
         except OSError:
             return None
 
     def run_bytes(self, run_id: str) -> int:
-        """What a run takes of the disk, without its rows in the database."""
+        """Return the disk space of a run, without its rows in the database."""
         return _size(self.run(run_id))
 
     def disk_use(self, database: Path | None) -> DiskUse:
-        """What all takes; sparse and growing files by the blocks that they have.
+        """Return the disk space of everything; sparse and growing files count by their blocks.
 
         Args:
-            database: the SQLite file, None where a server keeps the rows.
+            database: the SQLite file; None if a server stores the rows.
         """
         runs: dict[str, int] = {}
         truths = of_database = copies = other = 0
@@ -144,7 +146,7 @@ class DataFolder:
         return DiskUse(runs, truths, of_database, copies, other, self.free_bytes())
 
     def free_bytes(self) -> int:
-        """What may still be written below the folder."""
+        """Return the free space below the folder."""
         present = next(each for each in (self.path, *self.path.parents) if each.exists())
         return shutil.disk_usage(present).free
 
@@ -154,7 +156,7 @@ def _size(path: Path) -> int:
 
 
 def _stats(path: Path) -> Iterator[os.stat_result]:
-    """Of everything below; what vanishes meanwhile is left out."""
+    """Yield the status of everything below; skip what vanishes meanwhile."""
     try:
         yield path.lstat()
         if path.is_dir() and not path.is_symlink():

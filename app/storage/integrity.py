@@ -1,4 +1,4 @@
-"""Is an SQLite file sound? If not, it is moved aside, never deleted."""
+"""Integrity check of an SQLite file; a damaged one is moved aside, never deleted."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class MovedAside:
 
 
 def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
-    """Check the file; when it is damaged, rename it (and its log) beside itself.
+    """Check the file; if it is damaged, rename it (and its log) beside itself.
 
     Raises:
-        StorageBusy: another program holds it, so that nothing can be said.
+        StorageBusy: another program holds it, so that its state is unknown.
         StorageError: it cannot be read or renamed at all (permissions, a folder).
     """
     if not file.exists():
@@ -44,7 +44,7 @@ def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
 
 
 def name_beside(file: Path, why: str) -> Path:
-    """A free name beside a file: ``observer.sqlite`` -> ``observer.corrupt-<UTC>.sqlite``."""
+    """Return a free name beside a file, such as ``observer.corrupt-<UTC>.sqlite``."""
     stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
     name = file.with_name(f"{file.stem}.{why}-{stamp}{file.suffix}")
     number = 1
@@ -55,10 +55,10 @@ def name_beside(file: Path, why: str) -> Path:
 
 
 def is_open_elsewhere(file: Path) -> bool:
-    """Whether another program has the database open, at rest or not."""
+    """Return whether another program has the database open, idle or not."""
     try:
         with closing(sqlite3.connect(file, timeout=0.2, isolation_level=None)) as connection:
-            # With a write-ahead log everybody who has it open holds a lock that this excludes.
+            # With a write-ahead log, everybody who has it open holds a lock that this excludes.
             connection.execute("PRAGMA locking_mode=EXCLUSIVE")
             connection.execute("BEGIN EXCLUSIVE")
             connection.execute("ROLLBACK")
@@ -77,11 +77,11 @@ def move_with_log(file: Path, target: Path) -> None:
 
 
 def copy_database(file: Path, copy: Path) -> None:
-    """Copy a database that may be open elsewhere, its write-ahead log included."""
+    """Copy a database that may be open elsewhere, including its write-ahead log."""
     try:
         with closing(sqlite3.connect(file)) as source, closing(sqlite3.connect(copy)) as target:
             source.backup(target)
-            # One file and no log beside it, whatever the source's way is.
+            # One file without a log beside it, whatever the mode of the source.
             target.execute("PRAGMA journal_mode=DELETE")
     except sqlite3.Error as error:
         copy.unlink(missing_ok=True)
@@ -92,15 +92,15 @@ def copy_database(file: Path, copy: Path) -> None:
 
 
 def damage(file: Path, timeout_s: float) -> str | None:
-    """What is wrong with the file; None: it is sound.
+    """Describe the damage of the file; None if it is sound.
 
     Raises:
-        StorageBusy, StorageError: nothing can be said; see ``move_aside_if_damaged``.
+        StorageBusy, StorageError: the state is unknown; see ``move_aside_if_damaged``.
     """
     try:
         with closing(sqlite3.connect(file, timeout=timeout_s)) as connection:
-            # quick_check reads every page but leaves the indices' contents out: a tenth of the
-            # time of integrity_check, and what it misses costs no data.
+            # quick_check reads every page but skips the contents of indices: it takes a tenth of
+            # the time of integrity_check, and what it misses costs no data.
             (answer,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     except sqlite3.DatabaseError as error:
         code = error.sqlite_errorcode & 0xFF

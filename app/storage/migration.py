@@ -1,4 +1,4 @@
-"""Bringing a database to the tables of this version.
+"""Migration of a database to the tables of this version.
 
 Migrations live inside the package and run at open; there is no alembic.ini. To add one: change
 ``models.py``, copy the newest file of ``migrations/versions``, give it the next number and write
@@ -27,11 +27,11 @@ MIGRATIONS = Path(__file__).parent / "migrations"
 
 
 def upgrade(engine: Engine, file: Path | None, migrations: Path = MIGRATIONS) -> Path | None:
-    """Apply what is missing, in one transaction. Returns where the old database was copied to.
+    """Apply missing migrations in one transaction; return the path of the old database's copy.
 
     Args:
-        file: before an actual migration the database is copied beside it: the SQLite file itself,
-            and for a database server what it would be called. None: it is not copied.
+        file: base name of the copy made before an actual migration: the SQLite file itself, or for
+            a database server the name that it would have. None: no copy.
 
     Raises:
         StorageError: the database was written by a newer version, or is not one of ours.
@@ -63,7 +63,7 @@ def upgrade(engine: Engine, file: Path | None, migrations: Path = MIGRATIONS) ->
         else:
             copy_database(file, copy)
     with engine.execution_options(writes=True).begin() as connection:
-        # Another server on the same database may be about the same; alembic looks again.
+        # Another server may be migrating the same database; alembic checks again.
         lock_whole(connection)
         config.attributes["connection"] = connection
         command.upgrade(config, "head")

@@ -1,4 +1,4 @@
-"""The tables. A change here needs a migration in ``migrations/versions``; a test compares them."""
+"""Database tables. A change needs a migration in ``migrations/versions``; a test compares them."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _ID = String(64)
 
 
 class Base(DeclarativeBase):
-    # Named constraints can be altered by later migrations on every database.
+    # Later migrations can alter named constraints on every database.
     metadata = MetaData(
         naming_convention={
             "ix": "ix_%(table_name)s_%(column_0_N_name)s",
@@ -72,7 +72,8 @@ class Run(Base):
     versions: Mapped[dict[str, str]]
     reason: Mapped[str | None] = mapped_column(Text)
     notes: Mapped[str] = mapped_column(Text)
-    # Name, notes and tags as ``searching.folded`` makes them, so that every database finds alike.
+    # Name, notes and tags as returned by ``searching.folded``, so that every database finds the
+    # same.
     searched: Mapped[str] = mapped_column(Text)
     deleted_at: Mapped[str | None] = mapped_column(_ISO_TIME, index=True)
     rig: Mapped[str | None] = mapped_column(Text)
@@ -89,7 +90,7 @@ class Run(Base):
 
 class Speed(Base):
     __tablename__ = "speeds"
-    # Rows of a run come back in the order of writing: source time starts anew when a file loops.
+    # Rows of a run are returned in the order of writing: source time restarts when a file loops.
     __table_args__ = (Index(None, "run_id", "id"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)

@@ -1,4 +1,6 @@
-"""One server for one data folder and database: two would take each other's runs for interrupted."""
+"""Exclusive use of a data folder and database: a second server would take running runs for
+interrupted.
+"""
 
 from __future__ import annotations
 
@@ -17,16 +19,17 @@ _NAME = "server.lock"
 
 @contextmanager
 def occupied(folder: Path, database: str | None = None) -> Iterator[None]:
-    """Hold a data folder and the database as long as the context, and no longer than the process.
+    """Hold a data folder and the database during the context, and no longer than the process.
 
-    Where the system or the folder's file system knows no locks, that is not held.
+    Without locks in the system or in the folder's file system, nothing is held.
 
     Args:
         database: the URL of another database than the folder's own.
 
     Raises:
         InputError: another server holds the folder, or the file of the database.
-        StorageError: another server holds the database, or it cannot be asked; the URL is none.
+        StorageError: another server holds the database, or it does not answer, or the URL is
+            invalid.
     """
     remedy = "stop it, or give this one a folder of its own with --data"
     with contextlib.ExitStack() as held:
@@ -58,7 +61,7 @@ def _locked(folder: Path, name: str, refusal: str) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         file = os.open(folder / name, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError:
-        # What cannot be written is told by whoever needs to write there.
+        # An unwritable folder is reported by the code that needs to write there.
         yield
         return
     try:
@@ -67,7 +70,7 @@ def _locked(folder: Path, name: str, refusal: str) -> Iterator[None]:
         except BlockingIOError:
             raise InputError(f"{_holder(os.pread(file, 20, 0))} {refusal}") from None
         except OSError:
-            # As on some network file systems.
+            # Such as some network file systems.
             pass
         with contextlib.suppress(OSError):
             os.ftruncate(file, 0)

@@ -1,4 +1,4 @@
-"""Parameters as they were left, their revisions, and the presets that people saved."""
+"""Last parameters, their revisions, and presets saved by users."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ _CURRENT = "parameters.current"
 
 
 class ParameterTables(Database):
-    """Values are flat maps, dotted name -> JSON value, read under the names of today."""
+    """Tables of parameters: flat maps, dotted name -> JSON value, read under the names of today."""
 
     def save_parameters(self, revision: int, values: dict[str, Any], preset: str | None) -> None:
-        """Keep the parameters now in force; the next start begins with them."""
+        """Store the parameters in force; the next start begins with them."""
         with self._writing() as session:
             current = {"revision": revision, "values": values, "preset": preset}
             write_setting(session, _CURRENT, current)
 
     def load_parameters(self) -> SavedParameters | None:
-        """The parameters as they were left; None in a new database."""
+        """Return the last parameters; None in a new database."""
         with self._reading() as session:
             current = read_setting(session, _CURRENT)
         if current is None:
@@ -36,7 +36,7 @@ class ParameterTables(Database):
     def record_parameter_revision(
         self, run_id: str | None, frame: int | None, revision: int, difference: dict[str, Any]
     ) -> ParameterRevision:
-        """Note that from ``frame`` on the values in ``difference`` hold.
+        """Record that the values in ``difference`` hold from ``frame`` on.
 
         Raises:
             StorageMissing: there is no such run.
@@ -55,7 +55,7 @@ class ParameterTables(Database):
         return record
 
     def parameter_revisions(self, run_id: str | None) -> list[ParameterRevision]:
-        """The changes during a run (``None``: those outside of any run), oldest first."""
+        """Return the changes during a run (``None``: those outside any run), oldest first."""
         query = select(Revision).where(Revision.run_id == run_id).order_by(Revision.id)
         with self._reading() as session:
             return [
@@ -72,7 +72,7 @@ class ParameterTables(Database):
     def save_preset(
         self, name: str, values: dict[str, Any], *, help: str = "", replace: bool = False
     ) -> PresetRecord:
-        """Keep values under a name.
+        """Store values under a name.
 
         Raises:
             StorageExists: the name is taken and ``replace`` is not set.
@@ -96,13 +96,13 @@ class ParameterTables(Database):
             return None if row is None else _preset(row)
 
     def list_presets(self) -> list[PresetRecord]:
-        """All saved presets by name."""
+        """Return all saved presets by name."""
         with self._reading() as session:
-            # Sorted here: databases order text as their locale says.
+            # Sorted here: databases order text by their locale.
             return sorted(map(_preset, session.scalars(select(Preset))), key=lambda one: one.name)
 
     def delete_preset(self, name: str) -> bool:
-        """Forget a preset; False when there was none."""
+        """Delete a preset; return False if there was none."""
         with self._writing() as session:
             row = session.get(Preset, name)
             if row is not None:

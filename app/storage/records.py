@@ -1,4 +1,4 @@
-"""What goes into the storage and comes out of it: plain frozen data, no database in it.
+"""Records that enter and leave the storage: plain frozen data without a database.
 
 Wall-clock times are ISO 8601 text in UTC with microseconds, e.g.
 ``2026-01-31T12:00:00.000000+00:00``: one fixed width, so that text order is time order.
@@ -19,12 +19,12 @@ SpeedSource = Literal["estimate", "truth", "commanded", "encoder"]
 
 
 def utc_now() -> str:
-    """The present moment as stored text."""
+    """Return the present time as stored text."""
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
 
 class RunState(StrEnum):
-    """Where a run stands. ``interrupted``: the process ended before the run did."""
+    """State of a run. ``interrupted``: the process ended before the run did."""
 
     RUNNING = "running"
     FINISHED = "finished"
@@ -34,22 +34,23 @@ class RunState(StrEnum):
 
 @dataclass(frozen=True)
 class RunRecord:
-    """One kept observation with all its settings.
+    """Run with all its settings.
 
     Attributes:
         parameters: every parameter at the start, dotted name -> value; later changes are
             ``ParameterRevision`` records of this run.
-        versions: name -> version of what computed it.
-        updated_at: the last sign of life; the end of an interrupted run.
+        versions: name -> version of the software that computed it.
+        updated_at: the last heartbeat; the end of an interrupted run.
         reason: why it failed or was interrupted, one sentence.
-        tags: in the order of their text. notes: a person's own words.
-        deleted_at: since when it is hidden, to be deleted for good later.
-        rig: the text of ``rig.yaml`` at its start.
-        record: which images are recorded: ``none``, ``jpeg`` or ``lossless``; None: nothing is.
-        recording_bytes: the size of its recording, None where there is none.
-        alignment: how the truth was laid over the run, as ``Alignment.as_dict``.
-        truth_id: the truth file it is compared with.
-        rerun_of: the run whose recording it observed again, which may be gone by now.
+        tags: sorted by text. notes: the user's own words.
+        deleted_at: time of hiding; it is deleted for good later.
+        rig: text of ``rig.yaml`` at its start.
+        record: which images are recorded: ``none``, ``jpeg`` or ``lossless``; None: no
+            recording.
+        recording_bytes: size of its recording, None if there is none.
+        alignment: alignment of the truth with the run, as ``Alignment.as_dict``.
+        truth_id: truth file for its comparison.
+        rerun_of: the run whose recording it re-ran, which may be gone by now.
     """
 
     id: str
@@ -78,13 +79,13 @@ class RunRecord:
 
     @property
     def aligned(self) -> bool:
-        """Whether motion capture was laid over it."""
+        """Return whether motion capture was laid over it."""
         return self.alignment is not None
 
 
 @dataclass(frozen=True)
 class RunPage:
-    """A part of the runs that were asked for, and how many there are in all."""
+    """Page of the requested runs, and their total number."""
 
     runs: tuple[RunRecord, ...]
     total: int
@@ -92,14 +93,14 @@ class RunPage:
 
 @dataclass(frozen=True)
 class TruthRecord:
-    """A file of true motion that was uploaded.
+    """Uploaded file of ground truth.
 
     Attributes:
         id: SHA-256 of its content, hexadecimal.
-        format: what it was understood as, a word of ``observer.truth.files``.
+        format: recognised format, a word of ``observer.truth.files``.
         file: its name in the folder ``truths`` of the data folder.
-        info: what was understood of it (bodies, rate, gaps, ...), for lists.
-        listed: False once a person deleted it while runs still refer to it.
+        info: recognised contents (bodies, rate, gaps, ...), for lists.
+        listed: False once a user deleted it while runs still refer to it.
     """
 
     id: str
@@ -113,15 +114,15 @@ class TruthRecord:
 
 @dataclass(frozen=True)
 class SpeedRow:
-    """One speed of one body at one time. ``speed`` None is a gap, drawn as one.
+    """Speed of one body at one time. ``speed`` None is a gap, drawn as one.
 
     Attributes:
         time: source time, s.
         role: ``obstacle`` or ``observer``.
-        source: who says so.
-        track_id: the track or body it belongs to; None for what a robot says of itself.
+        source: origin of the value.
+        track_id: its track or body; None for what a robot reports about itself.
         speed, std: m/s; a value that is not finite is unknown and becomes None.
-        body: the name that motion capture gives to whose speed it is; None for other sources.
+        body: name of the body in motion capture; None for other sources.
     """
 
     run_id: str
@@ -145,13 +146,13 @@ class SpeedRow:
 
 @dataclass(frozen=True)
 class IncidentRecord:
-    """Something stopped a robot during a run, or took its motors away.
+    """Incident that stopped a robot during a run, or took its motors away.
 
     Attributes:
-        at: wall clock. role: None where all robots were meant.
+        at: wall clock. role: None if it concerns all robots.
         kind: as ``app.contract.drive.IncidentEvent``. sentence: for people.
-        speed_mps: at that moment, None where unknown.
-        stops: by role, of each robot that moved and whose stop was measured.
+        speed_mps: speed at that moment, None if unknown.
+        stops: by role, for each robot that moved and whose stop was measured.
     """
 
     run_id: str
@@ -165,7 +166,7 @@ class IncidentRecord:
 
 @dataclass(frozen=True)
 class ParameterRevision:
-    """Parameters changed: from ``frame`` on (None: no source was open) these differ."""
+    """Change of parameters: from ``frame`` on (None: no source was open) these differ."""
 
     run_id: str | None
     frame: int | None
@@ -176,7 +177,7 @@ class ParameterRevision:
 
 @dataclass(frozen=True)
 class SavedParameters:
-    """The parameters as they were left; ``preset`` is None once something differs from it."""
+    """Last parameters; ``preset`` is None once a value differs from it."""
 
     revision: int
     values: dict[str, Any]
@@ -185,7 +186,7 @@ class SavedParameters:
 
 @dataclass(frozen=True)
 class PresetRecord:
-    """Parameter values that a person saved under a name."""
+    """Parameter values saved by a user under a name."""
 
     name: str
     values: dict[str, Any]
@@ -195,13 +196,13 @@ class PresetRecord:
 
 @dataclass(frozen=True)
 class CalibrationRecord:
-    """A calibration that was uploaded or used by a run.
+    """Calibration that was uploaded or used by a run.
 
     Attributes:
         id: see ``calibration_id``.
         text: the file's own text, unchanged.
-        info: what was understood of it (width, height, baseline_m, ...), for lists.
-        listed: False once a person deleted it while runs still refer to it.
+        info: recognised contents (width, height, baseline_m, ...), for lists.
+        listed: False once a user deleted it while runs still refer to it.
     """
 
     id: str

@@ -1,4 +1,4 @@
-"""A backup put in place of what is there, which is kept beside it."""
+"""Restoration of a backup in place of the present data, which is kept beside it."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _TOP = {DATABASE, *FILES, *FOLDERS}
 
 @dataclass(frozen=True)
 class Restored:
-    """What was done. ``kept``: where that is which was there before."""
+    """Result of a restoration. ``kept``: paths of the previous data."""
 
     manifest: Manifest
     kept: tuple[Path, ...]
@@ -46,15 +46,15 @@ def restore_backup(
     replace: bool,
     progress: Progress | None = None,
 ) -> Restored:
-    """Check all of a backup, then put it in place.
+    """Check a complete backup, then put it in place.
 
-    Recordings that the backup leaves out stay with their runs.
+    Recordings that are not in the backup stay with their runs.
 
     Args:
-        replace: also where something is kept already.
+        replace: restore even if there is data already.
 
     Raises:
-        BackupError: the backup is damaged, newer or too large, something is kept already, or a
+        BackupError: the backup is damaged, newer or too large, there is data already, or a
             server has it open. Nothing was changed.
         StorageError: the database cannot be used. Nothing was changed.
     """
@@ -72,7 +72,7 @@ def restore_backup(
 
 
 class _Place:
-    """Where a backup goes: a data folder, and a database in it or elsewhere."""
+    """Target of a restoration: a data folder, and a database in it or elsewhere."""
 
     def __init__(self, data: Path, location: str | Path) -> None:
         self.data = data
@@ -82,7 +82,7 @@ class _Place:
         self.where = str(self._file or self._url.render_as_string(hide_password=True))
 
     def check(self, replace: bool) -> None:
-        """Refuse what is in use, and what is not empty unless it may be replaced."""
+        """Refuse a target in use, and one with data unless it may be replaced."""
         with _explained(self.where):
             in_use, rows = self._look()
         if in_use:
@@ -105,7 +105,7 @@ class _Place:
             )
 
     def put(self, staged: Path) -> tuple[Path, ...]:
-        """All of it or nothing; returns where the old is."""
+        """Put all of it in place or nothing; return the paths of the old data."""
         stamp = f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}-{secrets.token_hex(2)}"
         old = self.data / f"before-restore-{stamp}"
         kept: list[Path] = []
@@ -130,7 +130,7 @@ class _Place:
         return tuple(kept)
 
     def _look(self) -> tuple[bool, bool]:
-        """Whether a server has the database open, and whether there is something in it."""
+        """Return whether a server has the database open, and whether it has data."""
         if self._file is not None:
             exists = self._file.exists()
             return exists and is_open_elsewhere(self._file), exists
@@ -179,7 +179,7 @@ def _check_names(source: Path, manifest: Manifest) -> None:
 
 @contextmanager
 def _staging(data: Path) -> Iterator[Path]:
-    """A folder on the very disk of the data, so that renaming is all that is left to do."""
+    """Yield a folder on the same disk as the data, so that only renaming remains."""
     folder = data / f".restoring-{secrets.token_hex(4)}"
     try:
         folder.mkdir(parents=True)
@@ -204,7 +204,7 @@ def _extract(bundle: Bundle, folder: Path, progress: Progress | None) -> None:
 
 
 def _check_database(source: Path, file: Path) -> None:
-    """Sound, ours, not newer; brought up to date."""
+    """Check that the database is sound, ours and not newer; migrate it."""
     reason = damage(file, _BUSY_S)
     if reason is not None:
         raise BackupError(f"the backup {source} is damaged ({reason}); take another one")
@@ -233,7 +233,7 @@ def _put_file(staged: Path, file: Path, undo: contextlib.ExitStack) -> list[Path
 
 
 def _keep_recordings(old: Path, new: Path) -> None:
-    """Recordings of runs that the backup knows but left out are no second time on the disk."""
+    """Hard-link recordings that the backup left out to its runs, so that they use no more space."""
     for recording in old.rglob("*.mcap"):
         target = new / recording.relative_to(old)
         if not target.exists():
@@ -252,7 +252,7 @@ def _has_something(folder: Path) -> bool:
 
 
 def _has_rows(connection: Connection) -> bool:
-    """Whether a server's database holds anything but what it was made with."""
+    """Return whether a server's database holds more than its initial contents."""
     inspected = inspect(connection)
     for table in set(inspected.get_table_names()) - {"alembic_version"}:
         quoted = connection.dialect.identifier_preparer.quote(table)

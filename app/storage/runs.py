@@ -1,4 +1,4 @@
-"""Runs: begun, changed, found again, annotated, deleted with undo."""
+"""Runs: creation, changes, search, annotation, deletion with undo."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from app.storage.records import RunPage, RunRecord, RunState, utc_now
 from app.storage.searching import folded, matching
 from observer.parameters import translated
 
-# How long what was deleted can be had back.
+# Time during which a deletion can be undone.
 UNDO = timedelta(days=7)
 _NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())
 
 
 class RunTables(Database):
-    """A run is made ``running`` and ends in one of the other states of ``RunState``."""
+    """Table of runs. A run begins as ``running`` and ends in another state of ``RunState``."""
 
     def create_run(
         self,
@@ -41,10 +41,10 @@ class RunTables(Database):
         tags: Iterable[str] = (),
         notes: str = "",
     ) -> RunRecord:
-        """Begin a run; its id sorts by time and is fit for a file name.
+        """Create a run; its id sorts by time and is valid as a file name.
 
         Raises:
-            StorageMissing: the calibration or the truth was not saved before.
+            StorageMissing: the calibration or the truth is not stored.
         """
         now = utc_now()
         row = Run(
@@ -91,10 +91,10 @@ class RunTables(Database):
         recording_bytes: int | None = None,
         at: str | None = None,
     ) -> RunRecord:
-        """Change what is given, and note the sign of life; a final state also notes the end.
+        """Change the given values and record a heartbeat; a final state also records the end.
 
         Args:
-            at: when it was so, as ``utc_now`` tells it; None now.
+            at: time of the change, as from ``utc_now``; None: now.
 
         Raises:
             StorageMissing: there is no such run.
@@ -129,10 +129,10 @@ class RunTables(Database):
         tags: Iterable[str] | None = None,
         notes: str | None = None,
     ) -> RunRecord:
-        """What a person says of a run; unlike ``update_run`` no sign of life.
+        """Change a user's annotations of a run; unlike ``update_run``, this is no heartbeat.
 
         Args:
-            tags: all of them, in place of those before; surrounding space is left out.
+            tags: all tags, replacing the previous ones; surrounding space is removed.
 
         Raises:
             StorageMissing: there is no such run.
@@ -150,13 +150,13 @@ class RunTables(Database):
             return _run(row)
 
     def get_run(self, run_id: str) -> RunRecord | None:
-        """One run, also while it can still be had back."""
+        """Return one run, including one that can still be recovered."""
         with self._reading() as session:
             row = session.get(Run, run_id)
             return None if row is None else _run(row)
 
     def list_runs(self, *, limit: int = 200, offset: int = 0) -> list[RunRecord]:
-        """Newest first, without those that were deleted."""
+        """Return runs, newest first, without deleted ones."""
         return list(self.find_runs(limit=limit, offset=offset).runs)
 
     def find_runs(
@@ -170,11 +170,11 @@ class RunTables(Database):
         limit: int = 50,
         offset: int = 0,
     ) -> RunPage:
-        """Newest first: runs with every word in name, notes or tags, and with every tag.
+        """Return runs, newest first, with every word in name, notes or tags, and with every tag.
 
         Args:
-            since, until: begun in this half-open interval; with a time zone.
-            deleted: those that can be had back, in place of the others.
+            since, until: start in this half-open interval; with a time zone.
+            deleted: recoverable runs instead of the others.
         """
         wanted = matching(text, tags, since, until, deleted)
         query = select(Run).where(wanted).order_by(*_NEWEST_FIRST).limit(limit).offset(offset)
@@ -183,7 +183,7 @@ class RunTables(Database):
             return RunPage(tuple(map(_run, session.scalars(query))), total or 0)
 
     def run_tags(self) -> dict[str, int]:
-        """Every tag and how many runs bear it, deleted ones excepted; by the tag's text."""
+        """Return every tag with its number of runs, without deleted ones; sorted by tag."""
         query = (
             select(RunTag.tag, func.count())
             .join(Run, Run.id == RunTag.run_id)
@@ -191,11 +191,11 @@ class RunTables(Database):
             .group_by(RunTag.tag)
         )
         with self._reading() as session:
-            # Sorted here: databases order text as their locale says.
+            # Sorted here: databases order text by their locale.
             return dict(sorted((tag, count) for tag, count in session.execute(query)))
 
     def discard_run(self, run_id: str) -> RunRecord:
-        """Hide a run; ``recover_run`` brings it back until it is purged.
+        """Hide a run; ``recover_run`` restores it until it is purged.
 
         Raises:
             StorageMissing: there is no such run.
@@ -217,7 +217,7 @@ class RunTables(Database):
             return _run(row)
 
     def delete_run(self, run_id: str) -> bool:
-        """Forget a run for good, with all its rows and its folder; False when there was none.
+        """Delete a run for good, with all its rows and its folder; return False if there was none.
 
         Raises:
             StorageError: its files cannot be deleted; the run stays.
@@ -225,7 +225,7 @@ class RunTables(Database):
         if self.get_run(run_id) is None:
             return False
         # Gigabytes are not deleted within a transaction. Rows without files are found and deleted
-        # again, files without rows would stay for ever.
+        # again; files without rows would stay forever.
         self.folder.remove_run(run_id)
         with self._writing() as session:
             row = session.get(Run, run_id)
@@ -234,7 +234,7 @@ class RunTables(Database):
             return row is not None
 
     def purge_runs(self, older_than: timedelta = UNDO) -> list[str]:
-        """Forget for good what was discarded so long ago; returns their ids."""
+        """Delete runs for good that were discarded long enough ago; return their ids."""
         before = datetime.now(UTC) - older_than
         query = select(Run.id).where(Run.deleted_at <= before.isoformat(timespec="microseconds"))
         with self._reading() as session:
@@ -247,9 +247,9 @@ class RunTables(Database):
     def mark_interrupted_runs(
         self, reason: str = "the server ended before the run did"
     ) -> list[RunRecord]:
-        """At the server's start: no run can be running, so those that say so were interrupted.
+        """Mark all running runs as interrupted, at the server's start: none can be running then.
 
-        They end at their last sign of life, with what was recorded until then. Returns them.
+        They end at their last heartbeat, with what was recorded until then. Returns them.
         """
         with self._writing() as session:
             rows = list(session.scalars(select(Run).where(Run.state == RunState.RUNNING.value)))
@@ -277,7 +277,7 @@ def _run(row: Run) -> RunRecord:
         segments=row.segments,
         versions=row.versions,
         reason=row.reason,
-        # Sorted here: databases order text as their locale says.
+        # Sorted here: databases order text by their locale.
         tags=tuple(sorted(each.tag for each in row.tags)),
         notes=row.notes,
         deleted_at=row.deleted_at,

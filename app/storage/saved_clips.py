@@ -1,4 +1,4 @@
-"""Saved half minutes in the data folder: beside the run that was going, or by themselves."""
+"""Saved clips of half a minute in the data folder: beside the current run, or by themselves."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ _NAME = re.compile(r"ring-(\d{8}-\d{6}-\d{6})")
 
 @dataclass(frozen=True)
 class SavedClip:
-    """A recording of half a minute.
+    """Recording of half a minute.
 
     Attributes:
-        name: as in ``ring-20261122-131500-123456``, after the UTC at which it was saved.
-        run_id: of the run that was going, None where none was.
+        name: such as ``ring-20261122-131500-123456``, from the UTC time of saving.
+        run_id: id of the run in progress, None if there was none.
         saved_at: ISO 8601 with its offset. path: absolute.
     """
 
@@ -33,13 +33,13 @@ class SavedClip:
 
 
 def new_clip(folder: DataFolder, run_id: str | None) -> Path:
-    """Where the next one goes, absolute; nothing is made."""
+    """Return the absolute path for the next clip; create nothing."""
     where = folder.path / RINGS if run_id is None else folder.run(run_id)
     return where.absolute() / f"ring-{datetime.now(UTC):{_STAMP}}.mcap"
 
 
 def list_clips(folder: DataFolder) -> list[SavedClip]:
-    """All of them, newest first; files of other names are left out."""
+    """Return all clips, newest first; skip files with other names."""
     found = [_ring(path, None) for path in (folder.path / RINGS).glob("ring-*.mcap")]
     for path in (folder.path / RUNS).glob("[!.]*/ring-*.mcap"):
         found.append(_ring(path, path.parent.name))
@@ -47,7 +47,7 @@ def list_clips(folder: DataFolder) -> list[SavedClip]:
 
 
 def remove_clip(ring: SavedClip) -> None:
-    """Delete it; one that is gone already is no error.
+    """Delete a clip; one that is gone already is no error.
 
     Raises:
         StorageError: it cannot be deleted.
@@ -68,6 +68,6 @@ def _ring(path: Path, run_id: str | None) -> SavedClip | None:
         saved = datetime.strptime(named[1], _STAMP).replace(tzinfo=UTC)
         size = path.stat().st_size
     except (OSError, ValueError):
-        # It went meanwhile, or somebody named it.
+        # It disappeared meanwhile, or somebody chose its name.
         return None
     return SavedClip(path.stem, run_id, saved.isoformat(), size, path.absolute())

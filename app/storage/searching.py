@@ -1,7 +1,7 @@
-"""Finding runs by words, the same on every database.
+"""Search for runs by words, the same on every database.
 
-SQLite folds ASCII letters only and PostgreSQL as its locale says, so what is searched is folded
-here and kept beside the text.
+SQLite folds only ASCII letters and PostgreSQL folds by its locale, so the searched text is folded
+here and stored beside the original.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from app.storage.models import Run, RunTag
 
 
 def folded(*texts: str) -> str:
-    """The texts as they are searched: in lower case, compatible characters made equal."""
+    """Return the texts in searchable form: lower case, with compatible characters made equal."""
     return unicodedata.normalize("NFKC", "\n".join(texts)).casefold()
 
 
@@ -27,10 +27,11 @@ def matching(
     until: datetime | None,
     deleted: bool,
 ) -> ColumnElement[bool]:
-    """Runs that hold every word of ``text`` and every tag, begun in ``[since, until)``.
+    """Return the condition for runs with every word of ``text`` and every tag, begun in ``[since,
+    until)``.
 
     Raises:
-        ValueError: a time without its zone.
+        ValueError: a time has no zone.
     """
     conditions: list[ColumnElement[bool]] = [
         Run.deleted_at.is_not(None) if deleted else Run.deleted_at.is_(None)

@@ -1,7 +1,7 @@
-"""Who may do what with a database server: locks that it keeps beside the tables.
+"""Locks that a database server keeps beside the tables, to exclude other servers.
 
-https://www.postgresql.org/docs/current/explicit-locking.html#ADVISORY-LOCKS; they are of one
-database, and end with the transaction or the connection that took them.
+https://www.postgresql.org/docs/current/explicit-locking.html#ADVISORY-LOCKS; they belong to one
+database and end with the transaction or the connection that took them.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from app.storage.errors import StorageError, storage_error
 
 log = structlog.get_logger(__name__)
 
-# Any numbers will do that are no other program's: below 2^32, and of one kind in pg_locks.
+# Any numbers will do that no other program uses: below 2^32, and of one kind in pg_locks.
 _WHOLE = 0x64796E62
 _SERVED = 0x64796E63
 _TIMEOUT_S = 5.0
-# So long a server that was killed may still be seen by PostgreSQL.
+# Time for which PostgreSQL may still see a server that was killed.
 _LETS_GO_S = 2.0
 _LOOK_S = 5.0
-# The end waits no longer than this for a database server that does not answer.
+# Limit of waiting at shutdown for a database server that does not answer.
 _PATIENCE_S = 1.0
 _HOLDER = text(
     "SELECT application_name FROM pg_stat_activity JOIN pg_locks USING (pid) WHERE"
@@ -40,21 +40,23 @@ _LONGEST_NAME = 63
 
 
 def lock_whole(connection: Connection) -> None:
-    """Keep other servers from migrating or replacing this database until the transaction ends."""
+    """Keep other servers from migrating or replacing this database until the end of the
+    transaction.
+    """
     if connection.dialect.name == "postgresql":
         connection.execute(select(func.pg_advisory_xact_lock(_WHOLE)))
 
 
 class ServedDatabase:
-    """One server for one database: it is held on a connection of its own, which is looked after.
+    """Exclusive lock of a server on a database, held and monitored on a connection of its own.
 
-    A database server that was restarted knows of no lock; it is taken again within seconds.
+    A restarted database server has lost the lock; it is taken again within seconds.
 
     Args:
         location: the URL of a PostgreSQL database.
 
     Raises:
-        StorageError: the URL is none, or its driver is missing.
+        StorageError: the URL is invalid, or its driver is missing.
     """
 
     def __init__(self, location: str, *, look_s: float = _LOOK_S) -> None:
@@ -68,7 +70,7 @@ class ServedDatabase:
         self._thread = threading.Thread(target=self._look_after, name="database lock", daemon=True)
 
     def __enter__(self) -> Self:
-        """Take it.
+        """Take the lock.
 
         Raises:
             StorageError: another server has it, or the database server cannot be asked.
@@ -91,7 +93,7 @@ class ServedDatabase:
     def __exit__(self, *_: object) -> None:
         self._ended.set()
         self._thread.join(_PATIENCE_S)
-        # A thread that waits for a server that is gone ends with the process, as does the lock.
+        # A thread that waits for a lost server ends with the process, and so does the lock.
         if not self._thread.is_alive():
             self._let_go()
 
@@ -99,13 +101,13 @@ class ServedDatabase:
         if self._connection is None:
             options = {"isolation_level": "AUTOCOMMIT"}
             self._connection = self._engine.connect().execution_options(**options)
-        # Who has it gets it again.
+        # A connection that has the lock gets it again.
         return bool(self._connection.scalar(select(func.pg_try_advisory_lock(_SERVED))))
 
     def _let_go(self) -> None:
         connection, self._connection = self._connection, None
         if connection is not None:
-            # Not given back for the next one to use: the lock is the connection's.
+            # Not returned to the pool: the lock belongs to the connection.
             connection.invalidate()
             connection.close()
         self._engine.dispose()

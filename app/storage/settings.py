@@ -12,14 +12,14 @@ from app.storage.models import Setting
 
 
 class SettingTables(Database):
-    """What the server or a person chose, and finds again after a restart."""
+    """Table of settings that the server or a user chose, restored after a restart."""
 
     def get_setting(self, key: str, default: Any = None) -> Any:
         with self._reading() as session:
             return read_setting(session, key, default)
 
     def set_setting(self, key: str, value: Any) -> None:
-        """Keep a JSON value (finite numbers only); ``None`` forgets the key."""
+        """Store a JSON value (finite numbers only); ``None`` deletes the key."""
         with self._writing() as session:
             write_setting(session, key, value)
 
@@ -34,7 +34,7 @@ def read_setting(session: Session, key: str, default: Any = None) -> Any:
 
 
 def write_setting(session: Session, key: str, value: Any) -> None:
-    """Within a caller's transaction, so that it holds together with what else is written."""
+    """Write within a caller's transaction, so that it is committed together with other changes."""
     row = session.get(Setting, key)
     if value is None:
         if row is not None:

@@ -1,4 +1,4 @@
-"""Speeds observed in runs, and what stopped robots during them."""
+"""Observed speeds of runs, and incidents that stopped robots during them."""
 
 from __future__ import annotations
 
@@ -32,13 +32,14 @@ _SPEED_COLUMNS = (
 
 
 class SpeedTables(Database):
-    """Rows of runs that exist; they are deleted with their run."""
+    """Tables of rows for existing runs; they are deleted with their run."""
 
     def append_speeds(self, rows: Iterable[SpeedRow]) -> int:
-        """Keep speeds in one transaction; returns how many. Batch them: a commit costs most.
+        """Store speeds in one transaction and return their number. Batch them: commits are
+        expensive.
 
         Raises:
-            StorageMissing: a row's run is not there (it was deleted); none of the rows is kept.
+            StorageMissing: a row's run does not exist (it was deleted); none of the rows is stored.
         """
         values = [asdict(row) for row in rows]
         if values:
@@ -47,7 +48,7 @@ class SpeedTables(Database):
         return len(values)
 
     def speeds(self, run_id: str) -> list[SpeedRow]:
-        """All speeds of a run in the order of writing; empty for an unknown run."""
+        """Return all speeds of a run in the order of writing; empty for an unknown run."""
         query = select(*_SPEED_COLUMNS).where(Speed.run_id == run_id).order_by(Speed.id)
         with self._reading() as session:
             return [
@@ -73,16 +74,16 @@ class SpeedTables(Database):
         truth_id: str | None = None,
         rows: Iterable[SpeedRow] = (),
     ) -> None:
-        """Lay another truth over a run, or the same in another way, in one transaction.
+        """Lay another truth over a run, or the same one differently, in one transaction.
 
         Args:
-            alignment: what was found, JSON; None takes truth and alignment away.
-            truth_id: the truth file; None where the truth was recorded with the run.
-            rows: the speeds by it, in place of all that the run has of the source ``truth``.
+            alignment: the alignment found, JSON; None removes truth and alignment.
+            truth_id: the truth file; None if the truth was recorded with the run.
+            rows: its speeds, which replace all speeds of the run with the source ``truth``.
 
         Raises:
-            StorageMissing: the run or the truth is not there; nothing was changed.
-            ValueError: a row is of another run or another source.
+            StorageMissing: the run or the truth does not exist; nothing was changed.
+            ValueError: a row belongs to another run or another source.
         """
         values = [asdict(row) for row in rows]
         if any(row["run_id"] != run_id or row["source"] != "truth" for row in values):
@@ -97,10 +98,10 @@ class SpeedTables(Database):
                 session.execute(insert(Speed), values)
 
     def append_incident(self, record: IncidentRecord) -> int:
-        """Keep one incident; returns the number by which ``append_stop`` knows it.
+        """Store one incident and return the number that ``append_stop`` takes.
 
         Raises:
-            StorageMissing: its run is not there.
+            StorageMissing: its run does not exist.
         """
         values = asdict(record)
         stops = values.pop("stops")
@@ -115,16 +116,16 @@ class SpeedTables(Database):
             return row.id
 
     def append_stop(self, incident: int, role: str, figures: StopMeasured) -> None:
-        """Keep how a robot that an incident stopped came to stand.
+        """Store the measured stop of a robot in an incident.
 
         Raises:
-            StorageMissing: the incident is not there (its run was deleted).
+            StorageMissing: the incident does not exist (its run was deleted).
         """
         with self._writing() as session:
             session.add(IncidentStop(incident_id=incident, role=role, **asdict(figures)))
 
     def incidents(self, run_id: str) -> list[IncidentRecord]:
-        """Those of a run, oldest first; empty for an unknown run."""
+        """Return the incidents of a run, oldest first; empty for an unknown run."""
         query = select(Incident).where(Incident.run_id == run_id).order_by(Incident.id)
         of_them = select(IncidentStop).join(Incident).where(Incident.run_id == run_id)
         stops: dict[int, dict[str, StopMeasured]] = {}

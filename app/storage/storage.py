@@ -1,4 +1,4 @@
-"""``Storage``: everything that the server keeps, behind one object."""
+"""``Storage``: all stored data behind one object."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from app.storage.truths import TruthTables
 class Storage(
     RunTables, SpeedTables, TruthTables, ParameterTables, CalibrationTables, SettingTables
 ):
-    """One database with all its tables, and the data folder beside it; thread-safe, synchronous.
+    """Database with all its tables, and the data folder beside it; thread-safe, synchronous.
 
     ``open`` (or ``with``) before use, ``close`` at the end; see ``Database`` for the arguments.
-    Each part of the interface stands in the class of its tables. Every method raises
-    ``StorageBusy``, ``StorageFull`` or another ``StorageError``; a write that raised wrote nothing.
+    Each part of the interface is in the class of its tables. Every method raises
+    ``StorageBusy``, ``StorageFull`` or another ``StorageError``; a failed write wrote nothing.
     """
 
     def purge(self, older_than: timedelta = UNDO) -> list[str]:
-        """Delete for good what was discarded so long ago; returns the ids of its runs."""
+        """Delete for good what was discarded long enough ago; return the ids of its runs."""
         gone = self.purge_runs(older_than)
         self.purge_truths()
         return gone

@@ -1,4 +1,4 @@
-"""Truth files by content: their facts in the database, they themselves in the data folder."""
+"""Truth files, identified by content: facts in the database, the files in the data folder."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 class TruthTables(Database):
-    """What a truth file means is not known here; ``observer.truth.files`` reads it."""
+    """Table of truth files. Their format is not known here: ``observer.truth.files`` reads them."""
 
     def save_truth(
         self, file: Path, *, name: str, format: str, info: dict[str, Any] | None = None
     ) -> TruthRecord:
-        """Keep a copy of a truth file; one with the same content takes the new name and facts.
+        """Store a copy of a truth file; an existing one with the same content takes the new name
+        and facts.
 
         Raises:
-            StorageFull: there is no space for the copy. StorageError: it cannot be made.
+            StorageFull: there is no space for the copy. StorageError: it cannot be written.
         """
         ending = _ENDING.fullmatch(Path(name).suffix)
         key, stored = self._keep(file, ending.group().lower() if ending else "")
@@ -47,13 +48,13 @@ class TruthTables(Database):
             return _truth(row)
 
     def get_truth(self, id: str) -> TruthRecord | None:
-        """One truth, deleted ones that a run refers to included."""
+        """Return one truth, including deleted ones that a run refers to."""
         with self._reading() as session:
             row = session.get(Truth, id)
             return None if row is None else _truth(row)
 
     def truth_file(self, id: str) -> Path:
-        """Where its file is.
+        """Return the path of the truth's file.
 
         Raises:
             StorageMissing: there is no such truth, or its file is gone.
@@ -67,13 +68,13 @@ class TruthTables(Database):
         return path
 
     def list_truths(self) -> list[TruthRecord]:
-        """Those that are listed, newest first."""
+        """Return the listed truths, newest first."""
         query = select(Truth).where(Truth.listed).order_by(Truth.created_at.desc(), Truth.id)
         with self._reading() as session:
             return [_truth(row) for row in session.scalars(query)]
 
     def delete_truth(self, id: str) -> bool:
-        """Take it off the list (False: it is not there), with its file unless a run needs it."""
+        """Remove it from the list (False if absent), and its file unless a run needs it."""
         with self._writing() as session:
             row = session.get(Truth, id)
             if row is None or not row.listed:
@@ -87,7 +88,7 @@ class TruthTables(Database):
         return True
 
     def purge_truths(self) -> None:
-        """Delete those that were taken off the list when the last run that needed them went."""
+        """Delete unlisted truths that no run needs any more."""
         query = select(Truth).where(~Truth.listed, ~select(Run).where(_OF_ROW).exists())
         with self._writing() as session:
             rows = list(session.scalars(query))

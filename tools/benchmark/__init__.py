@@ -1,1 +1,1 @@
-"""What the running system costs: measured from outside, over its own ports."""
+"""Cost of the running system, measured from outside through its own ports."""

@@ -1,4 +1,4 @@
-"""``python -m tools.benchmark served|capture|recording``: one measurement of the running system."""
+"""``python -m tools.benchmark served|capture|recording``: measure the running system."""
 
 from __future__ import annotations
 

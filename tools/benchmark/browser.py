@@ -1,4 +1,4 @@
-"""What one person in front of a visible Chromium would see, and how late."""
+"""Figures of one user in front of a visible Chromium, and the page's latency."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _ARGUMENTS = (
 
 @dataclass(frozen=True)
 class PageFigures:
-    """One visible page.
+    """Figures of one visible page.
 
     Attributes:
         first_obstacle_s: from the server's start to the first obstacle in the page's first line;
@@ -71,7 +71,7 @@ def page_figures(
                 first = time.monotonic() - server.started
             except WaitTimeout:
                 first = None
-            # Opened again, so that the figures are of a page that stands, not of one that loads.
+            # Reopened, so that the figures describe a loaded page, not one that is loading.
             page.wait_for_timeout(_SETTLING_MS)
             server.request("PUT", "/api/source", {"source": source})
             page.wait_for_timeout(seconds * 1000)

@@ -1,8 +1,8 @@
-"""Two network cameras of our own: a process that serves pictures as MJPEG over HTTP on loopback.
+"""Two network cameras of our own: a process that serves images as MJPEG over HTTP on loopback.
 
 ``python -m tools.benchmark.camera_streams FOLDER RATE`` serves the JPEG files ``left/*.jpg`` and
 ``right/*.jpg`` of a folder as ``/left`` and ``/right``, both by one clock, forwards and backwards
-for ever, so that nothing jumps. It tells its port on stdout and ends when its stdin does.
+forever, so that the scene never jumps. It prints its port on stdout and ends when its stdin closes.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _STOP_TIMEOUT_S = 5.0
 
 
 def to_and_fro(number: int, count: int) -> int:
-    """Which of ``count`` pictures is the one of this number: 0 1 2 1 0 1 2 ..."""
+    """Return the index of the image with this number among ``count``: 0 1 2 1 0 1 2 ..."""
     if count == 1:
         return 0
     place = number % (2 * count - 2)
@@ -34,13 +34,13 @@ def to_and_fro(number: int, count: int) -> int:
 
 @contextmanager
 def camera_streams(pictures: Path, rate: float) -> Iterator[tuple[str, str]]:
-    """Serve a folder of pictures in a process of its own; the addresses of left and right.
+    """Serve a folder of images in a separate process; yield the addresses of left and right.
 
     Args:
-        pictures: with ``left/*.jpg`` and ``right/*.jpg``. rate: pictures per second.
+        pictures: folder with ``left/*.jpg`` and ``right/*.jpg``. rate: images per second.
 
     Raises:
-        BenchmarkError: the process did not come up, in time or at all.
+        BenchmarkError: the process did not start, in time or at all.
     """
     process = subprocess.Popen(
         [sys.executable, "-m", "tools.benchmark.camera_streams", str(pictures), str(rate)],
@@ -82,7 +82,7 @@ class _Streams(ThreadingHTTPServer):
         self.began = time.monotonic()
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A client that leaves is no error here."""
+        """Ignore a client that leaves."""
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -102,12 +102,12 @@ class _Handler(BaseHTTPRequestHandler):
             time.sleep(max(0.0, due - time.monotonic()))
             picture = pictures[to_and_fro(number, len(pictures))]
             head = f"--{_BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(picture)}"
-            # At once: a camera's picture does not come in two parts either.
+            # Sent at once: a camera does not send an image in two parts either.
             self.wfile.write(head.encode() + b"\r\n\r\n" + picture + b"\r\n")
             number += 1
 
     def log_message(self, format: str, *args: object) -> None:
-        """Nobody reads it."""
+        """Print nothing: nobody reads it."""
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""What live capture adds to the loop, as Markdown."""
+"""Cost of live capture for the loop, as Markdown."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tools.benchmark.live_capture import SLOW_S, CaptureFigures, Loop, Spread
 
 
 def capture_markdown(figures: CaptureFigures) -> str:
-    """Tables: what is to be reached, the loops' times, and how the pairs came."""
+    """Return tables of the targets, the loops' times, and the arrival of the pairs."""
     width, height = figures.image_size
     return "\n".join(
         [

@@ -1,4 +1,4 @@
-"""What live capture adds to the loop: the same pictures by two network cameras and from memory."""
+"""Cost of live capture for the loop: the same images from two network cameras and from memory."""
 
 from __future__ import annotations
 
@@ -28,15 +28,15 @@ from tools.benchmark.server_process import BenchmarkError
 
 SCENARIO = "webcams"
 RATE = 30.0
-# A loop that cannot keep up with the cameras takes so long for each frame, in stages of so long.
+# Time per frame, and per stage, of a loop that cannot keep up with the cameras.
 SLOW_S = 0.05
 _STAGE_S = 0.005
-# Two seconds of pictures, then the same backwards.
+# Two seconds of images, then the same backwards.
 _PICTURES = 60
 _JPEG_QUALITY = 85
-# Live and from memory take turns, because a noisy machine drifts within seconds.
+# Live and in-memory turns alternate, because a noisy machine drifts within seconds.
 _TURNS = 4
-# At the start of a turn matching has nothing to compare with, and caches are cold.
+# At the start of a turn, matching has no previous frame, and caches are cold.
 _WARMING_FRAMES = 5
 _MOST_MS = 3.0
 _PATIENCE_S = 10.0
@@ -44,10 +44,10 @@ _PATIENCE_S = 10.0
 
 @dataclass(frozen=True)
 class Spread:
-    """Of one time over all frames, milliseconds.
+    """Distribution of one time over all frames, milliseconds.
 
     Attributes:
-        p10: of the frames that a busy machine disturbed least.
+        p10: of the frames least disturbed by a busy machine.
     """
 
     p10: float
@@ -58,21 +58,21 @@ class Spread:
 
 @dataclass(frozen=True)
 class Loop:
-    """What a loop over frames was like.
+    """Figures of a loop over frames.
 
     Attributes:
-        frames: that were observed, those of the first instants left out.
+        frames: observed frames, without those of the first moments.
         rate: frames per second.
-        read_cpu_ms: time of the processor that the loop's thread spent in ``read`` for a frame,
-            calls that had no frame included.
-        read_wall_ms: from when the pair was there (both images grabbed), or was asked for if that
-            was later, until ``read`` gave it: what is left of ``read`` when waiting for the
-            cameras is taken off.
-        work_ms: from having the pair to the end of observing.
-        cpu_ms: time of the processor that the loop's process spent, all threads, for reading and
-            observing a frame. Unlike ``work_ms`` it hardly depends on what else the machine does.
-        latency_ms: from when both images were grabbed until the loop had them.
-        troubles: how often the source had something to say in place of a frame.
+        read_cpu_ms: CPU time of the loop's thread in ``read`` per frame, including calls that
+            returned no frame.
+        read_wall_ms: from the arrival of the pair (both images grabbed), or from the call if that
+            was later, until ``read`` returned it: the time in ``read`` without waiting for the
+            cameras.
+        work_ms: from receiving the pair to the end of observing.
+        cpu_ms: CPU time of the loop's process, all threads, for reading and observing a frame.
+            Unlike ``work_ms``, it hardly depends on the machine's other load.
+        latency_ms: from grabbing both images until the loop received them.
+        troubles: how often the source reported trouble in place of a frame.
     """
 
     frames: int
@@ -86,20 +86,20 @@ class Loop:
 
     @property
     def busy_ms(self) -> float:
-        """What a frame keeps the loop's thread from anything else, median."""
+        """Return the median time per frame for which the loop's thread is busy."""
         return self.read_cpu_ms.median + self.work_ms.median
 
 
 @dataclass(frozen=True)
 class CaptureFigures:
-    """What was measured.
+    """Figures of the measurement.
 
     Attributes:
         live, memory: the loop with the default parameters, fed by cameras and from memory.
-        slow: by cameras, asleep for ``SLOW_S`` in place of observing.
+        slow: the loop with cameras, which sleeps for ``SLOW_S`` instead of observing.
         tending: the same, but the cameras are tended between stages of it (``CameraSource.tend``),
-            so that the next pair is decoded meanwhile.
-        skew_median_ms, skew_p95_ms: None where too few pairs came.
+            to decode the next pair meanwhile.
+        skew_median_ms, skew_p95_ms: None if too few pairs came.
         pairs, dropped: as in ``LiveReport``, of all live turns.
     """
 
@@ -116,12 +116,12 @@ class CaptureFigures:
 
     @property
     def added_ms(self) -> float:
-        """By how much longer a frame from cameras keeps the loop busy, median."""
+        """Return the added busy time of the loop per frame from cameras, median."""
         return self.live.busy_ms - self.memory.busy_ms
 
     @property
     def added_cpu_ms(self) -> float:
-        """By how much more of the processor's time a frame from cameras takes, median."""
+        """Return the added CPU time per frame from cameras, median."""
         return self.live.cpu_ms.median - self.memory.cpu_ms.median
 
     @property
@@ -138,7 +138,7 @@ class CaptureFigures:
         )  # fmt: skip
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return asdict(self) | {
             "added_ms": self.added_ms,
             "added_cpu_ms": self.added_cpu_ms,
@@ -149,16 +149,16 @@ class CaptureFigures:
 def capture_figures(
     *, seconds: float = 20.0, pictures: int = _PICTURES, say: Callable[[str], None] = lambda _: None
 ) -> CaptureFigures:
-    """Measure the loop with two network cameras, with memory in their place, and a slow one.
+    """Measure the loop with two network cameras, with memory in their place, and a slow loop.
 
     Args:
-        seconds: of the loop with cameras, and again of the one from memory; a third of it of each
-            of the slow ones.
-        pictures: how many different ones are served.
-        say: is told what is being measured.
+        seconds: duration of the loop with cameras, and of the one from memory; each slow loop takes
+            a third of it.
+        pictures: number of different images to serve.
+        say: receives a description of the current measurement.
 
     Raises:
-        BenchmarkError: too few frames came to tell anything.
+        BenchmarkError: too few frames came for any figure.
         SourceError: the streams could not be opened.
     """
     world = World(load_scenario(SCENARIO))
@@ -204,13 +204,13 @@ def capture_figures(
 
 
 class _Frames(Protocol):
-    """What the loop asks for frames."""
+    """Source of frames for the loop."""
 
     def read(self) -> StereoFrame | NoFrame: ...
 
 
 class _Memory:
-    """Pictures that are decoded already, at the pace of a camera; waits for the next one.
+    """Decoded images at a camera's rate; waits for the next one.
 
     Args:
         pairs: (H, W, 3) each.
@@ -223,7 +223,7 @@ class _Memory:
         self._number = -1
 
     def read(self) -> StereoFrame:
-        # The newest one, as of cameras; those that were missed are gone.
+        # Returns the newest, as cameras do; missed images are lost.
         newest = int((time.monotonic() - self._began) * self._rate)
         self._number = max(self._number + 1, newest)
         due = self._began + self._number / self._rate
@@ -241,7 +241,7 @@ class _Memory:
 
 @dataclass
 class _Notes:
-    """The times of each frame of a loop, seconds, over all its turns."""
+    """Times of each frame of a loop, seconds, over all its turns."""
 
     read_cpu: list[float] = field(default_factory=list)
     read_wall: list[float] = field(default_factory=list)
@@ -272,7 +272,7 @@ class _Notes:
 def _loop(
     frames: _Frames, seconds: float, work: Callable[[StereoFrame], None], notes: _Notes
 ) -> None:
-    """Read and work as the engine does, one frame after the other, and note what it takes."""
+    """Read and process as the engine does, one frame after the other, and record the times."""
     seen, cpu, spent_before = 0, 0.0, time.process_time()
     began = asked = time.monotonic()
     while asked - began < seconds or seen < _WARMING_FRAMES:
@@ -281,7 +281,7 @@ def _loop(
         had = time.monotonic()
         cpu += time.thread_time() - cpu_before
         if not isinstance(item, StereoFrame):
-            # A busy machine holds up a picture now and then; a source gets over that by itself.
+            # A busy machine delays an image now and then; a source recovers from that by itself.
             notes.troubles += item.trouble is not None
             if had - asked > _PATIENCE_S:
                 raise BenchmarkError(f"no pair came within {_PATIENCE_S:g} s: {item.trouble}")
@@ -302,7 +302,7 @@ def _loop(
 
 
 def _slow_stages(source: CameraSource) -> None:
-    """As long as ``SLOW_S``, with a look at the cameras between its stages."""
+    """Take as long as ``SLOW_S``, and tend the cameras between the stages."""
     until = time.monotonic() + SLOW_S
     while (left := until - time.monotonic()) > 0:
         time.sleep(min(left, _STAGE_S))
@@ -311,7 +311,7 @@ def _slow_stages(source: CameraSource) -> None:
 
 @contextmanager
 def _cameras(addresses: tuple[str, str], reports: list[LiveReport]) -> Iterator[CameraSource]:
-    """Both streams as one source, opened as anybody opens it; in the end it reports."""
+    """Open both streams as one source in the ordinary way; add its report at the end."""
     with closing(open_source(",".join(addresses)).source) as source:
         assert isinstance(source, CameraSource)
         yield source
@@ -319,7 +319,7 @@ def _cameras(addresses: tuple[str, str], reports: list[LiveReport]) -> Iterator[
 
 
 def _encoded(world: World, count: int) -> list[tuple[bytes, ...]]:
-    """JPEG files of left and right, at the cameras' pace."""
+    """Return JPEG files of left and right, at the cameras' rate."""
     imager = StereoImager(world)
     quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
     return [

@@ -1,5 +1,4 @@
-"""What recording takes from the loop: a server that plays pictures from the disk, with runs and
-without."""
+"""Cost of recording for the loop: a server plays images from the disk, with and without runs."""
 
 from __future__ import annotations
 
@@ -28,29 +27,28 @@ from tools.benchmark.server_process import BenchmarkError, RunningServer, runnin
 SCENARIO = "webcams"
 RATE = 30.0
 MODES = ("jpeg", "lossless")
-# At the recorded pace, and with no time to spare, so that a cost cannot hide in waiting.
+# At the recorded rate, and with no time to spare, so that waiting cannot hide a cost.
 _PACES = (1.0, 4.0)
-# Two seconds of pictures, then the same backwards: less of them, and they do not jump.
+# Two seconds of images, then the same backwards: fewer images, without a jump.
 _PICTURES = 60
-# A run ends with the recording that it plays, so that holds more than is observed in a turn, which
-# takes longer by what the run needs to begin and to be asked of.
-# Turns are short, because a noisy machine drifts within seconds.
+# A run ends with the recording that it plays, so the recording is longer than one turn plus the
+# time to start and query the run. Turns are short, because a noisy machine drifts within seconds.
 _LONGEST_TURN_S = 5.0
 _MARGIN_S = 3.0
 _MOST_PER_S = 90.0
 _LEAST_RATIO = 0.95
-# Largest of the second half of all recorded turns, of that of the first half.
+# Limit of the ratio of the maxima in the second and the first half of all recorded turns.
 _MOST_GROWTH = 1.1
 
 
 @dataclass(frozen=True)
 class RecordingRates:
-    """Of one pace and one way to keep images.
+    """Rates at one playback rate and one way to store images.
 
     Attributes:
-        playback_rate: 1 is the cameras' own pace. images: as in a run's ``record``.
+        playback_rate: 1 is the cameras' own rate. images: as in a run's ``record``.
         without, recorded: unique frames per second, means of all turns.
-        mb_per_s: into the file. dropped: messages that the disk did not keep up with.
+        mb_per_s: written to the file. dropped: messages dropped because the disk was too slow.
     """
 
     playback_rate: float
@@ -62,18 +60,18 @@ class RecordingRates:
 
     @property
     def ratio(self) -> float:
-        """Recorded over without."""
+        """Return the recorded rate over the rate without recording."""
         return self.recorded / self.without if self.without else 0.0
 
 
 @dataclass(frozen=True)
 class RecordingFigures:
-    """What was measured.
+    """Figures of the measurement.
 
     Attributes:
-        memory_mb: of the engine, at the end of each recorded turn, in order; empty where the
-            system does not tell.
-        minutes: that all of it took.
+        memory_mb: memory of the engine at the end of each recorded turn, in order; empty if the
+            system does not report it.
+        minutes: total duration.
     """
 
     image_size: tuple[int, int]
@@ -83,7 +81,7 @@ class RecordingFigures:
 
     @property
     def targets(self) -> tuple[Target, ...]:
-        """What is to be reached."""
+        """Return the targets."""
         own = [rate for rate in self.rates if rate.playback_rate == _PACES[0]]
         rates = [
             Target(
@@ -107,7 +105,7 @@ class RecordingFigures:
         return (*rates, flat)
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {
             "image_size": self.image_size,
             "camera_rate": RATE,
@@ -120,7 +118,7 @@ class RecordingFigures:
 
 @dataclass
 class _Notes:
-    """Of all turns of one pace."""
+    """Notes of all turns at one rate."""
 
     without: list[float] = field(default_factory=list)
     recorded: dict[str, list[float]] = field(default_factory=dict)
@@ -131,12 +129,12 @@ class _Notes:
 def recording_figures(
     *, seconds: float = 15.0, pictures: int = _PICTURES, say: Callable[[str], None] = lambda _: None
 ) -> RecordingFigures:
-    """Measure the loop of a running server with each way to record, and with none.
+    """Measure the loop of a running server with each way to record, and without recording.
 
     Args:
-        seconds: of the loop at each pace and in each way, over all turns.
-        pictures: how many different ones are played.
-        say: is told what is being measured.
+        seconds: duration of the loop at each rate and in each way, over all turns.
+        pictures: number of different images to play.
+        say: receives a description of the current measurement.
 
     Raises:
         BenchmarkError: the server did not start, or a run did not begin.
@@ -198,10 +196,10 @@ def _recorded_turn(server: RunningServer, images: str, seconds: float, notes: _N
 
 
 def _engine_memory_mb(server: RunningServer) -> float | None:
-    """Resident, without what it maps of files, as of the recording that it plays."""
+    """Return the engine's resident memory, without mapped files such as the played recording."""
     pid = server.request("GET", "/api/status")["engine"]["pid"]
     try:
-        # proc(5): pages in all, resident, of these shared with files.
+        # proc(5): total pages, resident pages, shared pages backed by files.
         _, resident, shared, *_ = Path(f"/proc/{pid}/statm").read_text().split()
     except OSError:
         return None
@@ -209,10 +207,10 @@ def _engine_memory_mb(server: RunningServer) -> float | None:
 
 
 def _record_pictures(world: World, path: Path, count: int, frames: int) -> tuple[int, int]:
-    """Pictures of a scenario as a recording: the source that takes least to read.
+    """Record images of a scenario: a recording is the cheapest source to read.
 
     Args:
-        count: how many different ones. frames: how many pairs in all.
+        count: number of different pairs. frames: total number of pairs.
 
     Returns:
         Width and height.

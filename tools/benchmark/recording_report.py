@@ -1,4 +1,4 @@
-"""What recording takes from the loop, as Markdown."""
+"""Cost of recording for the loop, as Markdown."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from tools.benchmark.recording_cost import RATE, RecordingFigures
 
 
 def recording_markdown(figures: RecordingFigures) -> str:
-    """Tables: what is to be reached, the loop's rates, and the engine's memory."""
+    """Return tables of the targets, the loop's rates, and the engine's memory."""
     width, height = figures.image_size
     return "\n".join(
         [

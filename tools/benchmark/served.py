@@ -1,4 +1,4 @@
-"""The loop inside a running server: alone, with viewers, and as a person in a browser sees it."""
+"""Loop inside a running server: alone, with viewers, and as seen in a browser."""
 
 from __future__ import annotations
 
@@ -13,22 +13,22 @@ from tools.benchmark.browser import PageFigures, page_figures
 from tools.benchmark.server_process import BenchmarkError, RunningServer, running_server
 from tools.benchmark.viewers import scene_viewer, viewers
 
-# How long a newcomer may be kept waiting before we call it never.
+# Wait for a new client after which it counts as never served.
 _PATIENCE_S = 45.0
 _FAST = 4.0
-# With and without the cloud take turns, because a noisy machine drifts within seconds.
+# Turns with and without the cloud alternate, because a noisy machine drifts within seconds.
 _TURNS = 3
-# As far back as the status's rates look.
+# Same window as the status's rates.
 _RATE_WINDOW_S = 2.0
 
 
 @dataclass(frozen=True)
 class DriveLateness:
-    """How far behind its deadlines, every 20 ms, the loop that drives robots was.
+    """Lateness of the drive loop against its deadlines, every 20 ms.
 
     Attributes:
-        late_p99_ms, late_max_ms: of its last 1500 ticks (30 s); None before its first.
-        priority: that it runs at: realtime, raised or normal.
+        late_p99_ms, late_max_ms: over its last 1500 ticks (30 s); None before the first tick.
+        priority: its scheduling priority: realtime, raised or normal.
     """
 
     late_p99_ms: float | None
@@ -37,7 +37,7 @@ class DriveLateness:
 
     @property
     def words(self) -> str:
-        """For people."""
+        """Describe it for people."""
         if self.late_p99_ms is None or self.late_max_ms is None:
             return f"not told, priority {self.priority}"
         return (
@@ -48,15 +48,15 @@ class DriveLateness:
 
 @dataclass(frozen=True)
 class LoopRates:
-    """Frames per second that the engine observed at one playback rate.
+    """Frames per second observed by the engine at one playback rate.
 
     Attributes:
-        playback_rate: 1 is the source's recorded pace.
+        playback_rate: 1 is the source's recorded rate.
         alone, with_viewers: unique frames per second without and with the viewers.
-        viewers: how many there were. messages: what they received in all, so that idle viewers
-            cannot pass for served ones.
+        viewers: their number. messages: total they received, so that idle viewers cannot pass
+            for served ones.
         drive: the drive loop at the end of the time with viewers; None without a drive process.
-        recorded: the same at the end of as long a time with viewers and a run that is recorded.
+        recorded: the same at the end of an equal time with viewers and a run being recorded.
     """
 
     playback_rate: float
@@ -72,21 +72,21 @@ class LoopRates:
 
     @property
     def ratio(self) -> float:
-        """With viewers over alone."""
+        """Return the rate with viewers over the rate alone."""
         return self.with_viewers / self.alone if self.alone else 0.0
 
 
 @dataclass(frozen=True)
 class DenseCloudRates:
-    """What the dense cloud beside the loop costs it, with all that one 3D scene needs besides.
+    """Cost of the dense cloud for the loop, including everything that one 3D scene needs.
 
     Attributes:
-        playback_rate: 1 is the source's recorded pace.
-        without, watched: unique frames per second while nobody and while one scene watches.
-        clouds_per_s: while it is watched.
-        age_s: mean time since the reception of the pair that the newest cloud was made of.
-        median_ms: to make one cloud. coarseness: pixels along one that is matched.
-        failures: of the client that watched.
+        playback_rate: 1 is the source's recorded rate.
+        without, watched: unique frames per second without and with one watching scene.
+        clouds_per_s: rate while it is watched.
+        age_s: mean time since reception of the pair behind the newest cloud.
+        median_ms: time to make one cloud. coarseness: pixels along one matched pixel.
+        failures: failures of the watching client.
     """
 
     playback_rate: float
@@ -100,20 +100,20 @@ class DenseCloudRates:
 
     @property
     def ratio(self) -> float:
-        """Watched over without."""
+        """Return the rate while watched over the rate without."""
         return self.watched / self.without if self.without else 0.0
 
 
 @dataclass(frozen=True)
 class ServedFigures:
-    """All that was measured from outside; ``page`` is a sentence where it could not be."""
+    """All figures measured from outside; ``page`` is a sentence if it could not be measured."""
 
     rates: tuple[LoopRates, ...]
     dense_cloud: DenseCloudRates
     page: PageFigures | str
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {
             "loop": [asdict(each) | {"ratio": each.ratio} for each in self.rates],
             "dense_cloud": asdict(self.dense_cloud) | {"ratio": self.dense_cloud.ratio},
@@ -127,12 +127,12 @@ def served_figures(
     """Start a server twice and measure it.
 
     Args:
-        source: what is served. seconds: length of each measurement.
+        source: source to serve. seconds: length of each measurement.
         viewer_count: protocol clients in the measurement with viewers.
-        say: told what is being measured, for people who wait.
+        say: receives a description of the current measurement, for people who wait.
 
     Raises:
-        BenchmarkError: the server did not start, or refused what was asked of it.
+        BenchmarkError: the server did not start, or refused a request.
     """
     say("a page in Chromium, from the server's start")
     with running_server(source) as server:
@@ -141,8 +141,8 @@ def served_figures(
         server.wait_for_frames()
         rates = tuple(
             _loop_rates(server, playback_rate, seconds, viewer_count, say)
-            # At its recorded pace the loop may have time to spare; at four times it has none,
-            # so that a cost of the viewers cannot hide.
+            # At its recorded rate the loop may have time to spare; at four times it has none, so
+            # that it cannot hide a cost of the viewers.
             for playback_rate in (1.0, _FAST)
         )
         dense_cloud = _dense_cloud_rates(server, _FAST, seconds, say)
@@ -158,7 +158,8 @@ def _loop_rates(
 ) -> LoopRates:
     server.request("POST", "/api/playback", {"rate": playback_rate, "loop": True})
     say(f"the loop alone, playing at {playback_rate:g} x")
-    # Both halves of "alone" enclose the measurement with viewers, because a noisy machine drifts.
+    # The two halves of "alone" enclose the measurement with viewers, because a noisy machine
+    # drifts.
     before = observed_rate(server, seconds / 2)
     say(f"the loop with {viewer_count} viewers, playing at {playback_rate:g} x")
     with viewers(server, viewer_count) as drained:
@@ -168,7 +169,7 @@ def _loop_rates(
         with _recorded_run(server):
             time.sleep(seconds)
             recorded = _drive_lateness(server)
-    # A run begins with the source's beginning, and leaves it playing as it played.
+    # A run starts at the source's beginning, and keeps its playback.
     after = observed_rate(server, seconds / 2)
     return LoopRates(
         playback_rate,
@@ -188,7 +189,7 @@ def _loop_rates(
 def _recorded_run(server: RunningServer) -> Iterator[None]:
     run = server.request("POST", "/api/runs", {"name": "measured", "record": "jpeg"})
     yield
-    # One over a recording ends with it.
+    # A run over a recording ends with the recording.
     with suppress(BenchmarkError):
         server.request("POST", f"/api/runs/{run['id']}/stop")
 
@@ -228,7 +229,9 @@ def _dense_cloud_rates(
 
 
 def observed_rate(server: RunningServer, seconds: float) -> float:
-    """Unique frames per second over ``seconds``, from the engine's own count of observations."""
+    """Return unique frames per second over ``seconds``, from the engine's own count of
+    observations.
+    """
     time.sleep(1.0)
     first, first_at = _observed(server)
     time.sleep(seconds)

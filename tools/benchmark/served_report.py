@@ -8,7 +8,7 @@ from tools.benchmark.served import DenseCloudRates, DriveLateness, ServedFigures
 
 
 def served_markdown(served: ServedFigures) -> str:
-    """Tables: the loop with and without viewers and the dense cloud, and one visible page."""
+    """Return tables of the loop with and without viewers and dense cloud, and of one page."""
     return "\n".join(
         [
             "## The loop in a running server, unique frames per second\n",
@@ -34,7 +34,7 @@ def served_markdown(served: ServedFigures) -> str:
 
 
 def drive_line(served: ServedFigures) -> str:
-    """Lateness of the drive loop, in one sentence."""
+    """Describe the lateness of the drive loop in one sentence."""
     told = "; ".join(
         f"at {r.playback_rate:g} x {_late(r.drive)}, with a run recorded besides "
         f"{_late(r.recorded)}"

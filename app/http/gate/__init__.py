@@ -1,1 +1,1 @@
-"""Who may come in: host, origin, token and size of every request."""
+"""Access control: host, origin, token and size of every request."""

@@ -1,4 +1,4 @@
-"""Limits on what a request's body may be: its real size, and its kind."""
+"""Limits on a request's body: its real size and its kind."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ JSON_KIND = "application/json"
 FORM_KIND = "application/x-www-form-urlencoded"
 UPLOAD_KIND = "multipart/form-data"
 
-# A cross-site page can send forms and plain text without asking first, so no route takes these
-# unless it is named here.
+# A cross-site page can send forms and plain text without a preflight request, so no route accepts
+# these unless it is listed here.
 _FURTHER_KINDS = {
     "/sign-in": FORM_KIND,
     "/api/calibrations": UPLOAD_KIND,
@@ -19,7 +19,7 @@ _FURTHER_KINDS = {
 
 
 def accepts_kind(path: str, content_type: str | None, has_body: bool) -> bool:
-    """Whether a request of this ``Content-Type`` may come in at ``path``."""
+    """Return whether a request of this ``Content-Type`` is accepted at ``path``."""
     if content_type is None:
         return not has_body
     kind = content_type.partition(";")[0].strip().lower()
@@ -27,14 +27,14 @@ def accepts_kind(path: str, content_type: str | None, has_body: bool) -> bool:
 
 
 class BodyTooLarge(Exception):
-    """More bytes arrived than the route takes."""
+    """Body with more bytes than the route accepts."""
 
 
 class LimitedBody:
-    """Counts a body as it arrives, whatever ``Content-Length`` said of it.
+    """Counter of a body's bytes as they arrive, whatever ``Content-Length`` claims.
 
     Use ``receive`` and ``send`` in place of the connection's own: once the limit is passed, the
-    application's reading fails and what it answers is dropped, so that the caller can refuse.
+    application fails to read and its reply is dropped, so that the caller can refuse the request.
     """
 
     def __init__(self, receive: Receive, send: Send, most_bytes: int) -> None:
@@ -60,7 +60,7 @@ class LimitedBody:
         await self._send(message)
 
     async def run(self, app: ASGIApp, scope: Scope) -> bool:
-        """Let the application answer; True if its body was too large and nothing was answered."""
+        """Run the application; return True if the body was too large and no reply was sent."""
         try:
             await app(scope, self.receive, self.send)
         except BodyTooLarge:

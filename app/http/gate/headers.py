@@ -1,4 +1,4 @@
-"""What every answer says to the browser about what it may do."""
+"""Security headers of every reply: what the browser allows it to do."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ PANEL_POLICY = (
     "connect-src 'self'; font-src 'self'; frame-src 'self'; manifest-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
 )
-# viser's client is one file with everything inline; this is the least that lets it render without
-# errors (its sorter of splats, a WebAssembly module, makes functions of text when it starts).
+# viser's client is one file with everything inline. This is the strictest policy that lets it
+# render without errors (its splat sorter, a WebAssembly module, compiles functions from text at
+# start).
 VIEWER_POLICY = (
     "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
     "worker-src blob: data:; style-src 'unsafe-inline'; img-src blob: data:; font-src data:; "
@@ -26,7 +27,7 @@ DOCS_POLICY = (
     "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"
 )
-# A report's drawings bring style attributes; it has no script and asks for nothing.
+# A report's drawings use style attributes; it has no script and loads nothing.
 REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
@@ -40,7 +41,7 @@ _COMMON = (
 _UNLESS_SET = (
     (b"content-security-policy", PANEL_POLICY.encode()),
     (b"referrer-policy", b"no-referrer"),
-    # Nothing of a session stays in a shared cache or on the disk unless the answer says so.
+    # No reply of a session stays in a shared cache or on the disk unless it says so.
     (b"cache-control", b"no-store"),
 )
 
@@ -48,7 +49,7 @@ RawHeaders = list[tuple[bytes, bytes]]
 
 
 def secured(headers: Iterable[tuple[bytes, bytes]]) -> RawHeaders:
-    """An answer's headers with what protects the browser; the answer's own policy stays."""
+    """Add the protective headers to a reply's own; keep the reply's own policy."""
     result = [(name.lower(), value) for name, value in headers]
     present = {name for name, _ in result}
     result.extend(_COMMON)
@@ -57,7 +58,7 @@ def secured(headers: Iterable[tuple[bytes, bytes]]) -> RawHeaders:
 
 
 def page_policy(html: str) -> str:
-    """The policy of a page that brings its styles and scripts within itself: these by hash only."""
+    """Return the policy of a page with inline styles and scripts: it allows these by hash only."""
     styles = " ".join(_hashes(html, "style")) or "'none'"
     scripts = " ".join(_hashes(html, "script")) or "'none'"
     return (

@@ -1,4 +1,4 @@
-"""Which names the server answers to, and whose pages may speak to it: pure functions of text."""
+"""Names that the server answers to, and origins that may call it: pure functions of text."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _LONGEST = 255
 
 @dataclass(frozen=True)
 class NetworkName:
-    """A host name or address, in lower case and without brackets, and the port if one was given."""
+    """Host name or address, in lower case without brackets, and the port if one was given."""
 
     name: str
     port: int | None
 
 
 def parse_host(text: str) -> NetworkName | None:
-    """A ``Host`` header's value; None where it is none."""
+    """Parse the value of a ``Host`` header; return None if it is invalid."""
     match = _HOST.fullmatch(text.lower()) if len(text) <= _LONGEST else None
     if match is None:
         return None
@@ -39,12 +39,12 @@ def parse_host(text: str) -> NetworkName | None:
 class Names:
     """The names under which browsers may reach the server.
 
-    A rebound DNS name carries the attacker's name in ``Host``, so a list of names ends the attack
-    (and no other check of the request does).
+    DNS rebinding puts the attacker's name into ``Host``, so a list of names stops the attack (and
+    no other check of the request does).
 
     Attributes:
-        own: any port. with_port: names that were allowed with one port only.
-        explicit: what the person at the server named by ``--allowed-host``.
+        own: allowed on any port. with_port: names allowed with one port only.
+        explicit: names given by ``--allowed-host``.
         tls: whether the server itself speaks https.
     """
 
@@ -54,14 +54,14 @@ class Names:
     tls: bool
 
     def answers_to(self, host: NetworkName) -> bool:
-        """Whether a request for this ``Host`` is meant for this server."""
+        """Return whether a request for this ``Host`` is meant for this server."""
         return host.name in self.own or host in self.with_port
 
     def accepts_origin(self, origin: str, host: NetworkName) -> bool:
-        """Whether a page of ``origin`` may speak to the server that it addressed as ``host``.
+        """Return whether a page of ``origin`` may call the server that it addressed as ``host``.
 
-        Its own pages may. So may those of an explicitly allowed name on the standard ports: a
-        reverse proxy in front may have replaced ``Host``.
+        The server's own pages may. So may pages of an explicitly allowed name on the standard
+        ports: a reverse proxy may have replaced ``Host``.
         """
         try:
             parts = urlsplit(origin)
@@ -81,7 +81,7 @@ class Names:
 
 
 def names_of(bound_to: str, allowed_hosts: tuple[str, ...], *, tls: bool) -> Names:
-    """The names of a server that listens on ``bound_to`` and was told of further ones."""
+    """Return the names of a server that listens on ``bound_to``, with the given further ones."""
     own = set(_LOOPBACK)
     bound = bound_to.lower().strip("[]")
     if not _is_wildcard(bound):

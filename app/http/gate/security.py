@@ -1,7 +1,8 @@
-"""The gate in front of everything: every route, mount and WebSocket passes it, new ones too.
+"""The gate in front of every route, mount and WebSocket, new ones included.
 
-Pure ASGI, because framework middleware for HTTP never sees WebSockets and dependencies never see
-mounts. The order: name (400), origin (403), token (401, 429), kind of body (415), size (413).
+Pure ASGI, because the framework's HTTP middleware never sees WebSockets and dependencies never see
+mounts. Checks run in this order: name (400), origin (403), token (401, 429), kind of body (415),
+size (413).
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from app.http.gate.token import COOKIE_NAME, TokenGuard, Verdict
 
 PUBLIC_PATHS = frozenset({"/healthz", "/readyz", "/sign-in"})
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
-# A multipart body has boundaries and headers around the file.
+# A multipart body adds boundaries and headers to the file.
 _UPLOAD_OVERHEAD = 16 * 1024
-# More than a browser sends of one cookie; a request is no place for trying a list of tokens.
+# More than a browser sends in one cookie; one request must not try a list of tokens.
 _MOST_CANDIDATES = 4
 _COOKIE_SECONDS = 30 * 24 * 3600
 _QUOTED = 80
-# How long, and for how much, a refused sender is listened to so that it hears the answer.
+# Time and bytes for which a refused sender is still read, so that it receives the reply.
 _LINGER_S = 1.0
 _LINGER_BYTES = 8 * 1024 * 1024
 
@@ -42,14 +43,14 @@ _TOO_MANY = "too many wrong tokens from this address; wait a minute (the right t
 
 @dataclass(frozen=True)
 class Policy:
-    """Who may come in, and with how much.
+    """Access rules: who may come in, and with how much data.
 
     Attributes:
-        names: the names the server answers to.
-        guard: knows the token.
-        token: put into the cookie of a browser that showed it.
-        body_max_bytes: largest body. uploads: largest file of each path that takes files.
-        sign_in_page: shown to a browser that comes without a token.
+        names: names the server answers to.
+        guard: checks the token.
+        token: value of the cookie for a browser that presented it.
+        body_max_bytes: largest body. uploads: largest file for each path that takes files.
+        sign_in_page: shown to a browser without a token.
     """
 
     names: Names
@@ -60,7 +61,7 @@ class Policy:
     sign_in_page: str
 
     def cookie(self) -> str:
-        """``Set-Cookie`` of a browser that showed the right token."""
+        """Return ``Set-Cookie`` for a browser that presented the right token."""
         secure = "; Secure" if self.names.tls else ""
         return (
             f"{COOKIE_NAME}={self.token}; Path=/; Max-Age={_COOKIE_SECONDS}; "
@@ -68,7 +69,7 @@ class Policy:
         )
 
     def check_token(self, scope: Scope, candidates: list[str]) -> Refusal | None:
-        """Why the tokens of a request do not open the server, or None where they do."""
+        """Return the refusal of a request's tokens, or None if one of them is right."""
         client = scope.get("client")
         verdict = self.guard.check(client[0] if client else None, candidates[:_MOST_CANDIDATES])
         if verdict is Verdict.RIGHT:
@@ -81,7 +82,7 @@ class Policy:
 
 @dataclass(frozen=True)
 class Refusal:
-    """An answer in place of the application's."""
+    """Reply sent in place of the application's."""
 
     status: int
     detail: str
@@ -89,7 +90,7 @@ class Refusal:
 
 
 class Gate:
-    """ASGI middleware that lets in whom the policy lets in."""
+    """ASGI middleware that admits requests by the policy."""
 
     def __init__(self, app: ASGIApp, policy: Policy) -> None:
         self._app = app
@@ -139,7 +140,7 @@ class Gate:
             await _refuse(scope, receive, send, _too_large(most_bytes))
 
     async def _follow_link(self, scope: Scope, tokens: list[str], send: Send) -> None:
-        """Turn the token in the link into a cookie, and take it out of the address."""
+        """Turn the token in the link into a cookie and remove it from the address."""
         refusal = self._policy.check_token(scope, tokens)
         if refusal is not None:
             await _send_page(send, refusal, self._policy.sign_in_page)
@@ -152,7 +153,7 @@ class Gate:
         )
 
     def _refuse_sender(self, scope: Scope) -> Refusal | None:
-        """By the name that was addressed, and by the page that sends."""
+        """Check the addressed name and the sending page."""
         names = self._policy.names
         hosts = _values(scope, b"host")
         host = parse_host(hosts[0]) if len(hosts) == 1 else None
@@ -176,7 +177,7 @@ class Gate:
                     f"start it with --allowed-host NAME to serve it under that name",
                 )
         acts = scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS
-        # Browsers state this themselves; it also covers requests for which they hide the origin.
+        # Browsers set this header themselves; it also covers requests that hide the origin.
         sites = _values(scope, b"sec-fetch-site")
         if acts and not origins and any(site not in ("same-origin", "none") for site in sites):
             return Refusal(
@@ -212,7 +213,7 @@ def _values(scope: Scope, name: bytes) -> list[str]:
 
 
 def _tokens(scope: Scope) -> Iterator[str]:
-    """The tokens a request carries: as Bearer, and as cookie."""
+    """Yield the tokens of a request: as Bearer and as cookie."""
     for value in _values(scope, b"authorization"):
         scheme, _, token = value.partition(" ")
         if scheme.lower() == "bearer" and token.strip():
@@ -256,8 +257,8 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) 
     if not _has_body(scope):
         await _answer_raw(send, refusal.status, headers, body)
         return
-    # The body is not wanted, so the connection serves no other request. A client that is still
-    # sending would have the answer torn away by an immediate end: wait a moment for it.
+    # The body is unwanted, so the connection serves no other request. Closing at once would discard
+    # the reply for a client that is still sending: wait a moment for it.
     headers.append((b"connection", b"close"))
     await _answer_raw(send, refusal.status, headers, body, more=True)
     with contextlib.suppress(TimeoutError):
@@ -278,7 +279,7 @@ async def _send_page(send: Send, refusal: Refusal, page: str) -> None:
     headers = [
         (b"content-type", b"text/html; charset=utf-8"),
         (b"content-security-policy", page_policy(page).encode()),
-        # With "no-referrer" browsers would hide the form's origin, which we insist on.
+        # With "no-referrer" browsers would hide the form's origin, which we require.
         (b"referrer-policy", b"same-origin"),
         *refusal.headers,
     ]
@@ -294,7 +295,7 @@ async def _answer_raw(
 
 
 async def _deny(scope: Scope, refusal: Refusal, send: Send) -> None:
-    """Refuse a WebSocket within its handshake, with status and reason where the server can."""
+    """Refuse a WebSocket within its handshake, with status and reason if the server can."""
     if "websocket.http.response" not in scope.get("extensions", {}):
         await send({"type": "websocket.close", "code": 1008, "reason": refusal.detail[:100]})
         return

@@ -1,4 +1,4 @@
-"""The one token that opens the server, and the limit on guessing it."""
+"""The token that opens the server, and the limit on guessing it."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ _LEAST_CHARACTERS = 22
 _MOST_CHARACTERS = 512
 _WRONG_PER_WINDOW = 5
 _WINDOW_S = 60.0
-# Bounds the memory that a crowd of addresses can take; the oldest is forgotten first.
+# Bounds the memory that many addresses can take; the oldest is forgotten first.
 _MOST_ADDRESSES = 4096
 
 
 def new_token() -> str:
-    """256 random bits as URL-safe text."""
+    """Return 256 random bits as URL-safe text."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
 def load_token(path: Path | None) -> str:
-    """The token of this start: from the file, made and kept there if it does not exist.
+    """Return the token for this start: read from the file, or created there if it does not exist.
 
     Raises:
         InputError: the file cannot be used or holds no safe token.
@@ -65,7 +65,7 @@ def _write_token(path: Path) -> str:
     token = new_token()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Readable by its owner only, from the first moment on.
+        # Readable only by its owner from the first moment on.
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except OSError as error:
         raise InputError(
@@ -78,7 +78,7 @@ def _write_token(path: Path) -> str:
 
 
 class Verdict(Enum):
-    """What became of the tokens that a request carried."""
+    """Result of checking a request's tokens."""
 
     RIGHT = auto()
     MISSING = auto()
@@ -87,9 +87,9 @@ class Verdict(Enum):
 
 
 class TokenGuard:
-    """Compares tokens in constant time and counts wrong ones by the client's address.
+    """Check of tokens in constant time, with a count of wrong ones per client address.
 
-    The right token opens always: nobody can lock the operator out by guessing beside him.
+    The right token always works: nobody can lock the operator out by guessing.
 
     Args:
         clock: monotonic seconds.
@@ -101,14 +101,14 @@ class TokenGuard:
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
 
     def check(self, address: str | None, candidates: Iterable[str]) -> Verdict:
-        """Whether one of the tokens is the right one.
+        """Check whether one of the tokens is right.
 
         Args:
-            address: the client's network address; None where there is none.
-            candidates: the tokens the request carried.
+            address: the client's network address; None if there is none.
+            candidates: the tokens of the request.
         """
         given = [_digest(candidate) for candidate in candidates]
-        # Every candidate is compared, so that the time tells nothing of which was right.
+        # Every candidate is compared, so that the time does not reveal which one was right.
         if sum([hmac.compare_digest(digest, self._digest) for digest in given]):
             return Verdict.RIGHT
         if not given:
@@ -116,7 +116,7 @@ class TokenGuard:
         return Verdict.WRONG if self._count(_network(address)) else Verdict.LIMITED
 
     def _count(self, network: str) -> bool:
-        """Note one wrong token; False where the network has used its tries up."""
+        """Count one wrong token; return False if the network has used up its attempts."""
         now = self._clock()
         times = self._wrong.setdefault(network, deque())
         self._wrong.move_to_end(network)
@@ -131,12 +131,12 @@ class TokenGuard:
 
 
 def _digest(token: str) -> bytes:
-    # Equal lengths, so that the comparison does not tell the token's.
+    # Digests of equal length, so that the comparison does not reveal the token's length.
     return hashlib.sha256(token.encode("utf-8", "surrogatepass")).digest()
 
 
 def _network(address: str | None) -> str:
-    """Whom to count together: one IPv4 address, or one IPv6 site, whose holder has 2**64."""
+    """Return the counting unit: one IPv4 address, or one IPv6 site, whose holder has 2**64."""
     if address is None:
         return ""
     try:

@@ -1,1 +1,1 @@
-"""The WebSockets: live telemetry, views, driving and the 3D viewer."""
+"""WebSockets: live telemetry, views, driving and the 3D viewer."""

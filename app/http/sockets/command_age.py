@@ -1,15 +1,15 @@
-"""How old a command is that came over the network, and whether the network can be driven over.
+"""Age of a command that came over the network, and the fitness of the network for driving.
 
-Pure: whoever calls tells the time. The client's clock stamps its messages; how it maps to the
-host's is not told by anybody but bounded by what arrives. A message takes no negative time, so
+Pure: the caller passes the time. The client's clock stamps its messages. Nobody knows its offset to
+the host's clock, but arriving messages bound it. No message takes negative time, so
 
     offset = host's clock - client's clock <= arrival - stamp        of every message, and
     offset >= ping sent - stamp of its answer                        of every answered ping.
 
-The smallest ``arrival - stamp`` of the last seconds is the offset and the way of the quickest
-message, which is taken for half the quickest round trip. Everything that delays a message after
-its stamp (the page's own queue, the network, buffers in either kernel, this server's event loop)
-makes it older, because arrival is when the application reads it.
+The smallest ``arrival - stamp`` of the last seconds is the offset plus the delay of the quickest
+message, which is taken for half the quickest round trip. Every delay of a message after its stamp
+(the page's own queue, the network, buffers in either kernel, this server's event loop) makes it
+older, because arrival is when the application reads it.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ from app.contract.drive import COMMAND_FRESH_S
 
 Quality = Literal["good", "slow", "lost"]
 
-# Clocks drift by up to 1e-4: in so long by a millisecond.
+# Clocks drift by up to 1e-4: by one millisecond in this time.
 _WINDOW_S = 10.0
-# Clocks of pages are coarse, by up to 1 ms, and drift within the window.
+# Page clocks have a resolution of up to 1 ms, and drift within the window.
 _TOLERANCE_S = 0.005
-# Of these the quickest round trip tells what the link can do now.
+# The quickest round trip within this time shows what the link can do now.
 _LATELY_S = 2.0
 # Pings are sent five times a second.
 _LOST_S = 1.0
-# For so long a command that came too late marks the link.
+# Time for which a command that came too late marks the link as slow.
 _LATE_SHOWN_S = 1.0
 _MOST_PINGS = 64
 TOO_SLOW = "stopped: link too slow"
@@ -40,13 +40,13 @@ TOO_SLOW = "stopped: link too slow"
 
 @dataclass(frozen=True)
 class LinkState:
-    """How the link is.
+    """State of the link.
 
     Attributes:
-        quality: ``good``, ``slow`` (commands arrive too old to be driven by) or ``lost`` (nothing
-            was answered lately).
-        rtt_s: quickest round trip lately. delay_s: age of the newest command on arrival. None
-            where not known.
+        quality: ``good``, ``slow`` (commands arrive too old to drive by) or ``lost`` (no ping was
+            answered lately).
+        rtt_s: quickest recent round trip. delay_s: age of the newest command on arrival. None if
+            unknown.
     """
 
     quality: Quality
@@ -55,11 +55,11 @@ class LinkState:
 
 
 class Link:
-    """One client's link; times of the host in seconds, stamps of the client too."""
+    """Link of one client; host times and client stamps are in seconds."""
 
     def __init__(self) -> None:
         self._pings: dict[int, float] = {}
-        # Each with the host's time at which it was learnt; oldest first.
+        # Each with the host time at which it was measured; oldest first.
         self._offsets: deque[tuple[float, float]] = deque()
         self._floors: deque[tuple[float, float]] = deque()
         self._trips: deque[tuple[float, float]] = deque()
@@ -67,13 +67,13 @@ class Link:
         self._late = -math.inf
 
     def pinged(self, number: int, now: float) -> None:
-        """A ping is about to be sent."""
+        """Note that a ping is about to be sent."""
         self._pings[number] = now
         while len(self._pings) > _MOST_PINGS:
             del self._pings[next(iter(self._pings))]
 
     def ponged(self, number: int, stamp: float, now: float) -> None:
-        """A ping was answered; one that was never sent, or was answered before, says nothing."""
+        """Take the answer to a ping; ignore one that was never sent or was answered before."""
         sent = self._pings.pop(number, None)
         if sent is None or not math.isfinite(stamp) or self._is_ahead(stamp, now):
             return
@@ -83,10 +83,9 @@ class Link:
         self._forget(now)
 
     def age(self, stamp: float, now: float) -> float | None:
-        """How long ago a message that arrives now was stamped, seconds.
+        """Return the age of a message that arrives now, in seconds since its stamp.
 
-        None where that cannot be told: no ping was answered lately, or the stamp lies in the
-        future.
+        None if unknown: no ping was answered lately, or the stamp lies in the future.
         """
         self._forget(now)
         if not self._trips or not math.isfinite(stamp) or self._is_ahead(stamp, now):
@@ -100,16 +99,16 @@ class Link:
         return age
 
     def is_fit(self, now: float) -> bool:
-        """Whether a command that arrives now can be fresh at all.
+        """Return whether a command that arrives now can be fresh at all.
 
-        Of a round trip that takes longer than a command lives nobody can say how much of it is
-        the way here.
+        If a round trip takes longer than the lifetime of a command, nobody can tell how much of
+        it was the way here.
         """
         rtt = self._rtt(now)
         return rtt is not None and rtt <= COMMAND_FRESH_S and now - self._trips[-1][0] <= _LOST_S
 
     def state(self, now: float) -> LinkState:
-        """How the link is."""
+        """Return the state of the link."""
         rtt, delay = self._rtt(now), None
         if self._age is not None and now - self._age[0] <= _LATELY_S:
             delay = self._age[1]
@@ -125,7 +124,7 @@ class Link:
         return min((trip for at, trip in self._trips if now - at <= _LATELY_S), default=None)
 
     def _is_ahead(self, stamp: float, now: float) -> bool:
-        """Whether a stamp would have to be of the future, whatever the offset."""
+        """Return whether the stamp would lie in the future for any possible offset."""
         floor = max((floor for _, floor in self._floors), default=-math.inf)
         return now - stamp < floor - _TOLERANCE_S
 

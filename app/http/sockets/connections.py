@@ -1,4 +1,4 @@
-"""What all WebSocket routes share: reading without trusting, closing without noise."""
+"""Shared code of all WebSocket routes: reading without trust, closing without noise."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _LONGEST_JSON = 1000
 
 
 class BadMessage(Exception):
-    """A client sent something that the route does not understand."""
+    """Message that the route does not understand."""
 
 
 async def receive_text(socket: WebSocket) -> str:
-    """The next text message.
+    """Return the next text message.
 
     Raises:
-        BadMessage: it was binary. WebSocketDisconnect: the client left.
+        BadMessage: the message was binary. WebSocketDisconnect: the client left.
     """
     message = await socket.receive()
     if message["type"] == "websocket.disconnect":
@@ -37,13 +37,13 @@ async def receive_text(socket: WebSocket) -> str:
 
 
 def json_object(text: str, expected: str) -> dict[str, Any]:
-    """The JSON object that a client sent.
+    """Parse the JSON object that a client sent.
 
     Args:
-        expected: what it is told to send instead, where it is none or too long.
+        expected: tells the client what to send, if the text is not an object or too long.
 
     Raises:
-        BadMessage: with ``expected``.
+        BadMessage: the text is unusable; the message is ``expected``.
     """
     if len(text) > _LONGEST_JSON:
         raise BadMessage(expected)
@@ -57,9 +57,9 @@ def json_object(text: str, expected: str) -> dict[str, Any]:
 
 
 async def until_one_ends(socket: WebSocket, *jobs: Coroutine[Any, Any, None]) -> None:
-    """Run a socket's reading and writing; the first that ends, ends all.
+    """Run a socket's reader and writer; the first to end ends the other.
 
-    A client that left is no error; one that sent nonsense is told so and closed with 1007.
+    A client that leaves is no error; one that sends nonsense is told so and closed with 1007.
     """
     tasks = [asyncio.ensure_future(job) for job in jobs]
     try:
@@ -78,7 +78,7 @@ async def until_one_ends(socket: WebSocket, *jobs: Coroutine[Any, Any, None]) ->
 
 
 async def close(socket: WebSocket, code: int, reason: str = "") -> None:
-    """Close if that is still possible. A reason has at most 123 bytes on the wire."""
+    """Close the socket if still possible. A reason has at most 123 bytes on the wire."""
     if (
         socket.application_state is WebSocketState.CONNECTED
         and socket.client_state is WebSocketState.CONNECTED

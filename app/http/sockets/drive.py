@@ -1,7 +1,7 @@
-"""``/api/drive``: driving by hand. One socket is one operator, whose leases end with it.
+"""``/api/drive``: driving by hand. One socket is one operator; the leases end with the socket.
 
-Reading waits for nothing but the network: what a message asks for is done in tasks, so that a
-stop never waits behind a velocity.
+The reader waits only for the network: messages are handled in tasks, so that a stop never waits
+behind a velocity.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ from app.server.background import Background
 from observer.rig.rig import Role
 
 _PING_S = 0.2
-# Who answers nothing for so long is gone, whatever the kernel says of the connection.
+# A client silent for this long is gone, whatever the kernel says about the connection.
 _SILENT_S = 10.0
-# Messages that a client has not taken yet: three seconds of them.
+# Messages waiting for a client to read them: three seconds' worth.
 _MOST_WAITING = 64
 # Commands that the drive process has not answered yet.
 _MOST_UNANSWERED = 8
@@ -48,7 +48,7 @@ _REFUSALS = (Conflict, FieldError, NotAvailable)
 
 
 class DriveSocket:
-    """One operator."""
+    """Socket of one operator."""
 
     def __init__(self, socket: WebSocket, server: Server, name: str | None) -> None:
         self._socket = socket
@@ -59,25 +59,25 @@ class DriveSocket:
         self._overrun = asyncio.Event()
         self._background = Background()
         self._unanswered = 0
-        # Taking and giving back happens in the order in which it was asked for.
+        # Takes and releases happen in the order of their requests.
         self._leasing = asyncio.Lock()
         self._sequences: dict[str, int] = {}
         self._heard = self._clock()
         self._operator = self._driving.operators.join(name, self._lost)
 
     async def serve(self) -> None:
-        """Until the client leaves."""
+        """Serve the socket until the client leaves."""
         self._say(OperatorMessage(self._operator.name))
         try:
             await until_one_ends(
                 self._socket, self._read(), self._send(), self._ping(), self._watch()
             )
         finally:
-            # First of all: the robots stop.
+            # First of all, the robots stop.
             self._driving.operators.leave(self._operator)
             await self._background.cancel()
 
-    # --- out -------------------------------------------------------------------------------
+    # --- outgoing --------------------------------------------------------------------------
 
     def _say(self, message: DriveMessage) -> None:
         try:
@@ -91,7 +91,7 @@ class DriveSocket:
             await self._socket.send_text(json_text(message))
 
     async def _watch(self) -> None:
-        """End the connection of a client that takes nothing or answers nothing."""
+        """Close the connection of a client that stops reading or answering."""
         while True:
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(1.0):
@@ -123,12 +123,12 @@ class DriveSocket:
         holder = self._driving.operators.holder(role)
         self._say(LeaseMessage(role, "lost", holder=holder, sentence=sentence))
 
-    # --- in --------------------------------------------------------------------------------
+    # --- incoming --------------------------------------------------------------------------
 
     async def _read(self) -> None:
         while True:
             message = read_message(await receive_text(self._socket))
-            # Of the past as far as it waited anywhere; see ``app.http.sockets.command_age``.
+            # The age includes any time the command waited; see ``app.http.sockets.command_age``.
             now = self._clock()
             self._heard = now
             match message:
@@ -167,7 +167,7 @@ class DriveSocket:
                 self._say(LeaseMessage(role, "yours", lease=lease, holder=self._operator.name))
 
     def _command(self, command: Command, now: float) -> None:
-        """Pass a command on, or say why not; it is never kept for later."""
+        """Forward a command or say why not; never keep it for later."""
         age = self._link.age(command.stamp, now)
         lease = self._operator.leases.get(command.role)
         sentence = None

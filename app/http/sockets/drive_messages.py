@@ -1,4 +1,4 @@
-"""What a client says on the drive socket, read without trusting."""
+"""Messages of a client on the drive socket, parsed without trust."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from app.http.sockets.connections import BadMessage, json_object
 from observer.rig.rig import ROLES, Role
 
-# Of JavaScript's numbers, those that count.
+# Upper limit of the integers that JavaScript represents exactly.
 _LARGEST_NUMBER = 2**53
 
 
@@ -26,7 +26,7 @@ class Release:
 
 @dataclass(frozen=True)
 class Command:
-    """A velocity, or with none a sign of presence.
+    """Velocity, or a heartbeat if there is none.
 
     Attributes:
         stamp: the client's clock, seconds.
@@ -41,7 +41,7 @@ class Command:
 
 @dataclass(frozen=True)
 class Unusable:
-    """A command that lacks something, or has what is no number; nothing is done with it."""
+    """Command with a missing or non-numeric value; it is ignored."""
 
     role: Role | None
     sequence: int | None
@@ -55,7 +55,7 @@ class Stop:
 
 @dataclass(frozen=True)
 class Pong:
-    """``stamp``: the client's clock, seconds."""
+    """Answer to a ping. ``stamp``: the client's clock, seconds."""
 
     number: int
     stamp: float
@@ -65,11 +65,11 @@ Message = Take | Release | Command | Unusable | Stop | Pong
 
 
 def read_message(text: str) -> Message:
-    """What a text says.
+    """Parse a text message.
 
     Raises:
-        BadMessage: it is no message of this socket. A command that says no velocity or time is
-            one, and comes back as ``Unusable``.
+        BadMessage: this socket has no such message. A command without a velocity or a time is valid
+            and comes back as ``Unusable``.
     """
     expected = "send the messages of /api/drive as the description has them"
     data = json_object(text, expected)
@@ -110,7 +110,7 @@ def _role(value: Any) -> Role | None:
 
 
 def _number(value: Any) -> float | None:
-    """A finite number; True and text are none."""
+    """Return a finite number, else None; True and text are not numbers."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         return None
     if not math.isfinite(value) if isinstance(value, float) else abs(value) > _LARGEST_NUMBER:

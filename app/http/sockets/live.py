@@ -1,8 +1,8 @@
 """``/api/live``: telemetry to any number of pages, newest first, never more than they can take.
 
-Every message is encoded once for all pages. A page has at most two observations it has not
-acknowledged; while it has, newer ones replace each other and are counted as dropped. So a slow
-page sees fewer frames, never older ones, and costs the others nothing.
+Every message is encoded once for all pages. A page has at most two unacknowledged observations;
+meanwhile newer ones replace each other and count as dropped. So a slow page sees fewer frames,
+never older ones, and does not slow down the others.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from app.server import Server
 from app.server.status import observation_age_s, status
 
 _STATUS_INTERVAL_S = 0.5
-# Pages are promised one every 250 ms.
+# Pages expect one every 250 ms.
 _HEARTBEAT_S = 0.2
 _MOST_UNACKNOWLEDGED = 2
-# An acknowledgement that never came (a page in the background paints nothing) is given up.
+# Time after which a missing acknowledgement is given up (a background tab paints nothing).
 _ACKNOWLEDGE_WITHIN_S = 5.0
-# Between two messages on robots: while there are any, and while there is none.
+# Interval between messages on robots: with robots, and without.
 _ROBOTS_INTERVAL_S = 0.1
 _NO_ROBOTS_INTERVAL_S = 0.5
 
 
 @dataclass(frozen=True)
 class _Observation:
-    """An observation, encoded up to its age.
+    """Observation, encoded except for its age.
 
     Attributes:
         sequence: counted by the server over all engines, from 1.
@@ -50,7 +50,7 @@ class _Observation:
 
 
 class LiveHub:
-    """Encodes what happens and hands it to the pages. Follows the server while it is open."""
+    """Encoder of events that passes them to the pages; follows the server while open."""
 
     def __init__(self, server: Server) -> None:
         self._server = server
@@ -65,7 +65,7 @@ class LiveHub:
         self._robots_text: str | None = None
 
     async def run(self) -> None:
-        """Until cancelled."""
+        """Run until cancelled."""
         unfollow = self._server.followers.follow(self)
         try:
             while True:
@@ -76,14 +76,14 @@ class LiveHub:
                 self._status_text = None
                 for page in self._pages:
                     page.status_changed()
-                # However much changes at once, it is told at most 20 times a second.
+                # Sent at most 20 times a second, however much changes.
                 await asyncio.sleep(0.05)
         finally:
             unfollow()
             if self._robots_later is not None:
                 self._robots_later.cancel()
 
-    # --- as a follower of the server --------------------------------------------------------
+    # --- follower of the server -------------------------------------------------------------
 
     def observed(self, event: ObservationEvent) -> None:
         self._sequence += 1
@@ -113,12 +113,12 @@ class LiveHub:
 
     @property
     def has_current(self) -> bool:
-        """Whether the newest observation is of the source that is open."""
+        """Return whether the newest observation comes from the source that is open."""
         return self._event is not None and self._event is self._server.source.latest
 
     @property
     def newest(self) -> _Observation | None:
-        """The newest observation; encoded when the first page wants it."""
+        """Return the newest observation; encode it when the first page asks for it."""
         if self._newest is None and self._event is not None:
             event = self._event
             text = json_text(ObservationTold(self._sequence, event.line, event.truth))
@@ -127,21 +127,21 @@ class LiveHub:
 
     @property
     def status_text(self) -> str:
-        """The status, as one message."""
+        """Return the status as one message."""
         if self._status_text is None:
             self._status_text = json_text(StatusMessage(**vars(status(self._server))))
         return self._status_text
 
     def robots_text(self, after: int) -> tuple[str, int]:
-        """Of the robots, as one message, and the number of the newest speed in it.
+        """Return the robots as one message, and the number of the newest speed in it.
 
         Args:
-            after: the newest speed that the page has.
+            after: the number of the newest speed that the page has.
         """
         driving = self._server.driving
         if self._robots_text is None:
             self._robots_text = json_text(RobotsTold(**vars(driving.facts())))
-        # What every page is told is encoded once, what differs is small.
+        # The part common to all pages is encoded once; the rest is small.
         wheels = ",".join(
             json_text(filled(WheelSpeed, sample, time=round(sample.time, 4)))
             for sample in driving.wheels.since(after)
@@ -149,7 +149,7 @@ class LiveHub:
         return f'{self._robots_text[:-1]},"wheels":[{wheels}]}}', driving.wheels.newest
 
     async def serve(self, socket: WebSocket) -> None:
-        """One page, until it leaves."""
+        """Serve one page until it leaves."""
         page = _Page(self, self._server, socket)
         self._pages.add(page)
         self._server.viewers += 1
@@ -162,7 +162,7 @@ class LiveHub:
 
 
 class _Page:
-    """One socket's own state."""
+    """State of one socket."""
 
     def __init__(self, hub: LiveHub, server: Server, socket: WebSocket) -> None:
         self._hub = hub
@@ -172,7 +172,7 @@ class _Page:
         self._status_due = True
         self._robots_due = True
         self._wheels_told = server.driving.wheels.newest
-        # A page that comes while playing is paused sees what stands.
+        # A page opened while playback is paused shows the current frame.
         self._observation_due = hub.has_current
         # Sequence -> (received, sent), on the monotonic clock.
         self._unacknowledged: dict[int, tuple[float, float]] = {}
@@ -192,7 +192,7 @@ class _Page:
         self._wake.set()
 
     async def send(self) -> None:
-        """Write what is due; waits for the network, and meanwhile only the newest is kept."""
+        """Send what is due; while the network is slow, keep only the newest."""
         beat = -_HEARTBEAT_S
         while True:
             now = self._server.clock()
@@ -241,21 +241,21 @@ class _Page:
         return json_text(HeartbeatMessage(round(now, 3), observation_age_s(self._server), state))
 
     async def read(self) -> None:
-        """Take acknowledgements."""
+        """Read acknowledgements."""
         while True:
             sequence = _painted(await receive_text(self._socket))
             received = self._unacknowledged.pop(sequence, None)
-            # What was never sent, or was given up, says nothing of latency.
+            # An observation never sent or given up says nothing about latency.
             if received is not None:
                 self._server.telemetry.painted(self._server.clock() - received[0])
                 self._wake.set()
 
 
 def _painted(text: str) -> int:
-    """The sequence of a ``painted`` message.
+    """Return the sequence of a ``painted`` message.
 
     Raises:
-        BadMessage: it is none.
+        BadMessage: it is not such a message.
     """
     expected = 'send {"type": "painted", "sequence": NUMBER}'
     message = json_object(text, expected)

@@ -1,4 +1,4 @@
-"""Images of the live views for any number of watchers: read once, and only while one watches."""
+"""Images of the live views for any number of watchers: read once, and only while watched."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from contextlib import asynccontextmanager
 from app.runtime.latest import Latest
 from app.server import Server
 
-# Half of a frame's time at 60 Hz: the wait it adds is not seen.
+# Half a frame period at 60 Hz: the added wait is not visible.
 _POLL_S = 0.008
 
 
 class ViewFeed:
-    """One view. Shared memory cannot wake anybody, so it is looked at while somebody waits."""
+    """Feed of one view. Shared memory cannot wake readers, so it is polled while any wait."""
 
     def __init__(self, server: Server, name: str) -> None:
         self._server = server
@@ -26,8 +26,8 @@ class ViewFeed:
 
     @asynccontextmanager
     async def watched(self) -> AsyncIterator[None]:
-        """Have the view drawn as long as the block runs."""
-        # What lies in the slot is of the past, unless somebody else has the view drawn already.
+        """Have the view drawn while the block runs."""
+        # The image in the slot is old, unless somebody else has the view drawn already.
         skip = 0 if self._server.watching.is_watched(self._name) else self._last_drawn()
         with self._server.watching.watch(self._name):
             self._watchers += 1
@@ -41,7 +41,7 @@ class ViewFeed:
                     await self._end()
 
     async def newer(self, after: int) -> Latest:
-        """The newest image, once there is one with a sequence above ``after``."""
+        """Return the newest image, once its sequence is above ``after``."""
         async with self._arrived:
             while self._newest is None or self._newest.sequence <= after:
                 await self._arrived.wait()

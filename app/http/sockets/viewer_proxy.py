@@ -1,8 +1,8 @@
-"""viser behind our own door: its page, and its WebSocket, filtered.
+"""Proxy for viser: its page, and its WebSocket, filtered.
 
-viser asks nobody who he is and listens on loopback only; this is the one way to it. Of what
-browsers send, only their camera's pose goes through: our scene takes nothing else, and some other
-messages would open the machine to the outside.
+viser authenticates nobody and listens on loopback only; this is the one way to it. Of a browser's
+messages only the camera pose goes through: our scene needs nothing else, and some other messages
+would open the machine to the outside.
 """
 
 from __future__ import annotations
@@ -76,14 +76,14 @@ def prepared_page(page: bytes) -> PreparedPage:
 
 
 class ViewerDoor:
-    """What the routes know of the viewer; the viewer itself may come later, or never."""
+    """The routes' access to the viewer, which may come later or never."""
 
     def __init__(self) -> None:
         self.viewer: Viewer = NullViewer("the 3D viewer is being started")
         self.page = PreparedPage(b"", b"", "")
 
     def open(self, viewer: Viewer) -> None:
-        """Let people in to a viewer. Takes a moment; use a thread."""
+        """Admit clients to a viewer. Takes a moment; call it in a thread."""
         if viewer.port is not None:
             self.page = prepared_page(viewer.page())
         self.viewer = viewer
@@ -137,7 +137,7 @@ async def viewer_socket(socket: WebSocket, door: Door) -> None:
             f"ws://127.0.0.1:{viewer.port}/",
             subprotocols=wanted or None,
             compression=None,
-            # Slow browsers must hold viser back here, not fill a queue.
+            # Slow browsers must slow viser down here, not fill a queue.
             max_queue=1,
             max_size=None,
             ping_interval=None,
@@ -184,10 +184,10 @@ async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
 
 
 def passes(data: bytes) -> bool:
-    """Whether a browser's message goes on to viser: only a whole and sound camera pose does.
+    """Return whether a browser's message goes on to viser: only a complete, valid camera pose does.
 
     Raises:
-        BadMessage: it is no message of viser's client at all.
+        BadMessage: it is not a message of viser's client.
     """
     try:
         kind = _kind.decode(data).type

@@ -1,1 +1,1 @@
-"""Calibrating in the browser, and the library of calibrations."""
+"""Calibration in the browser, and the library of calibrations."""

@@ -1,4 +1,4 @@
-"""What a worker process computes of a calibration: boards in images, and the fit of views."""
+"""Calibration work in a worker process: finding boards in images, and fitting views."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ log = structlog.get_logger(__name__)
 
 @dataclass(frozen=True)
 class CalibrationResult:
-    """What a computation gave.
+    """Result of a computation.
 
     Attributes:
-        names: of the views it rests on.
+        names: names of the views used.
     """
 
     fitted: Fitted
@@ -32,60 +32,62 @@ class CalibrationResult:
 
 
 class Computation:
-    """At most one job at a time; used in the event loop.
+    """Runner of at most one job at a time; used in the event loop.
 
     Attributes:
-        progress: of the job that goes on, if one does.
-        result: of the newest fit that succeeded. trouble: why the newest one did not.
+        progress: progress of the running job, if any.
+        result: result of the newest successful fit. trouble: why the newest fit failed.
     """
 
     def __init__(self, changed: Callable[[], None]) -> None:
-        """
+        """Start without a job.
+
         Args:
-            changed: called whenever one of the attributes is another.
+            changed: called whenever an attribute changes.
         """
         self._changed = changed
         self._task: asyncio.Task[Result] | None = None
         self.clear()
 
     def clear(self) -> None:
-        """Forget result and trouble; ``cancel`` comes first."""
+        """Clear result and trouble; call ``cancel`` first."""
         self.progress: Progress | None = None
         self.result: CalibrationResult | None = None
         self.trouble: str | None = None
 
     @property
     def finished(self) -> CalibrationResult:
-        """The result.
+        """Return the result.
 
         Raises:
-            Conflict: there is none yet.
+            Conflict: there is no result yet.
         """
         if self.result is None:
             raise Conflict("nothing has been computed yet; capture views, then compute")
         return self.result
 
     def refuse_going(self) -> None:
-        """
+        """Refuse to go on while a job runs.
+
         Raises:
-            Conflict: a job goes on.
+            Conflict: a job is running.
         """
         if self.progress is not None:
             raise Conflict("a calibration is being computed; wait for it, or cancel it")
 
     def fit(self, job: FitViews) -> None:
-        """Begin to fit a calibration to views; ``refuse_going`` comes first."""
+        """Start to fit a calibration to views; call ``refuse_going`` first."""
         self.trouble = None
         self._begin(job).add_done_callback(partial(self._fitted, job))
 
     async def find_boards(self, job: FindBoards) -> BoardsFound:
-        """Find the boards in images that were sent in.
+        """Find the boards in uploaded images.
 
-        It may take minutes, so nothing else has to wait for it: ``cancel`` ends it.
+        This may take minutes; nothing else has to wait, because ``cancel`` ends it.
 
         Raises:
-            CalibrationError: the archive cannot be used. Conflict: a job goes on, or it was
-                cancelled.
+            CalibrationError: the archive cannot be used. Conflict: a job is running, or this one
+                was cancelled.
         """
         self.refuse_going()
         try:
@@ -100,7 +102,7 @@ class Computation:
         return found
 
     async def cancel(self) -> None:
-        """End the job, if one goes on; an earlier result stays."""
+        """Cancel the running job, if any; keep an earlier result."""
         task, self._task = self._task, None
         if task is not None:
             task.cancel()
@@ -109,7 +111,7 @@ class Computation:
 
     def _begin(self, job: FitViews | FindBoards) -> asyncio.Task[Result]:
         task = asyncio.create_task(work(job, self._heard), name="compute a calibration")
-        # At once, not when the task comes to it: a second request must find it going.
+        # Set at once, not when the task starts: a second request must see that the job is running.
         self._heard(Progress("starting", 0.0))
         task.add_done_callback(self._worked)
         self._task = task

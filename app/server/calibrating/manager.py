@@ -1,4 +1,4 @@
-"""Making a calibration out of what cameras see, or of images, and using those that are kept."""
+"""Making calibrations from cameras or images, and using stored ones."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ from observer.calibration.formats.opencv_file import read_calibration
 
 
 class CalibrationManager:
-    """Used in the event loop.
+    """Manager of calibrations; used in the event loop.
 
     Attributes:
-        session: what is being calibrated.
+        session: the calibration in progress.
     """
 
     def __init__(self, shared: Shared, source: SourceManager) -> None:
@@ -35,14 +35,14 @@ class CalibrationManager:
         self._storage = shared.storage
         self._source = source
 
-    # --- making one ------------------------------------------------------------------------
+    # --- making a calibration --------------------------------------------------------------
 
     async def begin(self, source: str | None, board: Board) -> None:
-        """Look for a board in the images of a source; None is what is open.
+        """Look for a board in the images of a source; None stands for the open source.
 
         Raises:
-            Conflict: a run is going. FieldError: the source cannot be opened; what was open
-                stays open. NotAvailable: there is no engine at the moment.
+            Conflict: a run is in progress. FieldError: the source cannot be opened; the previous
+                one stays open. NotAvailable: there is no engine at the moment.
         """
         async with self._shared.lock:
             self._shared.refuse_in_run("stop it before you calibrate")
@@ -52,7 +52,7 @@ class CalibrationManager:
             self._source.fruitless_losses = 0
 
     async def end(self) -> None:
-        """Forget what was captured and observe again what was open before."""
+        """Discard the captured views and observe the previous source again."""
         async with self._shared.lock:
             live = self.session.source is not None
             await self.session.end()
@@ -60,28 +60,28 @@ class CalibrationManager:
                 await self._source.reopen()
 
     async def swap(self) -> None:
-        """Take left for right from now on, in the views so far as well.
+        """Swap left and right from now on, and in the views captured so far.
 
         Raises:
-            Conflict: no cameras are calibrated. FieldError: they cannot be opened again.
+            Conflict: no cameras are being calibrated. FieldError: they cannot be opened again.
         """
         async with self._shared.lock:
             await self.session.swap()
 
     async def change(self, command: ChangeCalibration) -> None:
-        """Capture, undo, remove; see ``CalibrationSession.change``."""
+        """Capture, undo or remove; see ``CalibrationSession.change``."""
         async with self._shared.lock:
             await self.session.change(command)
 
     async def take_images(self, archive: Path, board: Board) -> None:
-        """Find the board in images that were sent in, and go on with what was found.
+        """Find the board in uploaded images and continue with the result.
 
         Args:
-            archive: a ZIP file, which stays as it is.
+            archive: a ZIP file; it is not changed.
 
         Raises:
-            CalibrationError: the archive cannot be used; nothing is forgotten then.
-            Conflict: a computation is going, or it was cancelled.
+            CalibrationError: the archive cannot be used; earlier views are kept.
+            Conflict: a computation is running, or this one was cancelled.
         """
         await asyncio.to_thread(check_archive, archive)
         found = await self.session.computation.find_boards(FindBoards(archive, board))
@@ -92,12 +92,12 @@ class CalibrationManager:
                 await self._source.reopen()
 
     async def save(self, name: str, *, activate: bool) -> CalibrationRecord:
-        """Keep the computed calibration; ``activate`` observes its cameras with it from now on.
+        """Store the computed calibration; with ``activate``, use it for its cameras from now on.
 
         Raises:
-            Conflict: nothing has been computed. StorageError: it could not be kept.
-            FieldError, NotAvailable: it is kept, but cannot be used now. Whatever is raised, what
-                was captured and computed stays.
+            Conflict: nothing has been computed. StorageError: it could not be stored.
+            FieldError, NotAvailable: it was stored, but cannot be used now. Whatever is raised, the
+                captured views and the result are kept.
         """
         async with self._shared.lock:
             record = await asyncio.to_thread(self._keep, name)
@@ -118,7 +118,7 @@ class CalibrationManager:
             return record
 
     def _keep(self, name: str) -> CalibrationRecord:
-        """With its report and the cameras it belongs to."""
+        """Store the calibration with its report and its cameras."""
         fitted, cameras = self.session.computation.finished.fitted, self.session.cameras
         calibration = read_calibration(fitted.calibration_yaml, name=name)
         info = {
@@ -133,13 +133,13 @@ class CalibrationManager:
         }
         return self._storage.save_calibration(fitted.calibration_yaml, name=name, info=info)
 
-    # --- those that are kept ---------------------------------------------------------------
+    # --- stored calibrations ---------------------------------------------------------------
 
     async def activate(self, id: str | None) -> None:
-        """Use this calibration with the open source; None goes back to the source's own.
+        """Use this calibration for the open source; None restores the source's own.
 
         Raises:
-            Conflict: a run is going. FieldError: it does not fit the source's images.
+            Conflict: a run is in progress. FieldError: it does not fit the source's images.
         """
         async with self._shared.lock:
             self._shared.refuse_in_run("stop it before you change the calibration")
@@ -153,7 +153,7 @@ class CalibrationManager:
             await self._source.use(replace(wanted, calibration=record))
 
     async def rename(self, id: str, name: str) -> CalibrationRecord:
-        """Call a listed calibration by another name."""
+        """Rename a listed calibration."""
         async with self._shared.lock:
             await asyncio.to_thread(find_calibration, self._storage, id)
             rename = partial(self._storage.change_calibration, id, name=name)
@@ -165,7 +165,7 @@ class CalibrationManager:
         return record
 
     async def delete(self, id: str) -> None:
-        """Take a calibration off the list."""
+        """Remove a calibration from the list."""
         async with self._shared.lock:
             active = self._source.wanted.calibration
             if active is not None and active.id == id:

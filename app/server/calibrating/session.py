@@ -1,6 +1,6 @@
-"""What is being calibrated: the board, the cameras, the views so far.
+"""The calibration in progress: the board, the cameras, the views so far.
 
-The engine finds the boards and tells of them; what was captured is kept here, so that it outlives
+The engine finds the boards and reports them; the captured views are kept here, so that they outlive
 an engine. Everything runs in the event loop.
 """
 
@@ -32,13 +32,13 @@ from observer.errors import CalibrationError, SourceError
 from observer.sources.cameras.spec import swapped_spec
 
 _OPEN_TIMEOUT_S = 60.0
-# Assumed where the images do not tell how fast they came.
+# Assumed if the images do not show the frame rate.
 _USUAL_RATE = 15.0
 
 
 @dataclass(frozen=True)
 class KeptView:
-    """A captured view, with a small JPEG of each image where there is one."""
+    """Captured view, with a small JPEG of each image if there is one."""
 
     view: BoardView
     pictures: tuple[bytes, bytes] | None
@@ -46,11 +46,11 @@ class KeptView:
 
 @dataclass(frozen=True)
 class CalibratedCameras:
-    """The cameras that a calibration belongs to.
+    """Cameras that a calibration belongs to.
 
     Attributes:
-        source: the text by which they are opened, as far as it may be shown.
-        devices: as in ``SourceInfo.devices``. settings: of each camera, in words by name.
+        source: the text that opens them, as far as it may be shown.
+        devices: as in ``SourceInfo.devices``. settings: settings of each camera, in words by name.
     """
 
     source: str | None
@@ -59,18 +59,19 @@ class CalibratedCameras:
 
 
 class CalibrationSession:
-    """At most one calibration is made at a time; one change at a time is the caller's care.
+    """State of one calibration; the caller ensures one calibration and one change at a time.
 
     Attributes:
-        source: what is calibrated; None where images were sent in, or nothing is calibrated.
-        board: what is looked for; None where nothing is calibrated.
-        cameras: to which a result belongs. computation: of the views.
+        source: what is being calibrated; None for uploaded images, or if there is no calibration.
+        board: the board to find; None if there is no calibration.
+        cameras: cameras that a result belongs to. computation: fit of the views.
     """
 
     def __init__(self, engine: Engine, changed: Callable[[], None]) -> None:
-        """
+        """Start without a calibration.
+
         Args:
-            changed: called whenever ``facts`` are others.
+            changed: called whenever ``facts`` change.
         """
         self._engine = engine
         self._changed = changed
@@ -89,18 +90,18 @@ class CalibrationSession:
         self.cameras = CalibratedCameras(None, (), ())
         self.computation.clear()
 
-    # --- beginning and ending ----------------------------------------------------------------
+    # --- starting and ending -----------------------------------------------------------------
 
     @property
     def open(self) -> bool:
-        """Whether something is being calibrated."""
+        """Return whether a calibration is in progress."""
         return self.board is not None
 
     async def begin(self, source: str, board: Board) -> None:
         """Look for the board in the images of a source.
 
         Raises:
-            FieldError: the source cannot be opened; what was open stays open.
+            FieldError: the source cannot be opened; the previous one stays open.
             NotAvailable: there is no engine at the moment.
         """
         facts = await self._ask_to_begin(source, board, ())
@@ -110,10 +111,10 @@ class CalibrationSession:
         self._changed()
 
     async def swap(self) -> None:
-        """Take left for right, in the views so far as well.
+        """Swap left and right, in the views captured so far as well.
 
         Raises:
-            Conflict: no live cameras are calibrated. FieldError: they cannot be opened again.
+            Conflict: no live cameras are being calibrated. FieldError: they cannot be opened again.
         """
         self._refuse_closed()
         assert self.board is not None
@@ -125,7 +126,7 @@ class CalibrationSession:
         facts = await self._ask_to_begin(
             source, self.board, tuple(kept.view for kept in views.values())
         )
-        # What was computed was of cameras the other way round.
+        # The result was for swapped cameras.
         await self.computation.cancel()
         self.computation.result = None
         self.source, self._views = source, views
@@ -133,7 +134,7 @@ class CalibrationSession:
         self._changed()
 
     async def resume(self) -> None:
-        """Have a new engine go on where the lost one was; nothing where images were sent in."""
+        """Continue with a new engine where the lost one stopped; do nothing for uploaded images."""
         if self.source is None or self.board is None:
             return
         views = tuple(kept.view for kept in self._views.values())
@@ -155,7 +156,7 @@ class CalibrationSession:
         self.cameras = CalibratedCameras(info.spec, info.devices, settings)
 
     async def end(self) -> None:
-        """Forget everything; safe to call when nothing is calibrated."""
+        """Discard everything; safe to call without a calibration."""
         await self.computation.cancel()
         self._clear()
         self._changed()
@@ -163,11 +164,11 @@ class CalibrationSession:
     # --- views -------------------------------------------------------------------------------
 
     async def change(self, command: ChangeCalibration) -> None:
-        """Capture, undo, remove, or ask which lens is covered; see ``ChangeCalibration``.
+        """Capture, undo, remove, or find the covered lens; see ``ChangeCalibration``.
 
         Raises:
-            Conflict: nothing is calibrated, or there is nothing to capture or undo.
-            NotThere: there is no view of the name that shall be removed.
+            Conflict: no calibration is in progress, or there is nothing to capture or undo.
+            NotThere: there is no view with the name to remove.
         """
         self._refuse_closed()
         if command.remove is not None and command.remove not in self._views:
@@ -188,13 +189,13 @@ class CalibrationSession:
         raise Conflict("images were sent in; begin with cameras to capture more")
 
     def looked(self, event: BoardLookEvent) -> None:
-        """The engine looked at a pair."""
+        """Take the engine's result for an image pair."""
         if self.open:
             self._look = event.look
             self._changed()
 
     def views_changed(self, event: BoardViewsEvent) -> None:
-        """The engine captured a view, or took one away."""
+        """Take the engine's message that it captured or removed a view."""
         if not self.open:
             return
         if event.added is not None:
@@ -203,10 +204,10 @@ class CalibrationSession:
         self._changed()
 
     def picture(self, name: str, side: int) -> bytes:
-        """A view's small picture; ``side`` 0 is left.
+        """Return a view's thumbnail; ``side`` 0 is left.
 
         Raises:
-            NotThere: there is no such view or it has none.
+            NotThere: there is no such view, or it has no thumbnail.
         """
         kept = self._views.get(name)
         if kept is None or kept.pictures is None:
@@ -214,7 +215,7 @@ class CalibrationSession:
         return kept.pictures[side]
 
     async def take_images(self, found: BoardsFound, board: Board) -> None:
-        """Go on with boards that were found; what was captured before is forgotten."""
+        """Continue with the boards found in images; discard earlier views."""
         await self.end()
         self.board = board
         self._size = (found.width, found.height)
@@ -226,10 +227,11 @@ class CalibrationSession:
     # --- computing ---------------------------------------------------------------------------
 
     def compute(self, distortion_model: DistortionModel) -> None:
-        """Begin to compute a calibration of the views; ``facts`` tell how far it is.
+        """Start to compute a calibration from the views; ``facts`` report the progress.
 
         Raises:
-            Conflict: nothing is calibrated, there are no views, or it is computed already.
+            Conflict: no calibration is in progress, there are no views, or it is already being
+                computed.
         """
         self._refuse_closed()
         self.computation.refuse_going()
@@ -241,10 +243,10 @@ class CalibrationSession:
             FitViews(views, self.board, *self._size, self._frame_rate, distortion_model)
         )
 
-    # --- what is shown -----------------------------------------------------------------------
+    # --- display -----------------------------------------------------------------------------
 
     def facts(self) -> CalibratingFacts | None:
-        """All that the page shows of it but the result; None where nothing is calibrated."""
+        """Return all that the page shows except the result; None without a calibration."""
         board = self.board
         if board is None:
             return None
@@ -270,7 +272,7 @@ class CalibrationSession:
 
 
 def board_of(kind: str, columns: int, rows: int, square_mm: float) -> Board:
-    """The board that a request names.
+    """Return the board that a request names.
 
     Raises:
         FieldError: there is no such board.

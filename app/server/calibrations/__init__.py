@@ -1,1 +1,1 @@
-"""Calibrations that are kept: uploaded, made here, checked, exported."""
+"""Stored calibrations: uploaded, made here, checked, exported."""

@@ -1,4 +1,4 @@
-"""Calibrations that people upload: read, described, kept."""
+"""Uploaded calibrations: reading, description and storage."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ _MOST_CHECKS = 50
 
 
 def calibration_facts(calibration: StereoCalibration) -> dict[str, Any]:
-    """What a list shows of a calibration."""
+    """Return the facts of a calibration for a list."""
     half_width = calibration.width / 2
     return {
         "width": calibration.width,
@@ -54,16 +54,16 @@ def keep_upload(
     unit: Unit | None,
     cameras: Cameras | None,
 ) -> CalibrationRecord:
-    """Understand what was uploaded, whatever its format, and keep it.
+    """Read an upload in any supported format and store it.
 
-    An OpenCV file that tells everything is kept as it came; the others as OpenCV YAML.
+    A complete OpenCV file is stored unchanged; the others are stored as OpenCV YAML.
 
     Args:
-        size, unit, cameras: as of ``read_any``.
+        size, unit, cameras: as for ``read_any``.
 
     Raises:
-        FieldError: the files are no usable calibration; one sentence says why.
-        StorageError: it could not be kept.
+        FieldError: the files are not a usable calibration; one sentence says why.
+        StorageError: it could not be stored.
     """
     try:
         understood = read_any(files, size=size, unit=unit, cameras=cameras)
@@ -82,7 +82,7 @@ def keep_upload(
 
 
 def _as_it_came(files: Sequence[NamedFile]) -> str | None:
-    """The text of one file that the engine reads as it is."""
+    """Return the text of a single file that the engine reads unchanged."""
     if len(files) != 1:
         return None
     try:
@@ -94,9 +94,9 @@ def _as_it_came(files: Sequence[NamedFile]) -> str | None:
 
 
 def keep_own_calibration(storage: Storage, text: str, run: RunRecord) -> RunRecord:
-    """Keep the calibration that came with a run's source: the source may change, the run not.
+    """Store the calibration that came with a run's source: the source may change, the run must not.
 
-    It is not listed, since nobody uploaded it; the run refers to it by its content hash.
+    It is not listed, because nobody uploaded it; the run refers to it by its content hash.
     """
     calibration = read_calibration(text, name=f"the calibration of {run.source}")
     kept = storage.save_calibration(
@@ -109,10 +109,10 @@ def keep_own_calibration(storage: Storage, text: str, run: RunRecord) -> RunReco
 
 
 def find_kept_calibration(storage: Storage, id: str) -> CalibrationRecord:
-    """A listed calibration, or one that a run refers to.
+    """Return a calibration that is listed or that a run refers to.
 
     Raises:
-        NotThere: there is none of that id.
+        NotThere: there is none with that id.
     """
     record = storage.get_calibration(id)
     if record is None:
@@ -121,10 +121,10 @@ def find_kept_calibration(storage: Storage, id: str) -> CalibrationRecord:
 
 
 def find_calibration(storage: Storage, id: str) -> CalibrationRecord:
-    """A listed calibration.
+    """Return a listed calibration.
 
     Raises:
-        NotThere: there is none of that id.
+        NotThere: there is none with that id.
     """
     record = find_kept_calibration(storage, id)
     if not record.listed:
@@ -133,7 +133,7 @@ def find_calibration(storage: Storage, id: str) -> CalibrationRecord:
 
 
 def exported(record: CalibrationRecord, kind: Literal["opencv", "ros", "kalibr"]) -> NamedFile:
-    """The calibration as another tool reads it; several files come as one ZIP archive."""
+    """Convert the calibration for another tool; several files become one ZIP archive."""
     calibration = read_calibration(record.text, name=record.name)
     name = f"calibration-{record.id[:12]}"
     files = export_calibration(calibration, kind, name=name)
@@ -142,7 +142,7 @@ def exported(record: CalibrationRecord, kind: Literal["opencv", "ros", "kalibr"]
     archive = io.BytesIO()
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as file:
         for each in files:
-            # Tools look for left.yaml and right.yaml.
+            # Other tools expect left.yaml and right.yaml.
             file.writestr(each.name.removeprefix(f"{name}-"), each.content)
     return NamedFile(f"{name}-{kind}.zip", archive.getvalue())
 
@@ -155,13 +155,13 @@ async def measure_depth(
     *,
     field: tuple[str, ...] = ("body", "u"),
 ) -> PlaceDepth:
-    """How far a place of the newest pair is by a calibration; see ``MeasureDepth``.
+    """Measure the distance of a point in the newest pair by a calibration; see ``MeasureDepth``.
 
     Args:
-        field: where the request names the place.
+        field: where the request names the point.
 
     Raises:
-        FieldError: the place has no depth, or the calibration does not fit the images.
+        FieldError: the point has no depth, or the calibration does not fit the images.
         Conflict: there are no images. NotAvailable: there is no engine at the moment.
     """
     return await ask(engine, MeasureDepth(record.text, u, v), field=field)
@@ -170,13 +170,13 @@ async def measure_depth(
 async def check_by_tape(
     engine: Engine, storage: Storage, record: CalibrationRecord, u: float, v: float, tape_m: float
 ) -> CalibrationRecord:
-    """Hold the depth of a place against a tape measure and keep the result beside the calibration.
+    """Compare the depth of a point with a tape measure and store the result with the calibration.
 
     Args:
-        tape_m: straight from the left lens to the place.
+        tape_m: straight-line distance from the left lens to the point.
 
     Raises:
-        FieldError, Conflict, NotAvailable: as ``measure_depth``. StorageError: it was not kept.
+        FieldError, Conflict, NotAvailable: as ``measure_depth``. StorageError: it was not stored.
     """
     place = await measure_depth(engine, record, u, v)
     calibration = read_calibration(record.text, name=record.name)
@@ -210,13 +210,13 @@ async def check_by_tape(
 async def refine_rows(
     engine: Engine, storage: Storage, active: CalibrationRecord | None
 ) -> CalibrationRecord:
-    """A new calibration whose rows are set straight by what the cameras saw lately.
+    """Make a new calibration whose rows are corrected by recent images.
 
-    The one in use stays as it is, and in use.
+    The calibration in use stays in use, unchanged.
 
     Raises:
-        Conflict: it cannot be refined by these images; one sentence says why.
-        NotAvailable: there is no engine at the moment. StorageError: it could not be kept.
+        Conflict: these images cannot refine it; one sentence says why.
+        NotAvailable: there is no engine at the moment. StorageError: it could not be stored.
     """
     name = "the source's own" if active is None else active.name
     seen = await ask(engine, TakeScenePairs())
@@ -246,7 +246,7 @@ async def refine_rows(
 
 
 async def preview_text(engine: Engine, calibration_yaml: str) -> CalibrationPreview:
-    """The newest pair rectified with a calibration; see ``PreviewCalibration``.
+    """Return the newest pair rectified with a calibration; see ``PreviewCalibration``.
 
     Raises:
         FieldError: it does not fit the images. Conflict: there are no images.
@@ -257,4 +257,4 @@ async def preview_text(engine: Engine, calibration_yaml: str) -> CalibrationPrev
 
 
 def _unheard(_: Progress) -> None:
-    """What takes a second or two needs no progress."""
+    """Ignore progress: work of a second or two does not need it."""

@@ -15,12 +15,13 @@ BUILT_IN = preset_names()
 
 @dataclass(frozen=True)
 class ParametersInForce:
-    """One state of the parameters.
+    """State of the parameters.
 
     Attributes:
-        values: all of them. revision: grows by one with every change of what is observed with,
-            over restarts too. preset: the preset that these values are, or None once one differs.
-        frame: the first frame they act on; None where no source was open or none is yet known.
+        values: all values. revision: grows by one with every change of an observation parameter,
+            across restarts too. preset: the preset with these values, or None once a value differs.
+        frame: the first frame they apply to; None if no source was open or the frame is not yet
+            known.
         guard_revision: grows by one with every change of the guard, from 0 at the start.
     """
 
@@ -33,27 +34,27 @@ class ParametersInForce:
 
 @dataclass(frozen=True)
 class Revision:
-    """A change that was accepted, and what it changed."""
+    """Accepted change of the parameters, with the values that it changed."""
 
     after: ParametersInForce
     difference: dict[str, ParameterValue]
 
 
 def first_parameters() -> ParametersInForce:
-    """Those of a new installation."""
+    """Return the parameters of a new installation."""
     return ParametersInForce(built_in("default"), 0, "default")
 
 
 def restored_parameters(
     values: Mapping[str, Any], revision: int, preset_name: str | None
 ) -> tuple[ParametersInForce, str | None]:
-    """The parameters as they were left.
+    """Restore the parameters of the last session.
 
-    A later version may have other parameters or bounds; what it does not take is left at its
-    default, and said.
+    A later version may have other parameters or bounds. A value that it refuses is left at its
+    default, with a warning.
 
     Returns:
-        The parameters, and a warning of one sentence where some could not be restored.
+        The parameters, and a warning of one sentence if some could not be restored.
     """
     try:
         return ParametersInForce(AllParameters().changed(values), revision, preset_name), None
@@ -72,15 +73,15 @@ def change(
     presets: Mapping[str, Mapping[str, ParameterValue]],
     start: AllParameters | None = None,
 ) -> Revision:
-    """The parameters after a change, all or nothing.
+    """Return the parameters after a change; a change applies completely or not at all.
 
     Args:
         changes: dotted name -> new value.
         presets: the saved presets, by name; the built-in ones are known.
-        start: what the changes are made to; the current values if left out.
+        start: the values to change; the current ones if left out.
 
     Raises:
-        ParameterError: naming every refused field and its range.
+        ParameterError: names every refused field and its range.
     """
     values = (start or current.values).changed(changes)
     difference = current.values.difference(values)
@@ -100,7 +101,7 @@ def change(
 def matching_preset(
     values: AllParameters, presets: Mapping[str, Mapping[str, ParameterValue]]
 ) -> str | None:
-    """The name of the preset with exactly these values; built-in ones come first."""
+    """Return the name of the preset with exactly these values; built-in presets come first."""
     flat = values.flat()
     for name in reversed(BUILT_IN):
         if built_in(name).flat() == flat:
@@ -109,16 +110,16 @@ def matching_preset(
 
 
 def built_in(name: str) -> AllParameters:
-    """Return a built-in preset; the guard's parameters are at their defaults."""
+    """Return a built-in preset, with the guard's parameters at their defaults."""
     return AllParameters().changed(preset(name).flat())
 
 
 def preset_values(name: str, presets: Mapping[str, Mapping[str, ParameterValue]]) -> AllParameters:
-    """The parameters of a built-in or saved preset.
+    """Return the parameters of a built-in or saved preset.
 
     Raises:
-        InputError: there is none of that name.
-        ParameterError: a saved one holds values that this version refuses.
+        InputError: there is no preset of that name.
+        ParameterError: a saved preset has values that this version refuses.
     """
     if name in BUILT_IN:
         return built_in(name)

@@ -32,7 +32,7 @@ from observer.parameters import PRESET_HELP, ParameterValue
 
 @dataclass(frozen=True)
 class PresetEntry:
-    """A preset as it is listed."""
+    """Preset as listed."""
 
     name: str
     help: str
@@ -41,10 +41,11 @@ class PresetEntry:
 
 
 class ParameterManager:
-    """Used in the event loop; but for ``change``, changes need the shared lock.
+    """Manager of the parameters; used in the event loop. Changes need the shared lock, except
+    ``change``.
 
     Attributes:
-        current: in force. followed: called when they are others.
+        current: the parameters in force. followed: called when they change.
     """
 
     def __init__(self, shared: Shared) -> None:
@@ -56,14 +57,14 @@ class ParameterManager:
         self.followed: Callable[[], None] = lambda: None
 
     def group(self, name: str) -> dict[str, ParameterValue]:
-        """Those of one group, by dotted name."""
+        """Return the parameters of one group, by dotted name."""
         values = self.current.values.flat()
         return {key: value for key, value in values.items() if key.startswith(f"{name}.")}
 
     def load(self) -> str | None:
-        """Read what was left from the database; a warning where not all of it could be used.
+        """Load the last parameters from the database; return a warning if some could not be used.
 
-        Runs in a worker thread, before anything else is called.
+        Runs in a worker thread, before any other call.
         """
         self._saved = {record.name: record for record in self._storage.list_presets()}
         saved = self._storage.load_parameters()
@@ -77,11 +78,11 @@ class ParameterManager:
         return {name: record.values for name, record in self._saved.items()}
 
     def plan(self, preset_name: str | None, changes: Mapping[str, Any]) -> Revision:
-        """What a preset and further changes would make of the parameters; nothing is changed.
+        """Return the change that a preset and further values would make; change nothing.
 
         Raises:
             FieldError: there is no such preset.
-            ParameterError: naming every refused field and its range.
+            ParameterError: names every refused field and its range.
         """
         start: AllParameters | None = None
         if preset_name is not None:
@@ -92,10 +93,10 @@ class ParameterManager:
         return change(self.current, changes, self._preset_values, start)
 
     async def change(self, changes: Mapping[str, Any]) -> ParametersInForce:
-        """Change parameters from the next frame on, all or nothing.
+        """Change parameters from the next frame on, completely or not at all.
 
         Raises:
-            ParameterError: naming every refused field and its range.
+            ParameterError: names every refused field and its range.
         """
         async with self._shared.lock:
             result = await self._apply(self.plan(None, changes))
@@ -103,7 +104,7 @@ class ParameterManager:
         return result
 
     async def _apply(self, revision: Revision) -> ParametersInForce:
-        """Put a planned change into force, in the engine first."""
+        """Apply a planned change, in the engine first."""
         if not revision.difference:
             return self.current
         after, run = revision.after, self._shared.run()
@@ -118,7 +119,7 @@ class ParameterManager:
         return self.adopt(revision, frame, None if run is None else run.id)
 
     def adopt(self, revision: Revision, frame: int | None, run_id: str | None) -> ParametersInForce:
-        """Note that a change is in force from ``frame`` on."""
+        """Record that a change is in force from ``frame`` on."""
         if not revision.difference:
             return self.current
         observed = revision.after.revision != self.current.revision
@@ -142,7 +143,7 @@ class ParameterManager:
         )
 
     def presets(self) -> list[PresetEntry]:
-        """The built-in presets, then the saved ones by name."""
+        """Return the built-in presets, then the saved ones by name."""
         own = [
             PresetEntry(name, PRESET_HELP.get(name, ""), built_in(name).flat(), True)
             for name in BUILT_IN
@@ -154,10 +155,10 @@ class ParameterManager:
         return own + saved
 
     async def save_preset(self, name: str, help: str) -> PresetEntry:
-        """Keep the current values under a name.
+        """Save the current values under a name.
 
         Raises:
-            Conflict: the name is taken. StorageError: it could not be kept.
+            Conflict: the name is taken. StorageError: it could not be saved.
         """
         if name in BUILT_IN:
             raise Conflict(f"the preset {name} is built in; choose another name")
@@ -171,10 +172,11 @@ class ParameterManager:
         return PresetEntry(name, help, values, False)
 
     async def delete_preset(self, name: str) -> None:
-        """Forget a saved preset.
+        """Delete a saved preset.
 
         Raises:
-            Conflict: it is built in. NotThere: there is none. StorageError: it could not be done.
+            Conflict: it is built in. NotThere: there is no such preset. StorageError: it could not
+                be deleted.
         """
         if name in BUILT_IN:
             raise Conflict(f"the preset {name} is built in and stays")

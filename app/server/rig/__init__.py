@@ -1,1 +1,1 @@
-"""How the camera stands on its robot: edited and estimated."""
+"""Pose of the camera on its robot: editing and estimation."""

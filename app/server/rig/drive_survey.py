@@ -1,4 +1,4 @@
-"""A short drive, noted frame by frame, and what it says of where the camera sits on the robot."""
+"""Survey by a short drive, recorded frame by frame, to estimate the camera's place on the robot."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from observer.rig.drive_estimate import estimate_drive
 from observer.rig.drive_stretches import DriveSample
 from observer.rig.estimates import Refused
 
-# Ten minutes at 15 frames a second; a survey takes one.
+# Ten minutes at 15 frames a second; a survey takes one minute.
 _MOST_SAMPLES = 9000
 
 
 class DriveSurvey:
-    """Notes where camera and wheels were, while it is asked to.
+    """Recorder of camera and wheel poses during a survey.
 
     Attributes:
-        noting: whether a drive is noted at present.
+        noting: whether a drive is being recorded.
     """
 
     def __init__(self) -> None:
@@ -30,26 +30,26 @@ class DriveSurvey:
         self._samples: deque[DriveSample] = deque(maxlen=_MOST_SAMPLES)
 
     def begin(self) -> None:
-        """Forget an earlier drive and note the one that comes."""
+        """Discard an earlier drive and record a new one."""
         self._samples.clear()
         self.noting = True
 
     def end(self) -> None:
-        """Note no more; what was noted can still be estimated by."""
+        """Stop recording; the samples remain for the estimate."""
         self.noting = False
 
     def observed(self, event: ObservationEvent) -> None:
-        """One frame was observed."""
+        """Record one observed frame."""
         if not self.noting:
             return
         line, wheels = event.line, event.odometry
         self._samples.append(DriveSample(line["time"], line["segment"], line_pose(line), wheels))
 
     async def estimate(self, standing: CameraMount | None) -> DriveNow:
-        """What the drive says so far.
+        """Return the estimate from the drive so far.
 
         Args:
-            standing: tilt and roll as known otherwise.
+            standing: tilt and roll known from elsewhere.
         """
         samples = list(self._samples)
         found = await asyncio.to_thread(estimate_drive, samples, standing)

@@ -1,4 +1,4 @@
-"""Several looks at the floor, and what they say of the camera's height and tilt."""
+"""Survey by several looks at the floor, to estimate the camera's height and tilt."""
 
 from __future__ import annotations
 
@@ -19,13 +19,14 @@ _PAUSE_S = 0.25
 
 
 async def survey_floor(engine: Engine, camera: StereoCamera | None) -> FloorEstimate:
-    """Look at the floor a few times and estimate how the camera stands above it.
+    """Look at the floor a few times and estimate the camera's height and tilt above it.
 
     Args:
-        camera: the rectified camera as the engine's state tells it.
+        camera: the rectified camera from the engine's state.
 
     Raises:
-        Conflict: nothing is open, or the floor cannot be told; one sentence says what would help.
+        Conflict: nothing is open, or the floor is not recognisable; one sentence says what would
+            help.
         NotAvailable: there is no engine at the moment.
     """
     if camera is None:
@@ -35,7 +36,7 @@ async def survey_floor(engine: Engine, camera: StereoCamera | None) -> FloorEsti
         if look:
             await asyncio.sleep(_PAUSE_S)
         reply = await ask(engine, LookAtFloor())
-        # While paused it is always the same frame, and that once is all there is to know.
+        # While paused the frame never changes, so one look gives all the information.
         if reply.frame not in seen:
             seen.add(reply.frame)
             views.append(reply.points)

@@ -1,4 +1,4 @@
-"""The rig as the server keeps it: ``rig.yaml`` in the data folder, and its estimation."""
+"""Storage of the rig, ``rig.yaml`` in the data folder, and its changes."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from observer.robots.ports import shown_port
 
 
 class RigStore:
-    """Reads and writes the rig's file; one change at a time is the caller's care.
+    """Reader and writer of the rig's file; the caller ensures one change at a time.
 
     Attributes:
-        path: of the file; None keeps the rig in memory only.
-        rig: as it is in force.
+        path: path of the file; None keeps the rig in memory only.
+        rig: the rig in force.
     """
 
     def __init__(self, path: Path | None) -> None:
@@ -29,9 +29,9 @@ class RigStore:
         self.rig = Rig()
 
     def load(self) -> str | None:
-        """Read the file, if there is one; a warning where it could not be used.
+        """Read the file, if any; return a warning if it could not be used.
 
-        A file that cannot be read stays as it is until somebody saves a rig.
+        An unreadable file stays unchanged until somebody saves a rig.
         """
         if self.path is None:
             return None
@@ -47,12 +47,14 @@ class RigStore:
 
     @property
     def text(self) -> str:
-        """The rig as the file holds it, keys of ports included."""
+        """Return the rig as stored in the file, with the keys of ports."""
         return rig_text(self.rig)
 
     @property
     def observed_text(self) -> str:
-        """As ``text``, without what is nothing to who observes: ports, and the keys in them."""
+        """Return ``text`` without the parts that do not concern observing: ports, and the keys in
+        them.
+        """
         return text_without_ports(self.rig)
 
     def keep(self, rig: Rig) -> None:
@@ -75,12 +77,12 @@ class RigStore:
         for_simulated: bool,
         calibration: str | None,
     ) -> Rig:
-        """What a request makes of the rig; mocap bodies stay as they are.
+        """Return the rig with the changes of a request; mocap bodies stay the same.
 
         Args:
-            mount: value and standard deviation (None: typed) by key, None where unknown.
-            models: of the robots by role; None: as they are.
-            calibration: in use while the mount was measured.
+            mount: value and standard deviation (None: typed by hand) by key, None if unknown.
+            models: robot models by role; None: unchanged.
+            calibration: calibration in use while the mount was measured.
 
         Raises:
             FieldError: a value is out of its range.
@@ -102,12 +104,12 @@ class RigStore:
             raise FieldError(("body", "mount", key), sentence) from error
 
     def with_port(self, role: Role, port: str, model: RobotModel | None) -> Rig:
-        """The rig with another port and model of a robot; model None: as the robot says of itself.
+        """Return the rig with another port and model of a robot; model None: reported by the robot.
 
-        A port that is named as it is shown keeps the key that is not.
+        A port given in its displayed form keeps its hidden key.
 
         Raises:
-            FieldError: it names no port.
+            FieldError: the text names no port.
         """
         before = self.rig.ports.get(role)
         if before is not None and port == shown_port(before):
@@ -123,16 +125,16 @@ class RigStore:
             raise FieldError(("body", "port"), str(error)) from error
 
     def without_port(self, role: Role) -> Rig:
-        """The rig without a robot's port; its model stays."""
+        """Return the rig without a robot's port; the model stays."""
         ports = {each: port for each, port in self.rig.ports.items() if each != role}
         return replace(self.rig, ports=ports)
 
     def observes_alike(self, rig: Rig) -> bool:
-        """Whether a source would be observed with another rig as with this one."""
+        """Return whether a source would be observed the same way with another rig."""
         return _as_observed(rig) == _as_observed(self.rig)
 
     def parsed(self, text: str) -> Rig:
-        """The rig of a file that somebody sent.
+        """Parse an uploaded rig file.
 
         Raises:
             FieldError: it cannot be used; one sentence says why.
@@ -144,17 +146,17 @@ class RigStore:
 
 
 def text_without_ports(rig: Rig) -> str:
-    """A rig as its file would hold it without ports, which may hold keys."""
+    """Return a rig in the format of its file, without ports, which may contain keys."""
     return rig_text(replace(rig, ports={}))
 
 
 def _as_observed(rig: Rig) -> str:
-    # Which robots there are, and how they are reached, is nothing to what is seen.
+    # The robots and their ports do not affect what is observed.
     return text_without_ports(replace(rig, models={}))
 
 
 def _keep_unreadable(path: Path) -> None:
-    """A file that we cannot read was written by somebody; it is put aside, not overwritten."""
+    """Move an unreadable file aside instead of overwriting it: somebody wrote it."""
     try:
         read_rig(path.read_text(encoding="utf-8"), path.name)
     except FileNotFoundError:
@@ -162,7 +164,7 @@ def _keep_unreadable(path: Path) -> None:
     except (InputError, UnicodeDecodeError):
         aside = path.with_name(f"{path.name}.unreadable")
         number = 1
-        # One that was put aside before is somebody's work as well.
+        # A file that was moved aside before is somebody's work as well.
         while aside.exists():
             number += 1
             aside = path.with_name(f"{path.name}.unreadable-{number}")

@@ -1,7 +1,7 @@
-"""Driving, as far as the server has a part in it; ``RobotManager`` is the door.
+"""The server's part in driving; ``RobotManager`` is the entry point.
 
-Whether a robot moves is decided in the drive process alone. Here is who may ask it, which robots
-it is given, and what of it is shown and kept.
+The drive process alone decides whether a robot moves. This package decides who may send it requests
+and which robots it gets, and it shows and stores what happens.
 """
 
 from app.server.robots.absent import AbsentDrive

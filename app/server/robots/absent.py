@@ -1,4 +1,4 @@
-"""In place of a drive process, where none belongs to the server."""
+"""Stand-in for a drive process on a server without one."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from app.runtime.supervisor import ProcessHealth
 
 
 class AbsentDrive:
-    """Fulfils ``app.server.contracts.Drive`` by saying that nothing can be driven."""
+    """Implementation of ``app.server.contracts.Drive`` that refuses everything."""
 
     health = ProcessHealth(
         generation=0, pid=None, alive=False, restarts=0, heartbeat_age_s=None, observations_lost=0
@@ -24,15 +24,15 @@ class AbsentDrive:
         pass
 
     async def request(self, command: ToDrive[Any], timeout_s: float = 1.0) -> Any:
-        """Always refused.
+        """Refuse every request.
 
         Raises:
-            ProcessUnavailable: as there is none.
+            ProcessUnavailable: always, because there is no drive process.
         """
         del command, timeout_s
         raise ProcessUnavailable("this server drives no robots")
 
     def subscribe(self, callback: Callable[[DriveEvents], None]) -> Callable[[], None]:
-        """Nothing ever happens."""
+        """Accept a subscription; no event ever follows."""
         del callback
         return lambda: None

@@ -1,4 +1,4 @@
-"""The guided check that goes on, and the records of those that ended."""
+"""Manager of the guided check in progress and of the records of finished ones."""
 
 from __future__ import annotations
 
@@ -24,10 +24,12 @@ log = structlog.get_logger(__name__)
 
 
 class CheckManager:
-    """One check at a time. Used in the event loop; files are read and written in threads.
+    """Manager of one check at a time.
+
+    Used in the event loop; files are read and written in threads.
 
     Attributes:
-        records: of checks that ended.
+        records: records of finished checks.
     """
 
     def __init__(
@@ -39,11 +41,12 @@ class CheckManager:
         soon: Callable[[Coroutine[Any, Any, None]], None],
         clock: Callable[[], float],
     ) -> None:
-        """
+        """Set up without a check.
+
         Args:
-            folder: of the records; None keeps none. circumstances: those in force.
-            changed: called when ``facts`` are others. soon: has work done in the background.
-            clock: the host's monotonic clock, of stops.
+            folder: folder of the records; None stores none. circumstances: returns those in force.
+            changed: called when ``facts`` change. soon: runs work in the background.
+            clock: the host's monotonic clock, which times stops.
         """
         self.records = CheckRecords(folder)
         self._circumstances = circumstances
@@ -55,15 +58,15 @@ class CheckManager:
         self._saved: str | None = None
         self._trouble: str | None = None
 
-    # --- what the drive process tells ------------------------------------------------------
+    # --- events of the drive process -------------------------------------------------------
 
     def drive_said(self, robots: Robots) -> None:
-        """How the robots are, as in ``DriveEvent.facts``."""
+        """Take the robots' state from ``DriveEvent.facts``."""
         if self._check is not None:
             self._check.robot_said(robots.get(self._check.role))
 
     def stopped(self, event: StoppedEvent) -> None:
-        """A robot that moved was stopped."""
+        """Take the stop of a robot that moved."""
         check = self._check
         if check is None or check.over():
             return
@@ -72,25 +75,25 @@ class CheckManager:
         if check.over():
             self._soon(self._save_or_tell())
 
-    # --- what people ask for ---------------------------------------------------------------
+    # --- requests --------------------------------------------------------------------------
 
     def facts(self) -> CheckNow | None:
-        """The check that goes on, or the one that ended last; None where there is none."""
+        """Return the check in progress, or the last one that ended; None if there is none."""
         if self._check is None:
             return None
         facts = self._check.facts()
         return CheckNow(**vars(facts), record=self._saved, trouble=self._trouble)
 
     async def outlook(self, role: Role) -> ChecksNow:
-        """The check, and why to check (again)."""
+        """Return the check, and the reason to check (again)."""
         newest = await asyncio.to_thread(self.records.newest, role)
         return ChecksNow(self.facts(), advice(newest, self._circumstances(), datetime.now(UTC)))
 
     def start(self, role: Role, note: str | None, by: str) -> None:
-        """Begin one.
+        """Start a check.
 
         Raises:
-            Conflict: one is going on, or the last one is not kept yet.
+            Conflict: a check is in progress, or the last one is not stored yet.
         """
         if self._check is not None and not self._check.over():
             raise Conflict(f"a check of the {self._check.role} is going on; give it up first")
@@ -103,11 +106,11 @@ class CheckManager:
         self._changed()
 
     async def skip(self, by: str) -> None:
-        """Leave the present step out.
+        """Skip the present step.
 
         Raises:
-            Conflict: no check is going on. FieldError, StorageFull: it ended by that, and could
-                not be kept; it stays, and ``give_up`` tries again.
+            Conflict: no check is in progress. FieldError, StorageFull: the check ended with this
+                step and could not be stored; it stays, and ``give_up`` tries again.
         """
         check = self._going()
         check.skip(by, time_of_day())
@@ -116,10 +119,11 @@ class CheckManager:
             await self._save()
 
     async def give_up(self, by: str) -> None:
-        """End the check as it stands, and keep it; one that ended and was not kept, is kept.
+        """End the check in its present state and store it; store one that ended but is not stored
+        yet.
 
         Raises:
-            Conflict: no check is going on. FieldError, StorageFull: it could not be kept.
+            Conflict: no check is in progress. FieldError, StorageFull: it could not be stored.
         """
         if self._unsaved:
             await self._save()
@@ -129,7 +133,7 @@ class CheckManager:
         await self._save()
 
     async def close(self) -> None:
-        """The server ends; what is not kept yet is."""
+        """Store what is not stored yet, at the end of the server."""
         check = self._check
         if check is not None and self._saved is None:
             check.give_up("the end of the server", time_of_day())
@@ -149,7 +153,7 @@ class CheckManager:
         if self._unsaved:
             raise Conflict("the check before is not kept yet; DELETE /api/robots/check keeps it")
 
-    # --- keeping ---------------------------------------------------------------------------
+    # --- storing ---------------------------------------------------------------------------
 
     async def _save(self) -> None:
         async with self._saving:

@@ -1,4 +1,4 @@
-"""Records of guided checks: dated files, JSON for programs with Markdown beside it for people."""
+"""Records of guided checks: dated JSON files for programs, with Markdown beside them for people."""
 
 from __future__ import annotations
 
@@ -20,26 +20,26 @@ _NAME = re.compile(r"\d{4}-\d\d-\d\dT\d{4}-(observer|obstacle)(-\d{1,3})?", re.A
 _LISTED = 100
 _MOST_BYTES = 1_000_000
 _MOST_ALIKE = 999
-# What was right a month ago is looked at anew.
+# A check older than a month should be repeated.
 _LASTS = timedelta(days=30)
 _OUTCOMES = ("passed", "failed", "incomplete", "given_up")
 
 
 class CheckRecords:
-    """Reads and writes files: call it in a thread.
+    """Reader and writer of the record files; call it in a thread.
 
     Args:
-        folder: None: nothing is kept.
+        folder: folder of the records; None: nothing is stored.
     """
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
 
     def save(self, record: dict[str, Any]) -> str:
-        """Keep a record under a name of its own, which is returned; none is ever overwritten.
+        """Store a record under a new name and return the name; never overwrite a record.
 
         Raises:
-            Conflict: nothing is kept here. FieldError, StorageFull: it cannot be written.
+            Conflict: this server stores no records. FieldError, StorageFull: it cannot be written.
         """
         if self._folder is None:
             raise Conflict("this server keeps no records of checks")
@@ -57,7 +57,7 @@ class CheckRecords:
         return name
 
     def _reserved(self, stem: str) -> str:
-        """A name that nobody else has from now on: its JSON file is there, and empty."""
+        """Reserve a unique name by creating its JSON file, empty."""
         assert self._folder is not None
         with told_as_ours(self._folder):
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -68,12 +68,12 @@ class CheckRecords:
         raise Conflict(f"there are {_MOST_ALIKE} records {stem}; wait a minute")
 
     def all(self) -> list[CheckEntry]:
-        """The newest hundred as they are listed, newest first; what is no record is left out."""
+        """Return list entries of the newest hundred records, newest first; skip invalid files."""
         found = [self._entry(name) for name in self._names()[:_LISTED]]
         return [entry for entry in found if entry is not None]
 
     def newest(self, role: Role) -> dict[str, Any] | None:
-        """The newest whole record of a role that was not given up."""
+        """Return the newest complete record of a role, except those given up."""
         for name in self._names()[:_LISTED]:
             record = self._read(name)
             if record and record["role"] == role and record["outcome"] != "given_up":
@@ -81,12 +81,12 @@ class CheckRecords:
         return None
 
     def text(self, name: str, suffix: str) -> str:
-        """A record's file, ``json`` or ``md``.
+        """Return the text of a record's file, ``json`` or ``md``.
 
         Raises:
-            NotThere: there is none of this name.
+            NotThere: there is no record of this name.
         """
-        # Only names that a listing of the folder gave lead to a file.
+        # Only names from a listing of the folder lead to a file.
         if name in self._names():
             with contextlib.suppress(OSError, UnicodeDecodeError):
                 text = self._file(name, suffix).read_text(encoding="utf-8")
@@ -117,7 +117,7 @@ class CheckRecords:
         return self._folder / f"{name}.{suffix}"
 
     def _names(self) -> list[str]:
-        """Newest first."""
+        """Return the names, newest first."""
         if self._folder is None:
             return []
         try:
@@ -134,7 +134,7 @@ def _age(name: str) -> tuple[str, int, str]:
 
 
 def entry_of(name: str, record: dict[str, Any]) -> CheckEntry:
-    """A record as it is listed."""
+    """Return the list entry of a record."""
     return CheckEntry(
         name,
         record["role"],
@@ -146,7 +146,7 @@ def entry_of(name: str, record: dict[str, Any]) -> CheckEntry:
 
 
 def advice(newest: dict[str, Any] | None, now: Circumstances, today: datetime) -> str | None:
-    """Why to check again, one sentence; None where the newest check still tells."""
+    """Return why to check again, in one sentence; None while the newest check is still valid."""
     if newest is None:
         return "The guard was not checked yet: check it before you rely on it."
     why = []
@@ -164,7 +164,7 @@ def advice(newest: dict[str, Any] | None, now: Circumstances, today: datetime) -
 
 
 def markdown(record: dict[str, Any]) -> str:
-    """A record for people."""
+    """Format a record for people."""
     robot = record["robot"]
     lines = [
         f"# Check of the guard, {record['role']}, {record['started_at']}",
@@ -210,6 +210,6 @@ def _figure(value: float | None, unit: str = "") -> str:
 
 
 def _text(value: str | None) -> str:
-    """What somebody typed, as one cell of a table and no markup."""
+    """Escape a user's text for one table cell, without markup."""
     plain = "".join(c if c.isprintable() else " " for c in value or "-")
     return re.sub(r"([\\`*_\[\]<>|])", r"\\\1", plain)

@@ -1,4 +1,4 @@
-"""The steps of a guided check: what a person does, what must stop the robot, what was promised."""
+"""Steps of a guided check: the user's action, the expected stop, the promised figures."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from app.contract.values import filled
 from app.server.robots.stop_figures import stop_figures
 from observer.rig.rig import Role
 
-# Zero is on the robot's port so soon behind whatever forbids to move.
+# Time limit between the cause of a stop and the zero velocity on the robot's port.
 PROMISED_MS = 300.0
-# A stop out of less motion than this shows nothing.
+# A stop from a lower speed shows nothing.
 MOVING_MPS = 0.1
 
 StepState = Literal["waiting", "driving", "passed", "failed", "skipped"]
@@ -28,10 +28,10 @@ _CAUSES = {
 
 @dataclass(frozen=True)
 class StepPlan:
-    """What is asked for.
+    """Plan of a step.
 
     Attributes:
-        kinds: of ``StoppedEvent``; a stop of any other kind is not what the step is about.
+        kinds: kinds of ``StoppedEvent`` that the step tests; it ignores stops of other kinds.
     """
 
     name: str
@@ -70,21 +70,21 @@ _CLOSE_BROWSER = StepPlan(
 )
 _PLANS: dict[Role, tuple[StepPlan, ...]] = {
     "observer": (_WALK_IN, _COVER_LENS, _UNPLUG, _CLOSE_BROWSER),
-    # It has no eyes; its guard goes by sonar.
+    # The obstacle has no cameras; its guard uses sonar.
     "obstacle": (_WALK_IN, _CLOSE_BROWSER),
 }
 
 
 @dataclass(frozen=True)
 class Step:
-    """A step as it stands.
+    """State of a step.
 
     Attributes:
-        kind, sentence, at, operator, figures: of the stop that was taken: what it was, when
+        kind, sentence, at, operator, figures: of the accepted stop: its kind, its time
             (ISO 8601, UTC), and who drove.
-        verdict: one sentence of how that compares with what is promised.
-        told: one sentence of a stop that was not taken, the newest.
-        skipped_by: in words.
+        verdict: one sentence that compares it with the promise.
+        told: one sentence about the newest stop that was not accepted.
+        skipped_by: who skipped the step, in words.
     """
 
     plan: StepPlan
@@ -101,10 +101,10 @@ class Step:
     def with_stop(
         self, event: StoppedEvent, at: str, operator: str | None, margin_m: float | None
     ) -> Step:
-        """What a stop makes of it.
+        """Return the step after a stop.
 
         Args:
-            margin_m: what the guard keeps from everything; None where that is not known.
+            margin_m: clearance that the guard keeps from everything; None if unknown.
         """
         before = event.before_mps
         if event.kind not in self.plan.kinds:
@@ -130,7 +130,7 @@ class Step:
         )
 
     def facts(self) -> CheckStep:
-        """As it is told."""
+        """Return the facts for the page."""
         plan = self.plan
         return filled(
             CheckStep, self, name=plan.name, title=plan.title, instruction=plan.instruction
@@ -138,15 +138,16 @@ class Step:
 
 
 def steps_of(role: Role) -> list[Step]:
-    """Those of a role, in order."""
+    """Return the steps of a role, in order."""
     return [Step(plan) for plan in _PLANS[role]]
 
 
 def judged(kind: str, figures: StopMeasured, margin_m: float | None) -> tuple[bool, str]:
-    """Whether a stop is as promised, and one sentence that says so.
+    """Compare a stop with the promise; return the verdict and one sentence that explains it.
 
     Args:
-        kind: of ``StoppedEvent``. margin_m: what the guard keeps from everything, where known.
+        kind: kind of ``StoppedEvent``. margin_m: clearance that the guard keeps from everything, if
+            known.
     """
     zero, stood, left = figures.zero_ms, figures.stood_ms, figures.separation_m
     cause = _CAUSES.get(kind, "its cause")

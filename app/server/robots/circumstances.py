@@ -1,4 +1,4 @@
-"""With what a check was made, and what of it is another by now."""
+"""Circumstances of a check, and their changes since."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from observer.rig.rig import Rig
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What the guard goes by.
+    """Conditions that the guard depends on.
 
     Attributes:
-        software: versions by name. source: as it is shown.
+        software: versions by name. source: as shown to users.
         calibration: its id; None: the source's own. rig: its id, the same for rigs that
-            differ only in how the robots are reached.
-        rig_yaml: the rig as its file holds it, without ports: they may hold keys.
+            differ only in the robots' ports.
+        rig_yaml: the rig as its file holds it, without ports, which may contain keys.
         guard: its parameters by dotted name.
     """
 
@@ -39,16 +39,18 @@ class Circumstances:
         rig: Rig,
         guard: Mapping[str, Any],
     ) -> Circumstances:
-        """Those with a rig."""
+        """Return the circumstances with a rig."""
         text = text_without_ports(rig)
         return Circumstances(software, source, calibration, _id_of(text), text, dict(guard))
 
     def facts(self) -> dict[str, Any]:
-        """As plain values, for JSON."""
+        """Return plain values for JSON."""
         return asdict(self)
 
     def differences(self, before: Mapping[str, Any]) -> list[str]:
-        """What is another than in a record, in words; what a record does not have is another."""
+        """Describe the differences from a record in words; a value missing there counts as a
+        difference.
+        """
         words = []
         if before.get("rig") != self.rig:
             words.append("the rig")

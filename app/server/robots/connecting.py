@@ -1,4 +1,4 @@
-"""Giving the drive process the robots and guard parameters that it shall have."""
+"""Supply of robots and guard parameters to the drive process."""
 
 from __future__ import annotations
 
@@ -27,18 +27,17 @@ from observer.rig.rig import ROLES, Rig, Role
 
 log = structlog.get_logger(__name__)
 
-# A drive process that did not answer is asked again.
+# Delay before an unanswered command is repeated.
 _RETRY_S = 1.0
-# The robot before says goodbye, which takes up to 2 s.
+# The previous robot disconnects first, which takes up to 2 s.
 _CONNECT_TIMEOUT_S = 10.0
 
 
 def wanted_robots(state: StateEvent, rig: Rig) -> dict[Role, ConnectRobot]:
-    """The robots that belong to the world which the open source shows.
+    """Return the robots that belong to the world shown by the open source.
 
-    A source with robots of its own brings them along; live cameras go with the rig's ports. What
-    is only replayed shows no world that could be driven in: a real robot is never driven by the
-    sight of another world.
+    A source may bring its own robots; live cameras use the rig's ports. A replayed source shows no
+    world to drive in: a real robot is never driven by images of another world.
     """
     world = state.world
     if world is None:
@@ -56,26 +55,28 @@ def wanted_robots(state: StateEvent, rig: Rig) -> dict[Role, ConnectRobot]:
 
 
 class Connecting:
-    """Tells each drive process what it lacks of what is wanted.
+    """Synchroniser that tells each drive process what it lacks of the wanted state.
 
-    One robot's port never delays the other's; none is given before the stop and the guard are told.
+    One robot's port never delays the other's; no robot is given before the stop and the guard's
+    parameters.
 
     Attributes:
-        trouble: why a role's robot could not be given, by role.
-        complaint: why the guard's parameters could not be.
+        trouble: why a robot could not be given, by role.
+        complaint: why the guard's parameters could not be given.
         stop_due: who asked for a stop that no drive process has confirmed yet.
-        stopped: the latch as the drive process last told it; the next one begins with it.
+        stopped: the stop latch as last reported by the drive process; the next process begins with
+            it.
     """
 
     def __init__(self, drive: Drive, guard: Callable[[], dict[str, Any]]) -> None:
         self._drive = drive
         self._guard = guard
         self._wanted: dict[Role, ConnectRobot] = {}
-        # As this drive process was told, refused wishes too: they do not mend by repeating.
-        # A role is missing while what it has is not known: it was told, and has not answered.
+        # What this drive process was told, refused requests included: repeating them does not help.
+        # A role is missing while its state is unknown: the process was told, but did not answer.
         self._told: dict[Role, ConnectRobot | None] = {}
         self._told_guard: dict[str, Any] = {}
-        # Of the process that is there (0: none), and of the one that was told stop and guard.
+        # Generation of the present process (0: none), and of the one that got stop and guard.
         self._generation = 0
         self._begun = 0
         self._settings_due = asyncio.Event()
@@ -86,17 +87,17 @@ class Connecting:
         self.stopped: Latch | None = None
 
     def want(self, state: StateEvent, rig: Rig) -> None:
-        """Have these robots from now on."""
+        """Set the robots wanted from now on."""
         self._wanted = wanted_robots(state, rig)
         for due in self._robot_due.values():
             due.set()
 
     def look(self) -> None:
-        """The guard's parameters may be others."""
+        """Check for changed guard parameters."""
         self._settings_due.set()
 
     def drive_started(self, generation: int) -> None:
-        """A new process has nothing; a stop holds all the same."""
+        """Give a new process everything again; a stop stays in force."""
         if self.stop_due is None and self.stopped is not None:
             self.stop_due = self.stopped.by
         self._generation = generation
@@ -104,7 +105,7 @@ class Connecting:
         self._settings_due.set()
 
     def drive_lost(self) -> None:
-        """What it was told went with it."""
+        """Forget what the lost process was told."""
         self._generation = 0
         self._forget()
 
@@ -115,12 +116,12 @@ class Connecting:
         self.complaint = None
 
     def given(self, role: Role) -> ConnectRobot | None:
-        """The robot that the drive process has been given, where it is the one that is wanted."""
+        """Return the robot given to the drive process, if it is the wanted one."""
         told = self._told.get(role)
         return told if told == self._wanted.get(role) and role not in self.trouble else None
 
     async def run(self) -> None:
-        """Until cancelled."""
+        """Run until cancelled."""
         async with asyncio.TaskGroup() as keeping:
             keeping.create_task(_keep(self._settings_due, self._tell_settings))
             for role, due in self._robot_due.items():
@@ -165,7 +166,7 @@ class Connecting:
             self.trouble[role] = f"the {role} is not connected: {complaint}"
 
     async def _refusal(self, command: ToDrive[None], timeout_s: float = 1.0) -> str | None:
-        """Why a command was refused for good, None where it was not."""
+        """Return why a command was finally refused; None if it was not."""
         try:
             await ask_drive(self._drive, command, timeout_s=timeout_s)
         except (FieldError, Conflict) as error:
@@ -175,7 +176,7 @@ class Connecting:
 
 
 async def _keep(due: asyncio.Event, tell: Callable[[], Awaitable[None]]) -> None:
-    """Tell whenever it is due, and again where nobody answered."""
+    """Send whenever due, and again after a missing reply."""
     again = False
     while True:
         with contextlib.suppress(TimeoutError):

@@ -1,6 +1,6 @@
-"""A guided check of what stops a robot: a person drives and does as told, stops are measured.
+"""Guided check of a robot's stops: the user drives as instructed, and the stops are measured.
 
-It moves nothing by itself. It lives in the server, so it outlasts the page that began it.
+The check itself moves nothing. It lives in the server, so it outlasts the page that started it.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ _MARGIN = "guard.margin_m"
 
 
 class GuardCheck:
-    """Of one role. Pure: whoever calls tells the time of day, ISO 8601 in UTC.
+    """Guided check of one role. Pure: the caller passes the time of day, ISO 8601 in UTC.
 
     Attributes:
-        steps: in order. ended_at: None while it goes on.
-        given_up_by: in words; None where it was not.
+        steps: in order. ended_at: None while the check is in progress.
+        given_up_by: who gave it up, in words; None if nobody did.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class GuardCheck:
 
     @property
     def present(self) -> int | None:
-        """Which step it is at, from 0; None behind the end."""
+        """Return the index of the present step, from 0; None after the end."""
         if self.ended_at is not None:
             return None
         going = (n for n, step in enumerate(self.steps) if step.state in ("waiting", "driving"))
@@ -58,7 +58,7 @@ class GuardCheck:
 
     @property
     def outcome(self) -> Outcome | None:
-        """How it ended; None while it goes on."""
+        """Return the outcome; None while the check is in progress."""
         if self.ended_at is None:
             return None
         if self.given_up_by is not None:
@@ -67,11 +67,11 @@ class GuardCheck:
         return "failed" if "failed" in states else "incomplete" if "skipped" in states else "passed"
 
     def over(self) -> bool:
-        """Whether it has ended."""
+        """Return whether the check has ended."""
         return self.ended_at is not None
 
     def robot_said(self, robot: RobotNow | None) -> None:
-        """How its robot is, as in ``DriveEvent.facts``."""
+        """Take the state of the robot from ``DriveEvent.facts``."""
         present = self.present
         if present is None:
             return
@@ -90,7 +90,7 @@ class GuardCheck:
         self.steps[present] = replace(step, state="driving" if drives else "waiting")
 
     def stopped(self, event: StoppedEvent, at: str) -> None:
-        """A robot was stopped; the first stop that fits the present step is its result."""
+        """Take a stop; the first one that fits the present step becomes its result."""
         present = self.present
         if present is None or event.role != self.role:
             return
@@ -101,14 +101,14 @@ class GuardCheck:
         self._end_if_done(at)
 
     def skip(self, by: str, at: str) -> None:
-        """Leave the present step out."""
+        """Skip the present step."""
         present = self.present
         if present is not None:
             self.steps[present] = replace(self.steps[present], state="skipped", skipped_by=by)
             self._end_if_done(at)
 
     def give_up(self, by: str, at: str) -> None:
-        """End it as it stands."""
+        """End the check in its present state."""
         if self.ended_at is None:
             self.given_up_by, self.ended_at = by, at
 
@@ -117,15 +117,15 @@ class GuardCheck:
             self.ended_at = at
 
     def facts(self) -> CheckFacts:
-        """As it is told."""
+        """Return the facts for the page."""
         steps = [step.facts() for step in self.steps]
         return filled(CheckFacts, self, promised_ms=PROMISED_MS, steps=steps)
 
     def record(self, now: Circumstances) -> dict[str, Any]:
-        """What is kept of it.
+        """Return the record to store.
 
         Args:
-            now: the circumstances at its end.
+            now: the circumstances at the end of the check.
         """
         operators = {step.operator: None for step in self.steps if step.operator is not None}
         return {

@@ -1,4 +1,4 @@
-"""What stopped robots, with the time of day at which it did."""
+"""Incidents that stopped robots, with their time of day."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Incident(RobotIncident):
     time: float
 
     def is_ended_by(self, event: StoppedEvent) -> bool:
-        """Whether a robot's stop is one of its own."""
+        """Return whether a robot's stop belongs to this incident."""
         return (
             (self.time, self.kind) == (event.incident_time, event.kind)
             and self.role in (event.role, None)
@@ -37,26 +37,29 @@ class Incident(RobotIncident):
 
 
 class IncidentKeeper(Protocol):
-    """Who keeps incidents with a run."""
+    """Storage of incidents with a run."""
 
     def happened(self, incident: Incident) -> None: ...
 
     def stopped(self, incident: Incident, role: Role) -> None:
-        """How a robot came to stand is known, and among its ``stops``."""
+        """Take the measured stop of a robot, which is now among the incident's ``stops``."""
         ...
 
 
 class Incidents:
-    """The newest ones. What is measured of one goes to the run in which it happened, although
-    that may have ended by then.
+    """List of the newest incidents.
+
+    Measurements of an incident go to the run in which it happened, even if that run has ended
+    since.
     """
 
     def __init__(
         self, clock: Callable[[], float], run: Callable[[], IncidentKeeper | None]
     ) -> None:
-        """
+        """Start without incidents.
+
         Args:
-            clock: the host's monotonic one. run: the one that is kept.
+            clock: the host's monotonic clock. run: returns the run being recorded.
         """
         self._clock = clock
         self._run = run
@@ -65,11 +68,11 @@ class Incidents:
 
     @property
     def newest(self) -> list[Incident]:
-        """Oldest first."""
+        """Return the newest incidents, oldest first."""
         return [incident for incident, _ in self._newest]
 
     def take(self, event: IncidentEvent) -> None:
-        """Keep one."""
+        """Store an incident."""
         self._numbered += 1
         incident = Incident(
             at=time_of_day(self._clock() - event.time),
@@ -87,7 +90,7 @@ class Incidents:
         self._newest.append((incident, run))
 
     def stopped(self, event: StoppedEvent) -> None:
-        """Tell with the incident how it ended."""
+        """Add a measured stop to its incident."""
         for place, (incident, run) in enumerate(self._newest):
             if incident.is_ended_by(event):
                 stops = {**incident.stops, event.role: stop_figures(event)}

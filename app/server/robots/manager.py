@@ -1,4 +1,4 @@
-"""What the server knows of the robots, and what it asks the drive process for."""
+"""The server's knowledge of the robots, and its requests to the drive process."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from observer.robots.ports import shown_port
 
 log = structlog.get_logger(__name__)
 
-# A simulated robot that is connected anew reports within a second or two.
+# A reconnected simulated robot reports within a second or two.
 _ARM_WITHIN_S = 8.0
 _ARM_AGAIN_S = 0.1
 _NO_PROCESS = "there is no drive process yet"
@@ -53,23 +53,23 @@ _NOTHING_KNOWN = DriveFacts(None, None, None, None, dict.fromkeys(ROLES))
 
 
 class RunKeeper(IncidentKeeper, Protocol):
-    """Who keeps with a run what there is of driving."""
+    """Storage of driving data with a run."""
 
     def measured(self, sample: WheelSample) -> None: ...
 
     def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
-        """How each robot is, as in ``DriveEvent.facts``."""
+        """Take each robot's state from ``DriveEvent.facts``."""
         ...
 
 
 class RobotManager:
-    """Follows the drive process, gives it robots and guard parameters, and asks it for others.
+    """Manager of the robots: follows the drive process, configures it and forwards requests.
 
-    Belongs to the event loop's thread and holds no lock of the server: a stop waits for nobody.
+    Runs in the event loop's thread and holds no lock of the server: a stop waits for nobody.
 
     Attributes:
         operators: who drives. wheels: speeds sent and measured. incidents: the newest ones.
-        checks: of what stops them.
+        checks: guided checks of stops.
     """
 
     def __init__(
@@ -85,12 +85,15 @@ class RobotManager:
         check_folder: Path | None,
         clock: Callable[[], float],
     ) -> None:
-        """
+        """Set up; ``start`` starts the drive process.
+
         Args:
-            rig: the one in force. guard: its parameters, by dotted name.
-            changed: called when ``facts`` are others. run: the one that is kept.
-            newest: observation of the open source, by which speeds get their time.
-            circumstances: with what a check is made. check_folder: of its records, if any.
+            rig: returns the rig in force. guard: returns the guard's parameters, by dotted name.
+            changed: called when ``facts`` change. run: returns the run being recorded.
+            newest: returns the newest observation of the open source, which gives speeds their
+                time.
+            circumstances: returns the circumstances of a check. check_folder: folder of its
+                records, if any.
             clock: the host's monotonic clock.
         """
         self._drive = drive
@@ -117,16 +120,16 @@ class RobotManager:
             clock=clock,
         )
 
-    # --- life ------------------------------------------------------------------------------
+    # --- life cycle ------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Start the drive process in the background: the server serves without it as well."""
+        """Start the drive process in the background: the server works without it as well."""
         self._unsubscribe = self._drive.subscribe(self._on_event)
         self._background.start(self._start())
         self._background.start(self._connecting.run())
 
     async def stop(self) -> None:
-        """Stop all robots and end the drive process; safe to call twice."""
+        """Stop all robots and the drive process; safe to call twice."""
         await self._background.cancel()
         await self._drive.stop()
         self._unsubscribe()
@@ -140,25 +143,25 @@ class RobotManager:
             self._trouble = f"robots cannot be driven: {error}"
             self._changed()
             return
-        # A process that was up before somebody listened.
+        # The process may have started before anybody subscribed.
         health = self._drive.health
         if health.alive and health.generation > self._generation:
             self._started(health.generation)
 
-    # --- what others tell ------------------------------------------------------------------
+    # --- changes elsewhere -----------------------------------------------------------------
 
     def source_changed(self, state: StateEvent) -> None:
-        """Another source is open, or the same one brings other robots."""
+        """Handle a newly opened source, or other robots in the same one."""
         self._world = state.world
         self._connecting.want(state, self._rig())
         self._changed()
 
     def rig_changed(self, state: StateEvent) -> None:
-        """Ports or models are others."""
+        """Handle changed ports or models."""
         self.source_changed(state)
 
     def guard_changed(self) -> None:
-        """Parameters in force are others."""
+        """Handle changed parameters."""
         self._connecting.look()
 
     def _on_event(self, event: DriveEvents) -> None:
@@ -201,16 +204,16 @@ class RobotManager:
             f"disarmed, with the next drive process"
         )
         log.error("drive_lost", reason=event.reason)
-        # Robots that nobody hears are not shown as connected.
+        # Robots that are no longer heard are not shown as connected.
         self._facts = replace(_NOTHING_KNOWN, stopped=self._facts.stopped)
         self._connecting.drive_lost()
         self.operators.drive_lost(event.reason)
         self._changed()
 
-    # --- what is known ---------------------------------------------------------------------
+    # --- state -----------------------------------------------------------------------------
 
     def facts(self) -> RobotsNow:
-        """Everything of driving."""
+        """Return all facts of driving."""
         health, rig = self._drive.health, self._rig()
         return RobotsNow(
             **vars(self._facts),
@@ -234,40 +237,40 @@ class RobotManager:
 
     @property
     def warnings(self) -> list[str]:
-        """What is wrong at this moment, one sentence each."""
+        """Return the present problems, one sentence each."""
         troubles = (self._trouble, *self._connecting.trouble.values(), self._connecting.complaint)
         return [trouble for trouble in troubles if trouble is not None]
 
     @property
     def connected(self) -> bool:
-        """Whether there is any robot, or shall be one."""
+        """Return whether there is, or should be, any robot."""
         return any(self._facts.robots.values())
 
     def robot(self, role: Role) -> RobotNow | None:
-        """How one is, as in ``facts``; None where there is none."""
+        """Return a robot's state as in ``facts``; None if there is none."""
         return self._facts.robots.get(role)
 
     def is_driven(self, role: Role) -> bool:
-        """Whether a robot of this role is armed."""
+        """Return whether a robot of this role is armed."""
         robot = self.robot(role)
         return robot is not None and robot.state in _DRIVEN
 
     @property
     def loop_late_p99_ms(self) -> float | None:
-        """Of the drive loop; None where it tells none."""
+        """Return the drive loop's 99th percentile of lateness; None if it reports none."""
         return None if self._facts.loop is None else self._facts.loop.late_p99_ms
 
     @property
     def alive(self) -> bool:
-        """Whether there is a drive process."""
+        """Return whether there is a drive process."""
         return self._drive.health.alive
 
     @property
     def restarts(self) -> int:
-        """How often it was replaced."""
+        """Return the number of restarts of the drive process."""
         return self._drive.health.restarts
 
-    # --- what is asked for -----------------------------------------------------------------
+    # --- requests --------------------------------------------------------------------------
 
     async def ask(self, command: ToDrive[Answer]) -> Answer:
         """Send a command.
@@ -278,18 +281,18 @@ class RobotManager:
         return await ask_drive(self._drive, command)
 
     async def stop_robots(self, by: str) -> None:
-        """Stop all robots; holds until ``reset``. Waits for nothing but the drive process.
+        """Stop all robots until ``reset``. Waits only for the drive process.
 
         Raises:
-            NotAvailable: there is none at the moment, or it does not answer; the next one is told
-                before it gets a robot.
+            NotAvailable: there is no drive process at the moment, or it does not answer; the next
+                process gets the stop before it gets a robot.
         """
         log.warning("robots_stopped", by=by)
         self._connecting.stop_due = by
         try:
             await self.ask(StopRobots(by))
         except NotAvailable as error:
-            # Also where another stop, which was heard, has ended the wait for both.
+            # Set again: another stop that was delivered may have cleared the flag for both.
             self._connecting.stop_due = by
             self._connecting.look()
             raise NotAvailable(
@@ -300,9 +303,9 @@ class RobotManager:
         self._connecting.stop_due = None
 
     async def reset(self, by: str) -> None:
-        """Undo the stop; all robots stay disarmed."""
+        """Release the stop; all robots stay disarmed."""
         log.warning("stop_reset", by=by)
-        # A stop that comes from here on is another one, and stays.
+        # A stop that arrives from here on is a new one and stays in force.
         due, self._connecting.stop_due = self._connecting.stop_due, None
         try:
             await self.ask(ResetStop(by))
@@ -311,20 +314,21 @@ class RobotManager:
             raise
 
     def check_programme(self, start: StartProgramme) -> None:
-        """See that its robots are armed, before anything is opened for it.
+        """Check that the programme's robots are armed, before anything is opened for it.
 
         Raises:
-            Conflict: one is not.
+            Conflict: a robot is not armed.
         """
         for role in start.programme.roles:
             if not self.is_driven(role):
                 raise Conflict(f"the {role} is not armed; arm it first")
 
     async def arm_again(self, start: StartProgramme) -> None:
-        """Arm its robots where the source, opened anew, brought other ones of the same world.
+        """Re-arm the programme's robots after the source was reopened with new ones of the same
+        world.
 
-        Only who has just asked for the programme, with the leases of robots that were armed, has
-        this done.
+        Done only for the operator who has just requested the programme and holds the leases of
+        robots that were armed.
 
         Raises:
             Conflict: they cannot be armed, or not in time, or all robots were stopped.
@@ -344,7 +348,7 @@ class RobotManager:
                 raise Conflict(f"the {role} was not connected again in time")
             return False
         if (robot.port, robot.world) != (shown_port(given.port), given.world):
-            # What was told last is of the robot before.
+            # The last report is about the previous robot.
             return False
         if self.is_driven(role):
             return True
@@ -357,7 +361,7 @@ class RobotManager:
         return True
 
     async def start_programme(self, start: StartProgramme) -> None:
-        """Drive timed velocities.
+        """Start a programme of timed velocities.
 
         Raises:
             FieldError, Conflict, NotAvailable: as ``ask``.
@@ -365,5 +369,5 @@ class RobotManager:
         await self.ask(start)
 
     async def stop_programme(self) -> None:
-        """End it, if one is going."""
+        """Stop the programme, if one is running."""
         await self.ask(StopProgramme())

@@ -1,4 +1,4 @@
-"""Who drives which robot: every open drive socket is one operator, and its leases end with it."""
+"""Operators of the robots: each open drive socket is one, and its leases end with it."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from observer.rig.rig import Role
 log = structlog.get_logger(__name__)
 
 _LONGEST_NAME = 40
-# Events in a row in which the drive process names somebody else: one may have crossed the reply.
+# Consecutive events in which the drive process names another holder: one may cross the reply.
 _TIMES_UNNAMED = 2
 
 
 @dataclass(eq=False)
 class Operator:
-    """Somebody at an open drive socket.
+    """Person at an open drive socket.
 
     Attributes:
-        name: shown to others, unlike that of any other operator.
-        lost: called with role and sentence when a lease ends that was not given back.
-        leases: by role.
+        name: shown to others, unique among operators.
+        lost: called with role and sentence when a lease ends without being released.
+        leases: leases by role.
     """
 
     name: str
@@ -38,11 +38,11 @@ class Operator:
 
 
 class Operators:
-    """All operators; used in the event loop.
+    """Registry of all operators; used in the event loop.
 
     Args:
-        ask: sends a command to the drive process, raising the server's errors.
-        soon: has a release sent without waiting for it.
+        ask: sends a command to the drive process and raises the server's errors.
+        soon: runs the sending of a release in the background.
     """
 
     def __init__(
@@ -56,7 +56,7 @@ class Operators:
         self._numbered = 0
 
     def join(self, name: str | None, lost: Callable[[Role, str], None]) -> Operator:
-        """A new operator, called by the name if it can be read and nobody else has it."""
+        """Register an operator, under the given name if it is readable and free."""
         self._numbered += 1
         wanted = "".join(c for c in (name or "") if c.isprintable()).strip()[:_LONGEST_NAME]
         name = wanted = wanted or f"operator {self._numbered}"
@@ -68,7 +68,7 @@ class Operators:
         return operator
 
     def leave(self, operator: Operator) -> None:
-        """Its socket is closed: its robots stop, and others may take them."""
+        """Remove an operator whose socket closed: its robots stop and become free."""
         operator.gone = True
         self._present.discard(operator)
         leases, operator.leases = operator.leases, {}
@@ -77,10 +77,10 @@ class Operators:
             self._soon(self._release(role, lease))
 
     async def take(self, operator: Operator, role: Role, *, takeover: bool) -> str:
-        """The lease on a role; the one it has already, if it has.
+        """Return the lease on a role; the existing one if the operator already has it.
 
         Raises:
-            Conflict: somebody else has it. FieldError, NotAvailable: as ``ask_drive`` raises.
+            Conflict: somebody else holds it. FieldError, NotAvailable: as ``ask_drive`` raises.
         """
         if role in operator.leases:
             return operator.leases[role]
@@ -99,20 +99,20 @@ class Operators:
         return lease
 
     async def release(self, operator: Operator, role: Role) -> None:
-        """Give a lease back, where there is one."""
+        """Release a lease, if there is one."""
         lease = operator.leases.pop(role, None)
         if lease is not None:
             await self._release(role, lease)
 
     def holder(self, role: Role) -> str | None:
-        """The name of who has the role."""
+        """Return the name of the role's holder."""
         return next((each.name for each in self._present if role in each.leases), None)
 
     def drive_said(self, robots: Robots) -> None:
-        """End leases that the drive process does not know of.
+        """End leases that the drive process does not know.
 
         Args:
-            robots: of its facts.
+            robots: the robots in its facts.
         """
         for operator in tuple(self._present):
             for role in tuple(operator.leases):
@@ -125,7 +125,7 @@ class Operators:
                     self._lose(operator, role, robot.why or f"the {role} was given up")
 
     def drive_lost(self, sentence: str) -> None:
-        """All leases went with the drive process."""
+        """End all leases: they went with the drive process."""
         for operator in tuple(self._present):
             for role in tuple(operator.leases):
                 self._lose(operator, role, sentence)
@@ -140,5 +140,6 @@ class Operators:
         try:
             await self._ask(ReleaseLease(role, lease))
         except (Conflict, FieldError, NotAvailable) as error:
-            # It is not in force any more, or went with its process; either way it has ended.
+            # The lease is no longer in force, or was lost with its process; either way it has
+            # ended.
             log.info("lease_not_released", role=role, reason=str(error))

@@ -1,4 +1,4 @@
-"""Programmes a person may choose: those that come with the project, and their own as files."""
+"""Library of programmes: those of the project, and the user's own as files."""
 
 from __future__ import annotations
 
@@ -19,32 +19,32 @@ from observer.motion_profiles import (
 
 FOLDER_NAME = "programmes"
 _SUFFIX = ".yaml"
-# More than anybody keeps; a listing reads each of them.
+# More than anybody stores; a listing reads each of them.
 _MOST_OWN = 200
 
 
 @dataclass(frozen=True)
 class KeptProfile:
-    """A motion profile, and whether a person brought it."""
+    """Motion profile, marked if the user uploaded it."""
 
     profile: MotionProfile
     own: bool
 
 
 class ProfileLibrary:
-    """Reads and writes files: call it in a thread.
+    """Reader and writer of the programme files; call it in a thread.
 
     Args:
-        folder: of a person's own; None: there are only those that come with the project.
+        folder: folder of the user's own; None: only those of the project.
     """
 
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
 
     def all(self) -> list[KeptProfile]:
-        """Those that come with the project, then a person's own, both by name.
+        """Return the project's programmes, then the user's own, both by name.
 
-        Files that are no programme (any more) are left out.
+        Files that are not (or no longer) valid programmes are left out.
         """
         kept = [KeptProfile(load_profile(name), False) for name in profile_names()]
         built_in = {each.profile.name for each in kept}
@@ -56,14 +56,14 @@ class ProfileLibrary:
         return kept
 
     def find(self, name: str) -> KeptProfile:
-        """One of them.
+        """Return a programme by name.
 
         Raises:
-            NotThere: there is none of this name.
+            NotThere: there is no programme of this name.
         """
         if name in profile_names():
             return KeptProfile(load_profile(name), False)
-        # Only names that a listing of the folder gave lead to a file.
+        # Only names from a listing of the folder lead to a file.
         if name in self._own_names():
             with contextlib.suppress(InputError):
                 own = read_profile(self._file(name))
@@ -72,11 +72,12 @@ class ProfileLibrary:
         raise NotThere(f"there is no programme {name[:80]!r}; GET /api/programmes lists them")
 
     def save(self, text: str) -> KeptProfile:
-        """Keep a programme under the name it gives itself; its own older version is replaced.
+        """Save a programme under its own name; replace the user's older version.
 
         Raises:
-            FieldError: the text is none, or it cannot be written. Conflict: the name is taken by
-                one that comes with the project, or there are too many. StorageFull.
+            FieldError: the text is no programme, or it cannot be written. Conflict: the name
+                belongs to a programme of the project, or there are too many. StorageFull: the disk
+                    is full.
         """
         try:
             profile = profile_from_text(text)
@@ -94,10 +95,10 @@ class ProfileLibrary:
         return KeptProfile(profile, True)
 
     def delete(self, name: str) -> None:
-        """Forget one of a person's own.
+        """Delete one of the user's own programmes.
 
         Raises:
-            NotThere: there is none. Conflict: it comes with the project.
+            NotThere: there is no such programme. Conflict: it belongs to the project.
         """
         if name in profile_names():
             raise Conflict(f"the programme {name} comes with the project and stays")

@@ -1,4 +1,4 @@
-"""A measured stop in the figures that people are shown."""
+"""Figures of a measured stop for people."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from app.contract.robots import StopMeasured
 
 
 def stop_figures(event: StoppedEvent) -> StopMeasured:
-    """Those of a stop, rounded to what can be told apart: 0.1 ms and 1 mm."""
+    """Return the figures of a stop, rounded to meaningful digits: 0.1 ms and 1 mm."""
 
     def since_cause(moment: float | None) -> float | None:
         return None if moment is None else _rounded(1e3 * (moment - event.cause_time), 1)

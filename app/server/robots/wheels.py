@@ -1,4 +1,4 @@
-"""Speeds that robots were sent and measured, on the clock of the source that is observed."""
+"""Commanded and measured speeds of robots, on the clock of the observed source."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from app.contract.drive import WheelSpeedEvent
 from app.contract.events import ObservationEvent
 from app.contract.robots import WheelSpeed
 
-# Ten a second of two robots: ten seconds.
+# Two robots at ten samples a second: ten seconds.
 _KEPT = 200
 
 
 @dataclass(frozen=True)
 class WheelSample(WheelSpeed):
-    """One measurement.
+    """Measured wheel speed.
 
     Attributes:
         number: counted from 1, without gaps. segment: that of the newest observation.
@@ -27,7 +27,7 @@ class WheelSample(WheelSpeed):
 
 
 class WheelLog:
-    """The newest samples; used in the event loop."""
+    """Log of the newest samples; used in the event loop."""
 
     def __init__(self) -> None:
         self._samples: deque[WheelSample] = deque(maxlen=_KEPT)
@@ -35,16 +35,16 @@ class WheelLog:
 
     @property
     def newest(self) -> int:
-        """Number of the newest sample; 0 before the first."""
+        """Return the number of the newest sample; 0 before the first."""
         return self._numbered
 
     def take(self, event: WheelSpeedEvent, newest: ObservationEvent | None) -> WheelSample | None:
-        """Keep a measurement.
+        """Store a measurement.
 
-        None where it is none, and while nothing tells what time it is on the source's clock.
+        Returns None if the event has no measurement, and while the source's clock is unknown.
 
         Args:
-            newest: observation of the open source, whose reception and time join both clocks.
+            newest: observation of the open source; its reception and time relate both clocks.
         """
         if newest is None or not (math.isfinite(event.time) and math.isfinite(event.sent_mps)):
             return None
@@ -62,5 +62,5 @@ class WheelLog:
         return sample
 
     def since(self, number: int) -> list[WheelSample]:
-        """Those behind a number, oldest first."""
+        """Return the samples after a number, oldest first."""
         return [sample for sample in self._samples if sample.number > number]

@@ -1,1 +1,1 @@
-"""Runs: keeping one, and everything that is asked of kept ones."""
+"""Runs: recording one, and all requests about stored ones."""

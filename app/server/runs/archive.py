@@ -1,4 +1,4 @@
-"""Runs that were kept, for reading; the one that is going is shown as it stands."""
+"""Read access to stored runs; the current run appears in its present state."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from observer.recording.run_folder import RECORDING
 
 
 class RunArchive:
-    """Args:
-    current: the run that is going, or None.
+    """Archive of the runs.
+
+    Args:
+        current: returns the run in progress, or None.
     """
 
     def __init__(self, storage: Storage, current: Callable[[], RunRecord | None]) -> None:
@@ -22,21 +24,21 @@ class RunArchive:
         self._current = current
 
     def is_going(self, run_id: str) -> bool:
-        """Whether this run is being kept at this moment."""
+        """Return whether this run is in progress."""
         current = self._current()
         return current is not None and current.id == run_id
 
     async def newest(self) -> list[RunRecord]:
-        """Newest first."""
+        """Return all runs, newest first."""
         current = self._current()
         records = await asyncio.to_thread(self._storage.list_runs)
         return [current if current and record.id == current.id else record for record in records]
 
     async def find(self, run_id: str) -> RunRecord:
-        """One run.
+        """Return one run.
 
         Raises:
-            NotThere: there is none of that id, or it is deleted.
+            NotThere: there is no run with that id, or it is deleted.
         """
         current = self._current()
         if current is not None and current.id == run_id:
@@ -47,10 +49,10 @@ class RunArchive:
         return record
 
     async def recording(self, run_id: str) -> Path:
-        """The file of a run's recording, which is whole.
+        """Return the path of a run's complete recording.
 
         Raises:
-            NotThere: there is no such run, or it has none. Conflict: it is being written.
+            NotThere: there is no such run, or it has no recording. Conflict: it is being written.
         """
         return await self._recording_of(await self.find(run_id))
 
@@ -63,7 +65,7 @@ class RunArchive:
         return path
 
     async def images(self, run_id: str) -> Path:
-        """The recording with a run's images: its own, or that of the run it observed again.
+        """Return the recording with a run's images: its own, or that of the run it re-ran.
 
         Raises:
             NotThere: there is no such run, or no such recording. Conflict: it is being written.
@@ -81,16 +83,18 @@ class RunArchive:
         return await self._recording_of(record)
 
     async def speeds(self, run_id: str) -> list[SpeedRow]:
-        """All speeds of a run, those of the last half second excepted while it is going."""
+        """Return all speeds of a run; while it is in progress, without those of the last half
+        second.
+        """
         await self.find(run_id)
         return await asyncio.to_thread(partial(self._storage.speeds, run_id))
 
     async def incidents(self, run_id: str) -> list[IncidentRecord]:
-        """What stopped robots during a run, oldest first."""
+        """Return what stopped robots during a run, oldest first."""
         await self.find(run_id)
         return await asyncio.to_thread(partial(self._storage.incidents, run_id))
 
 
 def no_such_run(run_id: str) -> NotThere:
-    """What to say of an unknown id."""
+    """Return the error for an unknown id."""
     return NotThere(f"there is no run {run_id[:80]!r}; GET /api/runs lists them")

@@ -1,4 +1,4 @@
-"""Heavy work on runs, done by commands in processes of their own and never by the server."""
+"""Heavy work on runs, done by commands in separate processes, never by the server."""
 
 from __future__ import annotations
 
@@ -20,29 +20,29 @@ from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)
 
-# Behind the engine and the drive process, whose loops must not notice it.
+# Lower priority than the engine and the drive process, whose loops must not notice the work.
 _NICENESS = 15
 _CLI = "app.cli"
-# Exit codes of a command that says in a sentence why it cannot do what was asked.
+# Exit codes of a command that refuses and says why in one sentence.
 _REFUSALS = (1, 2)
 _SAYS = "dynamic-observer: "
 _WORK = ".work-"
 _MOST_WAITING = 8
-# With less than this free, what could not be written had no room.
+# With less free space than this, a failed write counts as a full disk.
 _FULL_BYTES = 1 << 20
 _LOGGED = 2000
 
 
 class CommandRefused(DynamicObserverError):
-    """What was asked cannot be done with this run; the sentence is the command's."""
+    """Refusal by a command to do the work on this run; the sentence is the command's."""
 
 
 class RunCommands:
-    """One command after the other; each ends when nobody waits for it any more.
+    """Runner of one command after the other; each ends when nobody waits for it any more.
 
     Args:
-        folder: the data folder, where half-made files lie meanwhile.
-        time_limit_s: a command that takes longer is ended.
+        folder: the data folder, which holds unfinished files meanwhile.
+        time_limit_s: a command that takes longer is terminated.
     """
 
     def __init__(self, folder: DataFolder, *, time_limit_s: float) -> None:
@@ -52,14 +52,14 @@ class RunCommands:
         self._waiting = 0
 
     async def run(self, *words: str, module: str = _CLI) -> None:
-        """Run a command to its end; cancelling ends it.
+        """Run a command to its end; cancelling terminates it.
 
         Args:
-            words: of the command line. module: another one that is run like ``python -m``.
+            words: words of the command line. module: another module to run as by ``python -m``.
 
         Raises:
-            CommandRefused: it cannot do it. StorageFull: because the disk is full.
-            NotAvailable: it failed, took too long, or too many wait already.
+            CommandRefused: the command refused. StorageFull: the disk is full.
+            NotAvailable: the command failed, took too long, or too many are waiting already.
         """
         if self._waiting >= _MOST_WAITING:
             raise NotAvailable("too much is being computed of runs already; try again later")
@@ -76,10 +76,10 @@ class RunCommands:
 
     @asynccontextmanager
     async def folder(self) -> AsyncIterator[Path]:
-        """An empty folder, which is gone with everything in it behind the block.
+        """Yield an empty folder, which is deleted with its contents after the block.
 
         Raises:
-            StorageFull, FieldError: it cannot be made.
+            StorageFull, FieldError: it cannot be created.
         """
         path = self._folder.path.absolute() / f"{_WORK}{os.getpid()}-{secrets.token_hex(6)}"
         with told_as_ours(path):
@@ -90,7 +90,7 @@ class RunCommands:
             await asyncio.shield(asyncio.to_thread(shutil.rmtree, path, ignore_errors=True))
 
     def tidy(self) -> None:
-        """Delete what servers that are no more left half-made."""
+        """Delete the unfinished files of servers that no longer run."""
         for path in self._folder.path.glob(f"{_WORK}*-*"):
             pid = path.name.removeprefix(_WORK).partition("-")[0]
             if not (pid.isdigit() and _is_alive(int(pid))):

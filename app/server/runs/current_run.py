@@ -1,4 +1,4 @@
-"""The run that is being kept: what of it goes into the database, and when."""
+"""The run in progress: its rows for the database, and the time of writing them."""
 
 from __future__ import annotations
 
@@ -30,16 +30,17 @@ _FLUSH_S = 0.5
 
 
 class CurrentRun:
-    """Collects a run's rows and hands them to the writer twice a second.
+    """Collector of a run's rows that passes them to the writer twice a second.
 
     Args:
-        record: as it was created.
+        record: the record as created.
         clock: monotonic seconds.
 
     Attributes:
-        most_rows: that wait for the database, the newest; a quarter of an hour, or some 20 MB.
-        programme: whether it began with one, which then ends with it.
-        robots: what the recording is to be told of them.
+        most_rows: limit of waiting rows, of which the newest stay; a quarter of an hour, or some 20
+            MB.
+        programme: whether the run began with a programme, which then ends with it.
+        robots: rows on the robots for the recording.
     """
 
     most_rows: ClassVar[int] = 100_000
@@ -56,10 +57,10 @@ class CurrentRun:
         self._writer = writer
         self._clock = clock
         self._rows = PendingRows(self.most_rows)
-        # Whether a write is queued, or tried again: it takes what comes meanwhile as well.
+        # Whether a write is queued or being retried: it includes the rows that arrive meanwhile.
         self._asked = False
         self._began = self._flushed = clock()
-        # What the database calls each incident; of the writer's thread alone.
+        # The database's number of each incident; used only in the writer's thread.
         self._incidents: dict[int, int] = {}
 
     @property
@@ -67,23 +68,24 @@ class CurrentRun:
         return self.record.id
 
     def observed(self, event: ObservationEvent, driven: Collection[str] = ()) -> None:
-        """Keep what one frame said of speeds.
+        """Store the speeds of one frame.
 
         Args:
-            driven: roles whose commands are told by ``measured``.
+            driven: roles whose commands come through ``measured``.
         """
         self.frames += 1
         self.segments = max(self.segments, int(event.line["segment"]) + 1)
         self._collect(speed_rows(self.id, event, driven))
 
     def measured(self, sample: WheelSample) -> None:
-        """Keep what a robot was sent and what its wheels said."""
-        # Before its first frame the newest one is of what was open before, on another clock.
+        """Store the commanded and measured wheel speeds of a robot."""
+        # Before the run's first frame the newest frame belongs to the previous source, on another
+        # clock.
         if self.frames:
             self._collect(wheel_rows(self.id, sample))
 
     def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
-        """Have recorded how robots are; see ``RobotFeed.heard``."""
+        """Record the robots' states; see ``RobotFeed.heard``."""
         if self.record.record is not None:
             self.robots.heard(robots, newest if self.frames else None)
 
@@ -93,7 +95,7 @@ class CurrentRun:
             self.flush()
 
     def happened(self, incident: Incident) -> None:
-        """Keep that something stopped a robot."""
+        """Store an incident that stopped a robot."""
         record = IncidentRecord(
             self.id, incident.at, incident.role, incident.kind, incident.sentence,
             incident.speed_mps,
@@ -103,29 +105,29 @@ class CurrentRun:
             self.robots.happened(incident)
 
     def stopped(self, incident: Incident, role: Role) -> None:
-        """Keep how a robot came to stand by it; also behind the end of the run."""
+        """Store how a robot stopped in an incident; works after the end of the run, too."""
         self._writer.post(partial(self._write_stop, incident.number, role, incident.stops[role]))
 
     def flush(self) -> None:
-        """Have the rows so far written; where that is not possible now, with the next ones."""
+        """Write the rows so far; if that is impossible now, they go with the next ones."""
         self._flushed = self._clock()
         if not self._asked:
             self._asked = self._writer.post(self._write, self._wrote)
 
     def now(self) -> str:
-        """The time of day by the clock that never jumps, from the run's beginning on."""
+        """Return the time of day by the monotonic clock, counted from the run's start."""
         passed = timedelta(seconds=self._clock() - self._began)
         began = datetime.fromisoformat(self.record.started_at)
         return (began + passed).isoformat(timespec="microseconds")
 
     def snapshot(self) -> RunRecord:
-        """The record as it stands now."""
+        """Return the record in its present state."""
         return replace(
             self.record, frames=self.frames, segments=self.segments, updated_at=self.now()
         )
 
     def ended(self, state: RunState, reason: str | None) -> RunRecord:
-        """The record of the run's end."""
+        """Return the record of the run's end."""
         now = self.now()
         if reason is None and self._rows.lost:
             reason = (
@@ -138,10 +140,10 @@ class CurrentRun:
         """Write the run's last rows and its end; in the writer's thread.
 
         Args:
-            ended: as ``ended`` made it.
+            ended: the result of ``ended``.
 
         Raises:
-            StorageError: what could not be written stays for the next time.
+            StorageError: rows that could not be written stay for the next attempt.
         """
         self._write()
         return self._storage.update_run(
@@ -155,8 +157,8 @@ class CurrentRun:
         )
 
     def _write(self) -> None:
-        # Both are tried again where one finds the database locked, so what must not be done twice
-        # comes last.
+        # Both calls are repeated if one finds the database locked, so the one that must not run
+        # twice comes last.
         rows = self._rows.take()
         try:
             self._storage.update_run(
@@ -164,14 +166,14 @@ class CurrentRun:
             )
             self._storage.append_speeds(rows)
         except StorageMissing:
-            # Of a run that is no more nothing is kept.
+            # A deleted run stores nothing.
             raise
         except BaseException:
             self._rows.give_back(rows)
             raise
 
     def _wrote(self, value: object, error: BaseException | None) -> None:
-        """Its rows are written, or wait again."""
+        """Note the end of a write: its rows are stored, or wait again."""
         del value, error
         self._asked = False
 
@@ -180,7 +182,7 @@ class CurrentRun:
 
     def _write_stop(self, number: int, role: Role, figures: StopMeasured) -> None:
         incident = self._incidents.get(number)
-        # None: the incident could not be written, which was told then.
+        # None: the incident could not be written, which was reported then.
         if incident is not None:
             self._storage.append_stop(incident, role, figures)
 
@@ -188,10 +190,10 @@ class CurrentRun:
 def speed_rows(
     run_id: str, event: ObservationEvent, driven: Collection[str] = ()
 ) -> Iterator[SpeedRow]:
-    """The rows of one observation: estimates, truth and commands, each where there is one.
+    """Yield the rows of one observation: estimates, truth and commands, as far as present.
 
-    A coasting obstacle was not seen, so its speed is a gap. The commands of ``driven`` roles come
-    from the drive process, so the truth's are left out.
+    A coasting obstacle was not seen, so its speed is a gap. The drive process supplies the commands
+    of ``driven`` roles, so those of the truth are left out.
     """
     line = event.line
     segment = int(line["segment"])
@@ -211,7 +213,7 @@ def speed_rows(
         )
     for body in event.truth:
         identity, role = int(body["id"]), str(body["role"])
-        # Live motion capture tells the instant that was measured, which may be before the frame.
+        # Live motion capture gives the time of the measurement, which may be before the frame.
         measured = body.get("time", line["time"])
         told = row(measured, role, "truth", identity, body["speed"], None)
         yield replace(told, body=body.get("name"))
@@ -220,7 +222,7 @@ def speed_rows(
 
 
 def wheel_rows(run_id: str, sample: WheelSample) -> Iterator[SpeedRow]:
-    """What was sent, and what the encoders said where they say anything."""
+    """Yield the rows of a sample: the command, and the encoder speed if there is one."""
     yield SpeedRow(
         run_id, sample.time, sample.role, "commanded", None, sample.sent_mps, None, sample.segment
     )

@@ -1,4 +1,4 @@
-"""Ending a run: in the engine, and in the database as soon as the disk has room for it."""
+"""End of a run, in the engine and, once the disk has room, in the database."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ _AGAIN_S = 2.0
 
 
 async def end_recording(engine: Engine, opening: Opening) -> RecordingStatus | None:
-    """Have the engine end the run; what became of its recording, None where it cannot tell."""
+    """End the run in the engine; return the status of its recording, None if unknown."""
     recording = None
     with contextlib.suppress(NotAvailable, Conflict, FieldError, StorageFull):
         recording = await ask(engine, StopRun())
         if not opening.endless:
-            # Its run ended with the recording; the preview goes round.
+            # The run ended with its source's recording; the preview plays it in a loop.
             await ask(engine, opening.preview_playback)
     return recording
 
@@ -42,13 +42,13 @@ async def write_end(
     *,
     again_s: float = _AGAIN_S,
 ) -> RunRecord | None:
-    """The record as it was written; None where it could not be written in time.
+    """Write the end of a run and return the record; None if it could not be written in time.
 
-    A run is over whether or not that could be written: stopping always works. A locked database is
-    tried further by the writer, a full disk in the background.
+    The run is over even if the write fails: stopping always works. The writer keeps trying a locked
+    database; a background task keeps trying a full disk.
 
     Args:
-        write: writes the end. soon: has work done that nobody waits for.
+        write: writes the end. soon: starts work in the background.
     """
     try:
         return await writer.submit(write, timeout_s=_PATIENCE_S)

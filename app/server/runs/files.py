@@ -1,4 +1,4 @@
-"""What is made of a run when somebody wants it: its chart, report and files for other tools."""
+"""Files made from a run on request: its chart, its report, and exports for other tools."""
 
 from __future__ import annotations
 
@@ -25,19 +25,19 @@ from observer.version import library_version
 ChartFormat = Literal["csv", "png", "svg", "pdf"]
 ExportFormat = Literal["zip", "csv", "parquet", "mp4", "ply", "ros2"]
 
-# Of files that nobody needs to read by name.
+# Prefix of files that nobody needs to read by name.
 _CHART = ".chart-"
-# What is made of a run is no larger than its recording, by far; this much stays free.
+# Results are far smaller than the run's recording; this much space stays free.
 _SPARE_BYTES = 100 << 20
 _QUICK_S, _LONG_S = 120.0, 1800.0
 
 
 @dataclass(frozen=True)
 class MadeFile:
-    """A file that has no name any more and is gone once it is closed.
+    """File without a name, which is deleted once it is closed.
 
     Attributes:
-        file: open at its beginning. size: bytes. name: for whoever keeps it.
+        file: open at its beginning. size: bytes. name: file name for the recipient.
     """
 
     file: IO[bytes]
@@ -56,12 +56,13 @@ class RunFiles:
         self._long = RunCommands(storage.folder, time_limit_s=_LONG_S)
 
     async def chart(self, run: RunRecord) -> bytes:
-        """The values of a run's chart as JSON, see ``app.reports.run_chart.chart_values``.
+        """Return the values of a run's chart as JSON, see ``app.reports.run_chart.chart_values``.
 
-        Of a run that is going, or has no recording, what the database has: without errors.
+        For a run that is in progress, or has no recording, they come from the database, without
+        errors.
 
         Raises:
-            Conflict: its recording or its truth cannot be read. NotAvailable: it failed.
+            Conflict: its recording or its truth cannot be read. NotAvailable: the command failed.
         """
         path = self._storage.folder.run(run.id) / RECORDING
         if self._archive.is_going(run.id) or not await asyncio.to_thread(path.is_file):
@@ -78,19 +79,19 @@ class RunFiles:
     async def chart_file(
         self, run: RunRecord, format: ChartFormat, begin: float | None, end: float | None
     ) -> MadeFile:
-        """The chart between two instants of the source's clock, seconds; None: its own ends.
+        """Make the chart between two instants of the source's clock, seconds; None: its own ends.
 
         Raises:
             Conflict, NotAvailable: as for ``chart``.
         """
         options = ["--title", run.name]
-        # In one word, for a negative number is no option.
+        # One word, because a negative number would look like an option.
         options += [] if begin is None else [f"--begin={begin!r}"]
         options += [] if end is None else [f"--end={end!r}"]
         return await self._made(run, self.quick, "chart", f"speeds.{format}", options)
 
     async def report(self, run: RunRecord) -> MadeFile:
-        """The paper's figures redone from the run, on one page.
+        """Make one page with the paper's figures, redone from the run.
 
         Raises:
             Conflict, NotAvailable: as for ``chart``.
@@ -98,11 +99,11 @@ class RunFiles:
         return await self._made(run, self._long, "report", "report.html")
 
     async def export(self, run: RunRecord, format: ExportFormat, table: str | None) -> MadeFile:
-        """The run for other tools; ``table`` is of csv and parquet.
+        """Export the run for other tools; ``table`` applies to csv and parquet.
 
         Raises:
-            Conflict: the recording holds no such thing. NotAvailable: it failed.
-            StorageFull: there is no room to make it.
+            Conflict: the recording has no such data. NotAvailable: the command failed.
+            StorageFull: there is no room for the file.
         """
         path = await self._archive.recording(run.id)
         needed = (await asyncio.to_thread(path.stat)).st_size + _SPARE_BYTES
@@ -132,7 +133,7 @@ class RunFiles:
         name: str,
         options: Sequence[str] = (),
     ) -> MadeFile:
-        """What a command that compares with truth makes of a run's recording."""
+        """Run a command that compares a run's recording with truth, and return its file."""
         path = await self._archive.recording(run.id)
         async with commands.folder() as folder:
             words = [command, str(path.absolute()), "--output", str(folder / name), *options]
@@ -142,7 +143,7 @@ class RunFiles:
 
 
 async def compared_words(storage: Storage, run: RunRecord, folder: Path) -> list[str]:
-    """The option that tells a command of the truth that was laid over a run."""
+    """Return the option that passes a run's truth to a command."""
     if run.alignment is None:
         return []
     kept = await asyncio.to_thread(partial(kept_comparison, run, storage))
@@ -159,7 +160,7 @@ async def _asked(work: Any) -> None:
 
 
 async def _opened(path: Path, name: str) -> MadeFile:
-    """The file, whose name goes with its folder while it is read."""
+    """Open the file; its name disappears with its folder while it is read."""
     file = await asyncio.to_thread(path.open, "rb")
     return MadeFile(file, path.stat().st_size, name)
 
@@ -170,14 +171,14 @@ def _content(made: MadeFile) -> bytes:
 
 
 def _key(run: RunRecord, recording: Path) -> str:
-    """Another one whenever the chart may be another one."""
+    """Return a key that changes whenever the chart may change."""
     stat = recording.stat()
     facts = [library_version(), stat.st_size, stat.st_mtime_ns, run.alignment, run.truth_id]
     return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
 
 
 def _keep(path: Path, content: bytes) -> None:
-    """For the next time; where it cannot be written it is made again then."""
+    """Cache the content; if it cannot be written, it is made again next time."""
     part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     try:
         for old in path.parent.glob(f"{_CHART}*"):

@@ -1,4 +1,4 @@
-"""Runs found again, described in a person's words, deleted with undo."""
+"""History of runs: search, annotation, deletion with undo."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from app.storage import UNDO, RunRecord, Storage, StorageError, StorageMissing
 
 log = structlog.get_logger(__name__)
 
-# Every file of the data folder is looked at; whoever types a search asks many times a second.
+# Measuring visits every file of the data folder, and typing a search asks many times a second.
 _DISK_AGE_S = 5.0
 
 
 class KeptRun(Protocol):
-    """The run that is going."""
+    """Run in progress."""
 
     record: RunRecord
 
@@ -32,9 +32,11 @@ class KeptRun(Protocol):
 
 
 class RunHistory:
-    """Args:
-    current: the run that is going, or None. clock: monotonic seconds.
-    undo: how long what was deleted can be had back.
+    """History of the runs.
+
+    Args:
+        current: returns the run in progress, or None. clock: monotonic seconds.
+        undo: time during which a deleted run can be recovered.
     """
 
     def __init__(
@@ -59,10 +61,10 @@ class RunHistory:
         limit: int = 50,
         offset: int = 0,
     ) -> History:
-        """Runs with every word in name, notes or tags, and with every tag.
+        """Return runs with every word in name, notes or tags, and with every tag.
 
         Args:
-            deleted: those that can be had back, in place of the others.
+            deleted: recoverable runs instead of the others.
         """
         find = partial(
             self._storage.find_runs, text, tags=tuple(tags), deleted=deleted,
@@ -87,10 +89,10 @@ class RunHistory:
         tags: Iterable[str] | None = None,
         notes: str | None = None,
     ) -> RunRecord:
-        """Change what is given of what a person says of a run.
+        """Change the given annotations of a run.
 
         Raises:
-            NotThere: there is none of that id, or it is deleted.
+            NotThere: there is no run with that id, or it is deleted.
         """
         await self._present(run_id)
         change = partial(self._storage.annotate_run, run_id, name=name, tags=tags, notes=notes)
@@ -103,28 +105,28 @@ class RunHistory:
         return self._as_it_stands(record)
 
     async def discard(self, run_id: str) -> None:
-        """Hide a run until it is had back or purged.
+        """Hide a run until it is recovered or purged.
 
         Raises:
-            NotThere: there is none of that id, or it is hidden already.
+            NotThere: there is no run with that id, or it is hidden already.
         """
         await self._present(run_id)
         await self._of_storage(partial(self._storage.discard_run, run_id), run_id)
 
     async def recover(self, run_id: str) -> RunRecord:
-        """Have a run back.
+        """Recover a hidden run.
 
         Raises:
-            NotThere: there is none of that id any more.
+            NotThere: there is no run with that id any more.
         """
         return await self._of_storage(partial(self._storage.recover_run, run_id), run_id)
 
     def purge(self) -> None:
-        """Delete for good what was deleted longer ago than can be undone; in a worker thread."""
+        """Purge runs that were deleted too long ago to recover; in a worker thread."""
         try:
             gone = self._storage.purge(self._undo)
         except StorageError as error:
-            # It is tried again at the next start.
+            # Repeated at the next start.
             log.warning("not_purged", reason=str(error))
         else:
             if gone:

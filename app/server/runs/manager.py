@@ -1,4 +1,4 @@
-"""The run that is kept: begun, ended, observed again; and those that were kept before."""
+"""Manager of runs: the one in progress (start, end, re-run) and the stored ones."""
 
 from __future__ import annotations
 
@@ -41,12 +41,12 @@ from observer.rig.rig import ROLES
 
 
 class RunManager:
-    """Used in the event loop; at most one run is kept at a time.
+    """Manager of at most one run at a time; used in the event loop.
 
     Attributes:
-        running: the run that is kept at this moment.
-        archive, history, files: the runs that were kept. truths: laid over them.
-        clips: saves the last half minute.
+        running: the run in progress.
+        archive, history, files: the stored runs. truths: truth laid over them.
+        clips: saves clips of the last half minute.
     """
 
     def __init__(
@@ -60,9 +60,10 @@ class RunManager:
         *,
         clips_at_guard_stops: bool,
     ) -> None:
-        """
+        """Set up without a run.
+
         Args:
-            clips_at_guard_stops: whether the last half minute is saved at a stop of the guard.
+            clips_at_guard_stops: whether a stop by the guard saves the last half minute.
         """
         storage = shared.storage
         self.running: CurrentRun | None = None
@@ -81,30 +82,30 @@ class RunManager:
         self._rig = rig
         self._robots = robots
         self._live_truth = live_truth
-        # Runs that the end of the server before cut short.
+        # Runs cut short by the previous server's end.
         self._interrupted: list[str] = []
 
     @property
     def current(self) -> RunRecord | None:
-        """The run that is kept, as it stands."""
+        """Return the run in progress, in its present state."""
         return None if self.running is None else self.running.snapshot()
 
-    # --- life ------------------------------------------------------------------------------
+    # --- life cycle ------------------------------------------------------------------------
 
     def load(self) -> None:
-        """Tidy up behind a server that was ended in a run; the server's start is another thread."""
+        """Tidy up after a server that ended during a run; the server starts in another thread."""
         self.files.quick.tidy()
         self._interrupted = [run.id for run in self._storage.mark_interrupted_runs()]
 
     def begin(self) -> None:
-        """Have done what goes on beside runs, and what was left undone."""
+        """Start the background work for runs, and finish what was left undone."""
         self._soon(keep_telling(self._engine, lambda: self.running))
         self._soon(asyncio.to_thread(self.history.purge))
         for run_id in self._interrupted:
             complete = partial(complete_recording, self._storage.folder, run_id)
             self._soon(asyncio.to_thread(complete))
 
-    # --- beginning -------------------------------------------------------------------------
+    # --- starting --------------------------------------------------------------------------
 
     async def start(
         self,
@@ -118,20 +119,20 @@ class RunManager:
         record: Literal["none", "jpeg", "lossless"] = "jpeg",
         rerun_of: str | None = None,
     ) -> RunRecord:
-        """Keep what is observed from now on, from the source's beginning.
+        """Record observations from now on, from the source's beginning.
 
         Args:
-            record: which images the recording keeps.
-            source: what is open if left out. calibration_id: the source's own if left out
-                together with a source, otherwise the one in use.
-            programme: started once the run has begun, and ended with it.
-            rerun_of: the run whose recording ``source`` is, played as fast as it goes.
+            record: images to record.
+            source: the open source if left out. calibration_id: the source's own if left out
+                but a source is given; if both are left out, the one in use.
+            programme: started after the run's start, and ended with it.
+            rerun_of: the run whose recording is ``source``, played at full speed.
 
         Raises:
-            Conflict: a run is going, or the programme cannot be driven. FieldError,
-                ParameterError: nothing was changed.
-            NotAvailable, StorageError: nothing was changed; ``StorageFull`` also where the disk
-                has no room for a recording.
+            Conflict: a run is in progress, or the programme cannot be driven. FieldError,
+                ParameterError: a value is refused; nothing was changed.
+            NotAvailable, StorageError: it is impossible now, and nothing was changed;
+                ``StorageFull`` also if the disk has no room for a recording.
         """
         async with self._shared.lock:
             self._shared.refuse_in_run("stop it first")
@@ -205,7 +206,7 @@ class RunManager:
         )
 
     async def _start_programme(self, run: CurrentRun, programme: StartProgramme) -> None:
-        """Have a run's programme driven; a run that cannot begin with it does not begin."""
+        """Start a run's programme; if that fails, the run does not start."""
         try:
             await self._robots.arm_again(programme)
             await self._robots.start_programme(programme)
@@ -216,23 +217,23 @@ class RunManager:
         run.programme = True
 
     async def _forget(self, run_id: str) -> None:
-        """A run that never began is not kept."""
+        """Delete a run that never started."""
         with contextlib.suppress(NotAvailable, StorageError):
             await self._writer.submit(partial(self._storage.delete_run, run_id), timeout_s=2.0)
 
     async def rerun(
         self, run_id: str, *, name: str | None, preset: str | None, parameters: dict[str, Any]
     ) -> RunRecord:
-        """Observe a run's recording again, once through, without keeping its images twice.
+        """Re-run a run's recording once, without storing its images twice.
 
-        Where truth was laid over the run, it is laid over the new one when that has ended.
+        Truth laid over the original run is laid over the new one after its end.
 
         Args:
-            preset: None for the parameters that the run began with; those of the guard stay as
-                they are. parameters: made to these.
+            preset: None for the run's initial parameters; the guard's parameters stay unchanged.
+            parameters: changes to these.
 
         Raises:
-            NotThere: there is no such run, or none of its images. As ``start``.
+            NotThere: there is no such run, or it has no images. Otherwise as ``start``.
         """
         original = await self.archive.find(run_id)
         recording = await self.archive.images(run_id)
@@ -251,23 +252,23 @@ class RunManager:
         )
 
     async def resume(self) -> None:
-        """Have a new engine go on with the run, as a new segment."""
+        """Continue the run with a new engine, as a new segment."""
         run = self.running
         assert run is not None
         segment = run.segments
         await self._observe(self._source.wanted, run, segment=segment)
         run.segments = max(run.segments, segment + 1)
 
-    # --- while it is kept ------------------------------------------------------------------
+    # --- during a run ----------------------------------------------------------------------
 
     def observed(self, event: ObservationEvent) -> None:
-        """A frame was observed."""
+        """Handle the observation of a frame."""
         run = self.running
         if run is not None and event.run_id == run.id:
             run.observed(event, [role for role in ROLES if self._robots.is_driven(role)])
 
     def state_changed(self, event: StateEvent) -> None:
-        """A recording's run ends with the recording."""
+        """End the run when the recording that it plays ends."""
         run = self.running
         playback = event.playback
         if run is not None and event.run_id == run.id and playback and playback.ended:
@@ -288,7 +289,7 @@ class RunManager:
             return await self.close(RunState.FINISHED, None)
 
     async def delete(self, run_id: str) -> None:
-        """Hide a run that has ended; ``history.recover`` has it back."""
+        """Hide a run that has ended; ``history.recover`` brings it back."""
         async with self._shared.lock:
             if self.running is not None and self.running.id == run_id:
                 self._shared.refuse_in_run("stop it before you delete it")
@@ -300,10 +301,10 @@ class RunManager:
                 await self.close(RunState.FINISHED, None)
 
     async def close(self, state: RunState, reason: str | None) -> RunRecord:
-        """End the run that is kept; the shared lock is held, or everything ends.
+        """End the run in progress; call this with the shared lock held, or at shutdown.
 
         Args:
-            reason: why it ended, in a sentence; None where somebody ended it.
+            reason: why it ended, in a sentence; None if somebody ended it.
         """
         run = self.running
         assert run is not None
@@ -312,14 +313,14 @@ class RunManager:
                 await self._robots.stop_programme()
         await tell_robots(self._engine, run)
         recording = await end_recording(self._engine, self._source.wanted)
-        # A finished run tells why its recording is not whole.
+        # A finished run says why its recording is incomplete.
         ended = run.ended(state, reason or (None if recording is None else recording.trouble))
         size = None if recording is None else recording.bytes
         write = partial(run.write_end, ended, size)
         try:
             written = await write_end(self._writer, write, run.id, self._soon)
         finally:
-            # Only now: until it is written, the database says that the run is going.
+            # Only now: until the end is written, the database says that the run is in progress.
             self.running = None
         if state is RunState.FINISHED:
             self._soon(self.truths.run_ended(run.record, self._live_truth.order))

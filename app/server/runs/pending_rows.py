@@ -1,4 +1,4 @@
-"""Rows that wait until the database takes them."""
+"""Queue of rows that wait for the database."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from app.storage import SpeedRow
 
 
 class PendingRows:
-    """Rows in the order in which they came; the oldest make place where there are too many.
+    """Queue of rows in order of arrival; the oldest are dropped if there are too many.
 
     Args:
-        most: that wait at a time.
+        most: limit of waiting rows.
 
     Attributes:
-        lost: how many had to make place.
+        lost: number of dropped rows.
     """
 
     def __init__(self, most: int) -> None:
@@ -26,19 +26,19 @@ class PendingRows:
         self.lost = 0
 
     def add(self, rows: Iterable[SpeedRow]) -> None:
-        """Behind those that are here."""
+        """Append rows."""
         with self._lock:
             self._rows.extend(rows)
             self._make_place()
 
     def take(self) -> list[SpeedRow]:
-        """All of them, which then are the taker's."""
+        """Remove and return all rows."""
         with self._lock:
             rows, self._rows = self._rows, []
             return rows
 
     def give_back(self, rows: list[SpeedRow]) -> None:
-        """What was taken and could not be written, before those that came since."""
+        """Put unwritten rows back in front of those that arrived since."""
         with self._lock:
             self._rows[:0] = rows
             self._make_place()

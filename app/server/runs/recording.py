@@ -1,4 +1,4 @@
-"""What the server does for a run's recording: it orders it, and tells it what robots do."""
+"""The server's part in a run's recording: ordering it, and feeding it the robots' states."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from observer.rig.rig import ROLES
 
 log = structlog.get_logger(__name__)
 
-# At most this much of robots is lost with the server.
+# Interval; at most this much of the robots' data is lost with the server.
 _TELL_S = 0.5
 # Two robots, ten rows a second: half a minute without an engine.
 _MOST_ROWS = 600
@@ -34,7 +34,7 @@ _MOST_INCIDENTS = 100
 
 
 def record_order(folder: DataFolder, run: RunRecord) -> RecordOrder | None:
-    """How a run is recorded; None where it is not."""
+    """Return the order to record a run; None if it is not recorded."""
     if run.record is None:
         return None
     return RecordOrder(
@@ -47,7 +47,7 @@ def record_order(folder: DataFolder, run: RunRecord) -> RecordOrder | None:
 
 
 class RobotFeed:
-    """Collects what is heard of robots until the recording is told of it."""
+    """Collector of robot states until the recording takes them."""
 
     def __init__(self) -> None:
         self._rows: deque[RobotRow] = deque(maxlen=_MOST_ROWS)
@@ -55,11 +55,11 @@ class RobotFeed:
         self._newest: dict[str, float] = {}
 
     def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
-        """Keep each robot's state, where it told a new one.
+        """Store each robot's state if it is new.
 
         Args:
             robots: as in ``DriveEvent.facts``, by role.
-            newest: observation of the open source, whose reception and time join both clocks.
+            newest: observation of the open source; its reception and time relate both clocks.
         """
         for role in ROLES:
             robot = robots.get(role)
@@ -72,7 +72,7 @@ class RobotFeed:
             self._rows.append(_row(role, robot, newest))
 
     def happened(self, incident: Incident) -> None:
-        """Keep that something stopped a robot."""
+        """Store an incident that stopped a robot."""
         self._incidents.append(
             payloads.Incident(
                 kind=incident.kind,
@@ -83,7 +83,7 @@ class RobotFeed:
         )
 
     def take(self) -> RecordRobots | None:
-        """What there is since the last time; None where there is nothing."""
+        """Return the data since the last call; None if there is none."""
         if not self._rows and not self._incidents:
             return None
         told = RecordRobots(tuple(self._rows), tuple(self._incidents))
@@ -93,13 +93,13 @@ class RobotFeed:
 
 
 class RecordedRun(Protocol):
-    """The run that is kept, as far as its recording goes."""
+    """Run in progress, as needed for its recording."""
 
     robots: RobotFeed
 
 
 async def tell_robots(engine: Engine, run: RecordedRun | None) -> None:
-    """Have recorded what was heard of robots; without an engine it is lost."""
+    """Send the robots' states to the recording; without an engine they are lost."""
     told = None if run is None else run.robots.take()
     if told is not None:
         with contextlib.suppress(NotAvailable, Conflict, FieldError):
@@ -107,14 +107,14 @@ async def tell_robots(engine: Engine, run: RecordedRun | None) -> None:
 
 
 async def keep_telling(engine: Engine, run: Callable[[], RecordedRun | None]) -> None:
-    """The same, twice a second for ever."""
+    """Call ``tell_robots`` twice a second, forever."""
     while True:
         await asyncio.sleep(_TELL_S)
         await tell_robots(engine, run())
 
 
 def complete_recording(folder: DataFolder, run_id: str) -> None:
-    """Give the recording of an interrupted run its index, so that every tool opens it quickly."""
+    """Add the index to an interrupted run's recording, so that every tool opens it quickly."""
     from observer.recording.writer import complete
 
     path = folder.run(run_id) / RECORDING
@@ -122,7 +122,7 @@ def complete_recording(folder: DataFolder, run_id: str) -> None:
         if path.is_file():
             complete(path)
     except DynamicObserverError as error:
-        # It is read without as well.
+        # The recording is readable without an index as well.
         log.warning("recording_not_completed", run=run_id, reason=str(error))
 
 

@@ -1,4 +1,4 @@
-"""The chart of a run by what the database has of it, without its recording."""
+"""Chart of a run from its database rows, without its recording."""
 
 from __future__ import annotations
 
@@ -10,15 +10,16 @@ from typing import Any
 from app.storage import SpeedRow
 
 _OBSTACLE = "obstacle"
-# As ``app.reports.gaps`` does it, which the server does not import.
+# Same as in ``app.reports.gaps``, which the server does not import.
 _GAP_STEPS = 3.0
 _FEWEST_STEPS = 2
 
 
 def chart_of_rows(rows: Iterable[SpeedRow]) -> dict[str, Any]:
-    """As ``app.reports.run_chart.chart_values``, but tracks are not taken for bodies.
+    """Return the values of ``app.reports.run_chart.chart_values``, without matching tracks to
+    bodies.
 
-    So there are neither errors nor changes of identity.
+    So they have neither errors nor identity switches.
     """
     curves: dict[tuple[Any, ...], dict[str, Any]] = {}
     for row in rows:
@@ -45,13 +46,13 @@ def chart_of_rows(rows: Iterable[SpeedRow]) -> dict[str, Any]:
 
 
 def _break(curve: dict[str, Any]) -> None:
-    """Put a None into every gap, so that no line is drawn over it."""
+    """Insert None into every gap, so that no line is drawn across it."""
     times = curve["times"]
     steps = [after - before for before, after in pairwise(times)]
     if len(steps) < _FEWEST_STEPS:
         return
     longest = _GAP_STEPS * median(steps)
-    # From the end, so that what comes before keeps its place.
+    # From the end, so that earlier indices stay valid.
     for k in range(len(steps), 0, -1):
         if steps[k - 1] > longest:
             times.insert(k, (times[k - 1] + times[k]) / 2)

@@ -1,4 +1,4 @@
-"""The last half minute: saved by a person or after a stop of the guard, listed, deleted."""
+"""Clips of the last half minute: saved by the user or after a guard stop, listed, deleted."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ from observer.errors import DynamicObserverError
 
 log = structlog.get_logger(__name__)
 
-# Behind a stop of the guard, until the robot stands for sure; and until the next one is another.
+# Delay after a guard stop until the robot has surely stopped; and the least interval between two
+# clips.
 _BEHIND_STOP_S = 3.0
 _BETWEEN_RINGS_S = 30.0
 # A quarter of a gigabyte onto a slow disk.
@@ -25,10 +26,10 @@ _SAVE_TIMEOUT_S = 30.0
 
 
 class SavedClips:
-    """Saves the last half minute: when a person wants it, and when the guard stopped a robot.
+    """Saver of the last half minute: on request, and after a guard stop.
 
     Args:
-        automatic: whether guard stops save it.
+        automatic: whether guard stops save a clip.
     """
 
     def __init__(self, shared: Shared, *, automatic: bool) -> None:
@@ -38,11 +39,12 @@ class SavedClips:
         self._saved_at: float | None = None
 
     async def save(self) -> RingFile:
-        """Save it beside the run, or in the folder ``rings`` where none goes.
+        """Save the clip with the current run, or in the folder ``rings`` without one.
 
         Raises:
-            Conflict: none is kept of what is open. StorageFull: there is no room for it.
-            NotAvailable: it failed, or there is no engine at the moment.
+            Conflict: the open source has no ring buffer. StorageFull: there is no room for the
+                clip.
+            NotAvailable: saving failed, or there is no engine at the moment.
         """
         run = self._shared.run()
         file = new_clip(self._folder, None if run is None else run.id)
@@ -52,14 +54,14 @@ class SavedClips:
         )
 
     async def all(self) -> list[SavedClip]:
-        """Those that were saved, newest first."""
+        """Return the saved clips, newest first."""
         return await asyncio.to_thread(list_clips, self._folder)
 
     async def find(self, name: str) -> SavedClip:
-        """One of them.
+        """Return one clip.
 
         Raises:
-            NotThere: there is none of that name.
+            NotThere: there is no clip of that name.
         """
         found = next((each for each in await self.all() if each.name == name), None)
         if found is None:
@@ -69,15 +71,15 @@ class SavedClips:
         return found
 
     async def delete(self, name: str) -> None:
-        """Delete one of them for good.
+        """Delete a clip for good.
 
         Raises:
-            NotThere: there is none of that name. StorageError: it cannot be deleted.
+            NotThere: there is no clip of that name. StorageError: it cannot be deleted.
         """
         await asyncio.to_thread(remove_clip, await self.find(name))
 
     def drive_said(self, event: object) -> None:
-        """Save it soon behind a stop of the guard, so that the stop is in it."""
+        """Save a clip shortly after a guard stop, so that the stop is in it."""
         if not (self._automatic and isinstance(event, IncidentEvent) and event.kind == "guard"):
             return
         now = self._shared.clock()
@@ -92,7 +94,7 @@ class SavedClips:
             saved = await self.save()
             log.info("ring_saved", file=saved.file)
         except Conflict:
-            # Of what can be played again nothing is kept.
+            # No ring is kept for a source that can be played again.
             pass
         except DynamicObserverError as error:
             log.warning("ring_not_saved", reason=str(error))

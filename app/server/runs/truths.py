@@ -1,4 +1,4 @@
-"""Truth files that people upload, and runs that are compared with them."""
+"""Uploaded truth files, and the comparison of runs with them."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _CHUNK = 1 << 20
 
 @dataclass(frozen=True)
 class AlignChoices:
-    """What a person says before truth is laid over a run.
+    """User's choices for aligning truth with a run.
 
     Attributes:
-        observer: the body that carries the cameras; None: it is found out.
-        ignore: bodies that are neither observer nor obstacle; they need not be there.
-        matches: which body a track (``0:3``) is, None for none of them.
-        expected_offset_s: to be added to truth's times, roughly; None: it is found out.
-        camera_on_body: on the observer's body; None: it is found out, or as the rig says.
+        observer: the body that carries the cameras; None: detect it.
+        ignore: bodies that are neither observer nor obstacle; they need not be present.
+        matches: body of a track (``0:3``), None for none of them.
+        expected_offset_s: rough offset to add to the truth's times; None: estimate it.
+        camera_on_body: pose on the observer's body; None: estimate it, or take it from the rig.
     """
 
     observer: str | None = None
@@ -46,7 +46,7 @@ class AlignChoices:
     camera_on_body: CameraOnBody | None = None
 
     def as_dict(self) -> dict[str, Any]:
-        """Plain values for JSON."""
+        """Return plain values for JSON."""
         return {
             "observer": self.observer,
             "ignore": list(self.ignore),
@@ -57,8 +57,9 @@ class AlignChoices:
 
     @staticmethod
     def of_alignment(kept: Mapping[str, Any]) -> AlignChoices:
-        """As they are kept with a run's alignment; what earlier versions did not ask for is left
-        open."""
+        """Return the choices stored with a run's alignment; those unknown to earlier versions stay
+        open.
+        """
         plain = kept.get("choices", {})
         camera = plain.get("camera_on_body")
         return AlignChoices(
@@ -72,7 +73,7 @@ class AlignChoices:
 
 @dataclass(frozen=True)
 class AlignedRun:
-    """A run with the truth that was laid over it, and how it fits in a sentence."""
+    """Run with the truth laid over it, and the quality of the fit in a sentence."""
 
     run: RunRecord
     alignment: dict[str, Any] | None
@@ -80,8 +81,10 @@ class AlignedRun:
 
 
 class TruthFiles:
-    """Args:
-    commands: read files and align runs.
+    """Store of truth files.
+
+    Args:
+        commands: commands that read files and align runs.
     """
 
     def __init__(self, storage: Storage, archive: RunArchive, commands: RunCommands) -> None:
@@ -90,21 +93,22 @@ class TruthFiles:
         self._commands = commands
 
     async def all(self) -> list[TruthRecord]:
-        """Those that are listed, newest first."""
+        """Return the listed truths, newest first."""
         return await asyncio.to_thread(self._storage.list_truths)
 
     async def upload(
         self, content: IO[bytes], name: str, rate_hz: float | None, angles: str | None
     ) -> TruthRecord:
-        """Understand a truth file and keep it; the same content is the same truth.
+        """Read a truth file and store it; the same content is the same truth.
 
         Args:
-            content: read from its beginning. name: as it is called, with its ending.
+            content: read from its beginning. name: file name with its extension.
             rate_hz, angles: as for ``observer.truth.files.recognition.read_capture``.
 
         Raises:
-            FieldError: it cannot be read, or it must be said how; nothing is kept.
-            StorageFull: there is no room for it. NotAvailable: it failed.
+            FieldError: the file cannot be read, or options for reading it are missing; nothing is
+                stored.
+            StorageFull: there is no room for it. NotAvailable: the command failed.
         """
         reading = {"rate_hz": rate_hz, "angles": angles}
         async with self._commands.folder() as folder:
@@ -116,7 +120,7 @@ class TruthFiles:
             try:
                 await self._commands.run(*words)
             except CommandRefused as error:
-                # It knows the file by another name.
+                # The command knows the file by another name.
                 sentence = str(error).replace(str(file), name).replace(file.name, name)
                 raise FieldError(("body", "file"), sentence) from error
             told = await asyncio.to_thread(_read, output)
@@ -130,10 +134,10 @@ class TruthFiles:
             return await asyncio.to_thread(keep)
 
     async def delete(self, id: str) -> None:
-        """Take a truth off the list; runs that were compared with it still are.
+        """Remove a truth from the list; runs compared with it keep it.
 
         Raises:
-            NotThere: there is none of that id.
+            NotThere: there is no truth with that id.
         """
         if not await asyncio.to_thread(self._storage.delete_truth, id):
             raise NotThere(f"there is no truth {id[:80]!r}; GET /api/truth lists them")
@@ -146,16 +150,16 @@ class TruthFiles:
         *,
         heard_by: str | None = None,
     ) -> AlignedRun:
-        """Lay truth over a run; what was laid over it before makes place only for what is found.
+        """Lay truth over a run; an earlier alignment is replaced only by a successful one.
 
         Args:
-            truth_id: None for the motion capture that was received live with the run.
-            heard_by: the run whose live motion capture is meant; None: this one.
+            truth_id: None for the motion capture received live with the run.
+            heard_by: the run that received the live motion capture; None: this one.
 
         Raises:
-            NotThere: there is no such run, or it has no recording. Conflict: it is going.
-            FieldError: there is no such truth, or it cannot be aligned: one sentence says why.
-            NotAvailable: it failed.
+            NotThere: there is no such run, or it has no recording. Conflict: it is in progress.
+            FieldError: there is no such truth, or it cannot be aligned; one sentence says why.
+            NotAvailable: the command failed.
         """
         path = await self._archive.recording(run_id)
         kept: dict[str, Any] = {
@@ -190,13 +194,13 @@ class TruthFiles:
         return AlignedRun(await self._archive.find(run_id), found["facts"], found["words"])
 
     async def run_ended(self, run: RunRecord, heard: LiveTruthOrder | None) -> None:
-        """Lay over a run that has ended what is known to belong to it; quietly, where it does not.
+        """Lay the truth that belongs to an ended run over it; failures are only logged.
 
-        That is live motion capture, which was aligned only after a while when it was heard, or
-        what was laid over the run that this one observed again.
+        This is the live motion capture, which was aligned only some time after it began to arrive,
+        or the truth laid over the run that this one re-ran.
 
         Args:
-            heard: live motion capture that is listened to.
+            heard: live motion capture in use.
         """
         try:
             if run.rerun_of is not None:
@@ -211,7 +215,7 @@ class TruthFiles:
 
     async def _align_again(self, run_id: str, original: RunRecord) -> None:
         assert original.alignment is not None
-        # Its tracks have other numbers, so what a person said of them holds no more.
+        # Track numbers differ in a re-run, so the user's matches no longer apply.
         choices = replace(AlignChoices.of_alignment(original.alignment), matches={})
         heard_by = None
         if original.truth_id is None:

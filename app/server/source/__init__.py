@@ -1,1 +1,1 @@
-"""Which source is open, and what is shown of it."""
+"""The open source and its views."""

@@ -1,4 +1,4 @@
-"""Which cameras a calibration belongs to, and whether they are still set as they were."""
+"""Cameras of a calibration: finding them, and comparing their settings with the present ones."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ from app.contract.events import StateEvent
 from app.storage import CalibrationRecord, Storage
 from observer.opening import live_devices
 
-# Settings that move the lens or choose the pixels: with another value it is another camera.
+# Settings that move the lens or choose the pixels: another value makes it another camera.
 _DECISIVE = ("focus", "size")
 
 
 def calibration_of_cameras(storage: Storage, source: str) -> CalibrationRecord | None:
-    """The newest calibration that was made with the cameras that ``source`` names.
+    """Return the newest calibration made with the cameras that ``source`` names.
 
-    None for what is not live, and where there is none.
+    None if the source is not live, or has no such calibration.
     """
     devices = live_devices(source)
     if not devices:
@@ -24,7 +24,7 @@ def calibration_of_cameras(storage: Storage, source: str) -> CalibrationRecord |
 
 
 def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | None) -> list[str]:
-    """One sentence for each thing in which the open cameras differ from those calibrated."""
+    """Return a sentence for each difference between the open cameras and the calibrated ones."""
     if calibration is None or state.live is None or state.source is None:
         return []
     bound = _devices(calibration)

@@ -1,4 +1,4 @@
-"""What a person may choose to open."""
+"""Suggestions for sources to open."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _HINTS = (
 
 @functools.cache
 def source_entries() -> tuple[dict[str, str], ...]:
-    """The built-in scenarios, then templates of what else can be named: ``spec, title, help``."""
+    """Return the built-in scenarios, then templates of other sources: ``spec, title, help``."""
     scenarios = []
     for name in scenario_names():
         scenario = load_scenario(name)

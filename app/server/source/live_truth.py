@@ -1,4 +1,4 @@
-"""Live motion capture as a person chose it; it is found again after a restart of the server."""
+"""Live motion capture chosen by the user; the choice survives a restart of the server."""
 
 from __future__ import annotations
 
@@ -20,16 +20,17 @@ _LONGEST_SPEC = 300
 
 
 class LiveTruthManager:
-    """Used in the event loop.
+    """Manager of live motion capture; used in the event loop.
 
     Attributes:
-        order: what is listened to, None where nothing is.
+        order: the motion capture in use, or None.
     """
 
     def __init__(self, shared: Shared, spec: str | None) -> None:
-        """
+        """Start without motion capture; ``load`` restores the choice.
+
         Args:
-            spec: takes the place of what was chosen before.
+            spec: replaces the earlier choice.
         """
         self.order: LiveTruthOrder | None = None
         self._shared = shared
@@ -37,23 +38,23 @@ class LiveTruthManager:
         self._spec = spec
 
     def load(self) -> None:
-        """Find what was chosen before; the server's start is another thread."""
+        """Load the earlier choice; the server starts in another thread."""
         kept = _order(self._storage.get_setting(_KEY))
         if self._spec is not None and (kept is None or kept.spec != self._spec):
-            # Bodies have the names of another system.
+            # The chosen bodies have the names of another system.
             kept = LiveTruthOrder(self._spec)
             self._storage.set_setting(_KEY, _plain(kept))
         self.order = kept
 
     async def choose(self, order: LiveTruthOrder | None) -> LiveTruthStatus | None:
-        """Listen to this from now on, and keep it; what is open stays open.
+        """Listen to this motion capture from now on and store the choice; the source stays open.
 
         Returns:
-            As ``StateEvent.truth`` holds it; None also where no engine is there to listen yet.
+            The status as in ``StateEvent.truth``; also None if there is no engine to listen yet.
 
         Raises:
-            FieldError: it names no live motion capture; nothing is changed then.
-            StorageError: it could not be kept; nothing is changed.
+            FieldError: it names no live motion capture; nothing is changed.
+            StorageError: the choice could not be stored; nothing is changed.
         """
         async with self._shared.lock:
             if order is not None:
@@ -62,14 +63,14 @@ class LiveTruthManager:
             self.order = order
             facts: LiveTruthStatus | None = None
             with contextlib.suppress(NotAvailable):
-                # An engine that is being started anew opens its source with it.
+                # A restarting engine receives it together with its source.
                 facts = await ask(self._shared.engine, SetTruth(order), field=("body", "spec"))
             self._shared.followers.status_changed()
             return facts
 
 
 def checked(order: LiveTruthOrder) -> LiveTruthOrder:
-    """The order, if it can be carried out.
+    """Return the order if it can be carried out.
 
     Raises:
         FieldError: it names no live motion capture, or the observer is to be ignored.
@@ -96,7 +97,7 @@ def _plain(order: LiveTruthOrder | None) -> dict[str, Any] | None:
 
 
 def _order(plain: Any) -> LiveTruthOrder | None:
-    """What was kept; None for what this version cannot use."""
+    """Parse a stored order; return None if this version cannot use it."""
     with contextlib.suppress(KeyError, TypeError, FieldError):
         return checked(
             LiveTruthOrder(str(plain["spec"]), plain["observer"], tuple(plain["ignore"]))

@@ -1,4 +1,4 @@
-"""Which source is open, how the engine observes it, and the newest of what it saw."""
+"""The open source, its observation by the engine, and the newest observation."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from app.server.source.live_truth import LiveTruthManager
 from app.server.source.opening import Opening, make_opening
 from observer.opening import shown_spec
 
-# Building an index of a large data set takes a while.
+# Indexing a large data set takes a while.
 _OPEN_TIMEOUT_S = 60.0
 
 
 class SourceManager:
-    """Used in the event loop; but for ``open``, changes need the shared lock.
+    """Manager of the source; used in the event loop. Changes need the shared lock, except ``open``.
 
     Attributes:
-        wanted: what is open, or was meant to be.
-        state: the engine's last word on itself. latest: the newest observation.
-        generation: number of the engine process that is being heard.
-        restoring: whether a new engine has yet to open what a lost one had.
-        fruitless_losses: engines lost since something was observed, or something else opened.
+        wanted: the source that is open or should be.
+        state: the engine's last reported state. latest: the newest observation.
+        generation: number of the present engine process.
+        restoring: whether a new engine still has to open the lost one's source.
+        fruitless_losses: engines lost since the last observation or the last change of source.
     """
 
     def __init__(
@@ -43,9 +43,10 @@ class SourceManager:
         rig: RigStore,
         live_truth: LiveTruthManager,
     ) -> None:
-        """
+        """Set up without opening anything.
+
         Args:
-            source: opened first.
+            source: source to open first.
         """
         self.wanted = Opening(source, None)
         self.state = StateEvent(EngineState.IDLE, None)
@@ -61,20 +62,20 @@ class SourceManager:
         self._live_truth = live_truth
 
     def load(self) -> None:
-        """Find the calibration of the first source; the server's start is another thread."""
+        """Find the calibration of the first source; the server starts in another thread."""
         calibration = calibration_of_cameras(self._storage, self.wanted.source)
         self.wanted = replace(
             self.wanted, calibration=calibration or self._storage.active_calibration()
         )
 
-    # --- what is asked for -----------------------------------------------------------------
+    # --- requests --------------------------------------------------------------------------
 
     async def open(self, source: str, calibration_id: str | None) -> None:
-        """Show another source.
+        """Open another source.
 
         Raises:
-            Conflict: a run is going. FieldError: the source or calibration cannot be used;
-                what was open stays open. NotAvailable: there is no engine at the moment.
+            Conflict: a run is in progress. FieldError: the source or calibration cannot be used;
+                the previous source stays open. NotAvailable: there is no engine at the moment.
         """
         async with self._shared.lock:
             self._shared.refuse_in_run("stop it before you open another source")
@@ -84,14 +85,14 @@ class SourceManager:
             )
 
     async def play(self, change: SetPlayback) -> PlaybackStatus:
-        """Change the playback and return it as it is then."""
+        """Change the playback and return its new state."""
         return await ask(self._engine, change)
 
     async def use(self, opening: Opening) -> None:
         """Observe this from now on, also after a restart of the engine.
 
         Raises:
-            FieldError: it cannot be used; what was open stays open.
+            FieldError: it cannot be used; the previous source stays open.
             NotAvailable: there is no engine at the moment.
         """
         await self.observe(opening)
@@ -110,11 +111,11 @@ class SourceManager:
         record: RecordOrder | None = None,
         parameters: ParametersInForce | None = None,
     ) -> str:
-        """Have the engine open it; returns the text of the calibration that is used.
+        """Open it in the engine and return the text of the calibration in use.
 
         Args:
-            run_id, segment, record: of the run that is kept of it.
-            parameters: those in force if left out.
+            run_id, segment, record: of the run that records it.
+            parameters: parameters; those in force if left out.
 
         Raises:
             FieldError, NotAvailable: as ``use``.
@@ -138,7 +139,7 @@ class SourceManager:
         return str(reply.calibration_yaml)
 
     async def restore(self) -> None:
-        """Observe anew what was wanted, without its calibration if that is what does not fit.
+        """Observe the wanted source again, without its calibration if that does not fit.
 
         Raises:
             FieldError: the source cannot be opened. NotAvailable: there is no engine.
@@ -154,43 +155,43 @@ class SourceManager:
             await self.use(replace(self.wanted, calibration=None))
 
     async def reopen(self) -> None:
-        """Observe again what was open before something was calibrated."""
+        """Reopen the source from before a calibration."""
         try:
             await self.restore()
         except (FieldError, Conflict, NotAvailable) as error:
-            # Nothing of what was calibrated stays open behind it.
+            # Nothing from the calibration stays open afterwards.
             await ask(self._engine, CloseSource())
             self.failed(str(error))
         self._shared.followers.status_changed()
 
-    # --- what the engine tells -------------------------------------------------------------
+    # --- events of the engine --------------------------------------------------------------
 
     def observed(self, event: ObservationEvent) -> None:
-        """A frame was observed."""
+        """Store the observation of a frame."""
         self.latest = event
         self.fruitless_losses = 0
 
     def state_changed(self, event: StateEvent) -> bool:
-        """Keep the engine's word on itself; False where it is not to be seen yet."""
+        """Store the engine's state; return False if it must not be shown yet."""
         if self.restoring and event.state is EngineState.IDLE:
-            # A new engine has nothing open yet; until it has, what was lost is to be seen.
+            # A new engine has no source open yet; until it has, the lost state is shown.
             return False
         self.state = event
         return True
 
     def engine_started(self, generation: int) -> bool:
-        """Whether this is another engine process than before."""
+        """Return whether this is a new engine process."""
         if generation <= self.generation:
             return False
         self.generation = generation
         return True
 
     def engine_lost(self, event: EngineLostEvent) -> None:
-        """There is no engine until the next one has started."""
+        """Note that there is no engine until the next one has started."""
         self.fruitless_losses += 1
         self.restoring = True
         self.failed(f"{event.reason}; it is being restarted")
 
     def failed(self, reason: str) -> None:
-        """Nothing is observed, in one sentence."""
+        """Set the state to failed, with the reason in one sentence."""
         self.state = replace(self.state, state=EngineState.FAILED, reason=reason)

@@ -1,4 +1,4 @@
-"""What shall be open, and the command that opens it."""
+"""Sources to open, and the command that opens them."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from observer.errors import SourceError
 from observer.recording.run_folder import find_recording
 
 _LONGEST_SPEC = 1000
-# A kept run's recording, for whoever does not know where the server keeps it.
+# Names the recording of a stored run without the path of its file.
 _RUN = "run:"
 
 
 @dataclass(frozen=True)
 class Opening:
-    """A source, and the calibration that replaces its own.
+    """Source with the calibration that replaces its own.
 
     Attributes:
-        run_rate: how fast a run of it is played; None: as it is played already.
+        run_rate: playback rate of a run of it; None: unchanged.
     """
 
     source: str
@@ -33,12 +33,12 @@ class Opening:
 
     @property
     def endless(self) -> bool:
-        """Whether a run of it goes on until somebody ends it; a recording ends by itself."""
+        """Return whether a run of it lasts until somebody ends it; a recording ends by itself."""
         return self.source.lower().startswith("simulated:")
 
     @property
     def preview_playback(self) -> SetPlayback:
-        """What follows a run that has ended."""
+        """Return the playback that follows a run."""
         return SetPlayback(loop=True, rate=None if self.run_rate is None else 1.0)
 
     def command(
@@ -52,11 +52,11 @@ class Opening:
         record: RecordOrder | None = None,
         truth: LiveTruthOrder | None = None,
     ) -> OpenSource:
-        """Open it from its beginning.
+        """Return the command that opens it from its beginning.
 
         Args:
-            playback: as it is now, whose rate is kept; None where something else was open.
-            record: how the run is recorded. truth: live motion capture beside it.
+            playback: the present playback, whose rate is kept; None if another source was open.
+            record: how to record the run. truth: live motion capture to use.
         """
         rate = 1.0 if playback is None else playback.rate
         if run_id is not None and self.run_rate is not None:
@@ -77,10 +77,10 @@ class Opening:
 
 
 def check_spec(source: str) -> None:
-    """Refuse what names no source, before anything is asked to open it.
+    """Refuse a text that names no source before anything is opened.
 
     Raises:
-        FieldError: the text is empty, too long, or has characters that nobody can read.
+        FieldError: the text is empty, too long, or has unreadable characters.
     """
     if not source.isprintable() or not 0 < len(source) <= _LONGEST_SPEC:
         raise FieldError(
@@ -91,7 +91,7 @@ def check_spec(source: str) -> None:
 
 
 def make_opening(storage: Storage, source: str, calibration_id: str | None) -> Opening:
-    """What a request named; without a calibration, live cameras get the newest of their own.
+    """Return the opening that a request names; live cameras default to their newest calibration.
 
     Raises:
         FieldError: the text names no source, or there is no such calibration.

@@ -1,4 +1,4 @@
-"""Telling the engine which views and clouds somebody watches, so that only these are made."""
+"""Watched views and clouds; the engine makes only these."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ log = structlog.get_logger(__name__)
 
 
 class Watching:
-    """Counts watchers by name and keeps the engine informed.
+    """Counter of watchers by view; it keeps the engine informed.
 
     ``watch`` and the functions it yields belong to the event loop's thread.
     """
@@ -30,7 +30,7 @@ class Watching:
 
     @contextmanager
     def watch(self, *names: str) -> Iterator[None]:
-        """Have these views made as long as the block runs."""
+        """Have these views made while the block runs."""
         leave = self.enter(*names)
         try:
             yield
@@ -49,11 +49,11 @@ class Watching:
         return leave
 
     def is_watched(self, name: str) -> bool:
-        """Whether somebody has this view made already."""
+        """Return whether somebody is watching this view already."""
         return self._watchers[name] > 0
 
     def engine_started(self) -> None:
-        """A new engine knows of no watcher."""
+        """Tell a new engine everything again: it knows no watchers."""
         self._told = None
         self._changed.set()
 

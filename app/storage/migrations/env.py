@@ -1,4 +1,4 @@
-"""Run by alembic for each upgrade; ``migration.py`` hands in the connection."""
+"""Environment that alembic runs for each upgrade; ``migration.py`` passes the connection."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Runs, speeds, parameters, presets, calibrations, settings.
+"""Tables of runs, speeds, parameters, presets, calibrations and settings.
 
 Revision: 0001, the first
 """

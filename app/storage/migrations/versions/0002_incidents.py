@@ -1,4 +1,4 @@
-"""What stopped robots during a run.
+"""Table of incidents that stopped robots during a run.
 
 Revision: 0002, after 0001
 """

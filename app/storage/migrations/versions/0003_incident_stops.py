@@ -1,4 +1,4 @@
-"""How each robot that an incident stopped came to stand.
+"""Measured stops of each robot that an incident stopped.
 
 Revision: 0003, after 0002
 """

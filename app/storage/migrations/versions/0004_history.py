@@ -1,4 +1,4 @@
-"""What makes runs found again: tags, notes, deletion with undo, recordings, truths, alignment.
+"""History of runs: tags, notes, deletion with undo, recordings, truths, alignment.
 
 Revision: 0004, after 0003
 """
@@ -32,8 +32,8 @@ def upgrade() -> None:
         sa.Column("listed", sa.Boolean(), nullable=False),
         sa.PrimaryKeyConstraint("id", name="pk_truths"),
     )
-    # Columns are added one by one: SQLite would have the table copied otherwise, and dropping the
-    # old one would take all speeds with it.
+    # Columns are added one by one: otherwise SQLite would have the table copied, and dropping the
+    # old one would delete all speeds with it.
     for column in (
         sa.Column("notes", sa.Text(), nullable=False, server_default=""),
         sa.Column("searched", sa.Text(), nullable=False, server_default=""),
@@ -44,7 +44,7 @@ def upgrade() -> None:
         sa.Column("alignment", sa.JSON(), nullable=True),
     ):
         op.add_column("runs", column)
-    # Alembic knows no way to add a column together with what it refers to.
+    # Alembic cannot add a column together with its reference.
     op.execute(
         "ALTER TABLE runs ADD COLUMN truth_id VARCHAR(64) "
         "CONSTRAINT fk_runs_truth_id_truths REFERENCES truths (id)"
@@ -64,7 +64,7 @@ def upgrade() -> None:
     op.add_column("speeds", sa.Column("body", sa.String(200), nullable=True))
     connection = op.get_bind()
     for row in connection.execute(sa.select(_RUNS.c.id, _RUNS.c.name)).all():
-        # As app/storage/searching.py does it today; a migration must not change with it.
+        # Same as app/storage/searching.py today; a migration must not change with it.
         searched = unicodedata.normalize("NFKC", row.name).casefold()
         connection.execute(_RUNS.update().where(_RUNS.c.id == row.id).values(searched=searched))
 

@@ -1,4 +1,4 @@
-"""Which run another one observed again.
+"""Link from a re-run to its original run.
 
 Revision: 0005, after 0004
 """
@@ -15,7 +15,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    # It refers to no row: what was observed again may be deleted, and it is told even then.
+    # Not a foreign key: the original run may be deleted, and its id is shown even then.
     op.add_column("runs", sa.Column("rerun_of", sa.String(64), nullable=True))
 
 
