@@ -108,25 +108,6 @@ class Matches:
         return len(self.previous)
 
 
-@dataclass(frozen=True, eq=False)
-class Features:
-    """N feature points of one image.
-
-    Attributes:
-        px: (N, 2) float32 pixels.
-        keypoints: the same points as OpenCV's detector described them (scale, angle), which its
-            own descriptor needs; None for detectors that have no descriptor of their own.
-        detector: the detector's name.
-    """
-
-    px: NDArray[np.float32]
-    keypoints: tuple[Any, ...] | None
-    detector: str
-
-    def __len__(self) -> int:
-        return len(self.px)
-
-
 class EgoMotion(Protocol):
     """The camera's own motion between t and t+dt, whatever its model.
 
@@ -176,93 +157,6 @@ class EgoMotion(Protocol):
         ``disparity`` (N,) at t is needed by models that account for depth.
         """
         ...
-
-
-@dataclass(frozen=True, eq=False)
-class ResidualFlow:
-    """Motion that remains after the camera's own is taken out; M features.
-
-    Attributes:
-        px: (M, 2) float32 pixels at t.
-        observed_px: (M, 2) float32 pixels where the feature is found in the image of t+dt as
-            transformed into the frame of t; a static point stays where it was.
-        dynamic: (M,) whether the residual exceeds the threshold.
-    """
-
-    px: NDArray[np.float32]
-    observed_px: NDArray[np.float32]
-    dynamic: NDArray[np.bool_]
-
-    @property
-    def residual_px(self) -> NDArray[np.float32]:
-        """Residual (M, 2), observed minus predicted, pixels."""
-        return np.asarray(self.observed_px - self.px, dtype=np.float32)
-
-    def __len__(self) -> int:
-        return len(self.px)
-
-
-@dataclass(frozen=True, eq=False)
-class PointMotions:
-    """K dynamic features whose depth is known at both instants.
-
-    Attributes:
-        points_previous, points_current: (K, 3) metres, both in the camera frame of t.
-        points_camera: (K, 3) metres, where the points are at t+dt in the camera frame of t+dt.
-        px_current: (K, 2) pixels in the rectified left image of t+dt.
-        velocity: (K, 3) m/s over ground, axes of the camera frame of t: the displacement over dt.
-        velocity_cov: (K, 3, 3) (m/s)^2, of the measurement noise of each point.
-        point_cov: (K, 3, 3) m^2, of ``points_camera``.
-        model_error: (K, 3) m/s, the false velocity that a static point at this place would show
-            because the model of the ego-motion does not fit its depth; NaN where unknown.
-        model_error_cov: (K, 3, 3) (m/s)^2, of ``model_error``, by the pose's; common to all
-            points, so that no averaging reduces it.
-    """
-
-    points_previous: Float64Array
-    points_current: Float64Array
-    points_camera: Float64Array
-    px_current: Float64Array
-    velocity: Float64Array
-    velocity_cov: Float64Array
-    point_cov: Float64Array
-    model_error: Float64Array
-    model_error_cov: Float64Array
-
-    def __len__(self) -> int:
-        return len(self.velocity)
-
-
-@dataclass(frozen=True, eq=False)
-class Detection:
-    """One group of dynamic points in one frame, before it has an identity.
-
-    Everything is in the camera frame of this frame (t+dt) and its axes.
-
-    Attributes:
-        position: (3,) metres, centre of the points. position_cov: (3, 3) m^2.
-        velocity: (3,) m/s over ground. velocity_cov: (3, 3) (m/s)^2, None where the camera's
-            pose is unknown and with it the error of the ego-motion's model.
-        velocity_time: the instant the velocity belongs to, source clock, seconds.
-        size: (3,) metres, the points' extent along the camera's axes.
-        points: number of points. significance: length of the velocity in standard deviations.
-        box_px: u0, v0, u1, v1 in the rectified left image.
-    """
-
-    position: Float64Array
-    position_cov: Float64Array
-    velocity: Float64Array
-    velocity_cov: Float64Array | None
-    velocity_time: float
-    size: Float64Array
-    points: int
-    significance: float
-    box_px: tuple[float, float, float, float]
-
-    @property
-    def speed(self) -> float:
-        """Length of the velocity, m/s."""
-        return float(np.linalg.norm(self.velocity))
 
 
 class TrackState(StrEnum):
@@ -379,30 +273,6 @@ class Observation:
     def reported(self) -> tuple[Obstacle, ...]:
         """The obstacles that are shown and written by default: confirmed and coasting ones."""
         return tuple(o for o in self.obstacles if o.state is not TrackState.TENTATIVE)
-
-
-@dataclass(frozen=True, eq=False)
-class Track:
-    """One obstacle's identity over time, as it stands at one frame.
-
-    The tracking frame is the world where the camera's pose is known; where it is not, the camera
-    is taken to stand where it was last seen, for the sake of identities alone.
-
-    Attributes:
-        id: as of ``Obstacle``, unique within an observer once it is confirmed.
-        detection: the newest one that belongs to it.
-        position: (3,) metres, tracking frame, at this frame; extrapolated while coasting.
-        velocity: (3,) m/s, tracking frame, of ``detection``: the raw displacement over dt.
-        sightings: detections so far. missed: frames since the last one.
-    """
-
-    id: int
-    state: TrackState
-    detection: Detection
-    position: Float64Array
-    velocity: Float64Array
-    sightings: int
-    missed: int
 
 
 class Trace(Protocol):

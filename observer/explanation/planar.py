@@ -25,8 +25,8 @@ from observer.explanation.answer import (
 from observer.explanation.texture import why_no_feature
 from observer.geometry import Float64Array, map_pixels
 from observer.methods.planar.clustering import detect_obstacles, group_points
+from observer.methods.planar.results import Detection, PointMotions
 from observer.parameters import ClusteringParameters, MotionParameters, Parameters
-from observer.types import Detection, PointMotions
 
 _THRESHOLD = "flow.residual_threshold_px"
 # Half the side of the square whose disparities give a pixel's depth, and the share that must

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, cast
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.parameters import FeaturesParameters
-from observer.types import Features, Image
+from observer.types import Image
 from observer.vision.surf import surf_points
 
 # The grid shares the points out after detection, so more than are wanted must be found first.
@@ -24,6 +25,25 @@ _KAZE_THRESHOLD = 1e-4
 _MSER = {"delta": 2, "min_area": 10, "max_area": 400, "max_variation": 0.5, "min_diversity": 0.1}
 # Relative to the strongest corner: as good as any at all.
 _LEAST_QUALITY = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """N feature points of one image.
+
+    Attributes:
+        px: (N, 2) float32 pixels.
+        keypoints: the same points as OpenCV's detector described them (scale, angle), which its
+            own descriptor needs; None for detectors that have no descriptor of their own.
+        detector: the detector's name.
+    """
+
+    px: NDArray[np.float32]
+    keypoints: tuple[Any, ...] | None
+    detector: str
+
+    def __len__(self) -> int:
+        return len(self.px)
 
 
 def detect_features(image: Image, parameters: FeaturesParameters) -> Features:

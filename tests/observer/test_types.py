@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from observer.methods.planar.results import ResidualFlow
 from observer.types import (
     FullTrace,
     MotionState,
     NoTrace,
     Observation,
     Obstacle,
-    ResidualFlow,
     Status,
     StereoFrame,
     TrackState,

@@ -9,8 +9,8 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from observer.geometry import Float64Array
+from observer.methods.planar.results import Detection, PointMotions
 from observer.parameters import ClusteringParameters, MotionParameters
-from observer.types import Detection, PointMotions
 
 # Two measurements of one surface differ along the ray by less than this many standard deviations.
 _DEPTH_SIGMAS = 2.0

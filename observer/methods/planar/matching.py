@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from observer.parameters import FlowParameters, MatchingParameters
-from observer.types import Features, Image, Matches
+from observer.types import Image, Matches
+from observer.vision.features import Features
 from observer.vision.klt_tracking import track_points
 from observer.vision.surf import surf_descriptors
 

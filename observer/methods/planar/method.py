@@ -28,20 +28,11 @@ from observer.methods.planar.matching import match_descriptors, track_features
 from observer.methods.planar.motion import measure_motion
 from observer.methods.planar.reporting import describe_obstacle
 from observer.methods.planar.residual_flow import residual_flow
+from observer.methods.planar.results import Detection, PointMotions, ResidualFlow
 from observer.methods.planar.tracking import Tracker
 from observer.parameters import Parameters
-from observer.types import (
-    Detection,
-    EgoMotion,
-    Features,
-    Image,
-    Matches,
-    Obstacle,
-    PointMotions,
-    ResidualFlow,
-    Trace,
-)
-from observer.vision.features import detect_features
+from observer.types import EgoMotion, Image, Matches, Obstacle, Trace
+from observer.vision.features import Features, detect_features
 from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.stereo import disparity_around, disparity_map, sample_disparity
 from observer.vision.view import View

@@ -10,8 +10,9 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, map_pixels
+from observer.methods.planar.results import PointMotions, ResidualFlow
 from observer.parameters import Parameters
-from observer.types import EgoMotion, PointMotions, ResidualFlow
+from observer.types import EgoMotion
 
 
 def measure_motion(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from observer.geometry import Float64Array, Pose
-from observer.types import Detection, MotionState, Obstacle, Track, TrackState
+from observer.methods.planar.results import Detection, Track
+from observer.types import MotionState, Obstacle, TrackState
 from observer.vision.kinematics import closing_speed, speed_std
 from observer.vision.lost_pose import without_pose
 

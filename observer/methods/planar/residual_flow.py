@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.methods.planar.results import ResidualFlow
 from observer.parameters import FlowParameters
-from observer.types import Image, ResidualFlow
+from observer.types import Image
 from observer.vision.klt_tracking import track_points
 
 

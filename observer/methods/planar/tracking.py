@@ -13,8 +13,9 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from observer.geometry import Float64Array, Pose
+from observer.methods.planar.results import Detection, Track
 from observer.parameters import TrackingParameters
-from observer.types import Detection, Track, TrackState
+from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds, expired, next_state
 
 # A track that was never confirmed ends after this many frames without a detection.

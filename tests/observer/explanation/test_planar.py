@@ -16,9 +16,10 @@ from observer.geometry import Pose, map_pixels
 from observer.methods.planar.clustering import detect_obstacles
 from observer.methods.planar.ego_motion import PlanarEgoMotion
 from observer.methods.planar.motion import measure_motion
+from observer.methods.planar.results import ResidualFlow
 from observer.observer import Observer
 from observer.parameters import Parameters
-from observer.types import FullTrace, ResidualFlow, Status, StereoFrame
+from observer.types import FullTrace, Status, StereoFrame
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 DT = 2 / 15

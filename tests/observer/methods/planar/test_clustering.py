@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.methods.planar.clustering import detect_obstacles, group_points
+from observer.methods.planar.results import Detection, PointMotions
 from observer.parameters import ClusteringParameters, MotionParameters
-from observer.types import Detection, PointMotions
 
 
 def blob(centre: tuple[float, float, float], count: int, seed: int = 0) -> np.ndarray:

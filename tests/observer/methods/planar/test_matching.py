@@ -8,8 +8,8 @@ import pytest
 
 from observer.methods.planar.matching import match_descriptors, track_features
 from observer.parameters import FeaturesParameters, FlowParameters, MatchingParameters
-from observer.types import Features, Matches
-from observer.vision.features import detect_features
+from observer.types import Matches
+from observer.vision.features import Features, detect_features
 
 DETECTORS = ["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"]
 SHIFT = np.array([7.0, -4.0])

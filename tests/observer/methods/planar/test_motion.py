@@ -9,8 +9,9 @@ from observer.camera import StereoCamera
 from observer.geometry import Pose, map_pixels
 from observer.methods.planar.ego_motion import PlanarEgoMotion
 from observer.methods.planar.motion import measure_motion
+from observer.methods.planar.results import ResidualFlow
 from observer.parameters import Parameters
-from observer.types import ResidualFlow, Status
+from observer.types import Status
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 POSE_COVARIANCE = np.diag([1e-8, 1e-8, 1e-8, 1e-6, 1e-6, 1e-6])

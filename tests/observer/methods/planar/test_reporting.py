@@ -10,7 +10,8 @@ import pytest
 
 from observer.geometry import Pose
 from observer.methods.planar.reporting import describe_obstacle
-from observer.types import Detection, Obstacle, Track, TrackState
+from observer.methods.planar.results import Detection, Track
+from observer.types import Obstacle, TrackState
 
 POSE = Pose.from_rotvec((0.0, np.pi / 2, 0.0), (1.0, 0.0, 2.0))
 TIME = 3.0

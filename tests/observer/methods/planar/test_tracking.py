@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from observer.geometry import Pose
+from observer.methods.planar.results import Detection, Track
 from observer.methods.planar.tracking import Tracker
 from observer.parameters import TrackingParameters
-from observer.types import Detection, Track, TrackState
+from observer.types import TrackState
 
 DT = 1 / 15
 HERE = Pose.identity()
