@@ -22,6 +22,8 @@ _STEPS_FROM_EXPECTED, _STEPS = 15, 30
 # where the answer should be: a pyramid would only find what is somewhere else. What the first
 # attempt does not find is searched for over all levels.
 _NEAR_LEVELS = 0
+# Pyramid levels while nothing is known of the camera's motion, and once it is.
+FIRST_LEVELS, LEVELS = 4, 2
 # The disparity of a new point is known to about a pixel, and of a blurred one to a few.
 _COARSE_LEVELS = 1
 # A mean absolute difference m of normally distributed noise means a deviation of m sqrt(pi / 2).

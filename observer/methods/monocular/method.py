@@ -40,13 +40,16 @@ from observer.vision.keypoints import (
     new_keypoints,
     one_per_cell,
 )
-from observer.vision.klt_tracking import as_bright_as, track_stereo_points
+from observer.vision.klt_tracking import (
+    FIRST_LEVELS,
+    LEVELS,
+    as_bright_as,
+    track_stereo_points,
+)
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import View
 from observer.vision.wheel_odometry import driven_step, driven_way
 
-# Pyramid levels while nothing is known of the camera's motion, and once it is.
-_FIRST_LEVELS, _LEVELS = 4, 2
 # What is assumed of a new point's inverse depth, 1 / camera heights: its mean beyond the least
 # that the ground allows, and its standard deviation.
 _FIRST_INVERSE, _FIRST_SIGMA = 0.10, 0.25
@@ -194,7 +197,7 @@ class MonocularMethod:
         start = np.where(own[:, None] | (not self._started), steady, expected).astype(np.float32)
         before = as_bright_as(view.left, previous.left)
         nothing = np.full((len(points), 2), np.nan, np.float32)
-        levels = _FIRST_LEVELS if self._rate is None else _LEVELS
+        levels = FIRST_LEVELS if self._rate is None else LEVELS
         seen = track_stereo_points(
             (before, before), (view.left, view.left), points.px, nothing, start, nothing[:, 0],
             levels, p.klt_tracking,

@@ -21,12 +21,10 @@ from observer.methods.rigid.ego_motion import StaticScene, estimate_rigid_motion
 from observer.methods.rigid.motion_test import pooled_motion
 from observer.methods.rigid.point_renewal import PointRenewal
 from observer.methods.rigid.point_tracking import (
-    FIRST_LEVELS,
-    LEVELS,
     Expectation,
     expected_view,
     sighted_points,
-    track_points,
+    track_in_both_cameras,
     world_sightings,
 )
 from observer.methods.rigid.trace import keep_background, keep_motion, stereo_rows
@@ -35,6 +33,7 @@ from observer.parameters import Parameters
 from observer.types import Obstacle, Trace
 from observer.vision.camera_rate import CameraRate
 from observer.vision.keypoints import density_weights
+from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
 from observer.vision.lost_pose import while_lost
 from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.rigid_ego_motion import RigidEgoMotion
@@ -77,7 +76,9 @@ class RigidMethod:
         with timer("klt_tracking"):
             T_expected = self._expected_pose(dt)
             expected = self._expectation(T_expected, dt, p)
-            seen = track_points(before, previous, view, expected, self._levels, p.klt_tracking)
+            seen = track_in_both_cameras(
+                before, previous, view, expected, self._levels, p.klt_tracking
+            )
             points, sigma = sighted_points(before, seen, expected, view, dt, p.klt_tracking)
         with timer("ego_motion"):
             ego = self._ego_motion(points, sigma, T_expected, view, dt, p)

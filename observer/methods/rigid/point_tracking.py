@@ -18,8 +18,6 @@ from observer.vision.view import View
 LEAST_DISPARITY_PX = 0.25
 # Noise and miscalibration may make the disparity of a far point negative by so much, px.
 MOST_NEGATIVE_PX = -2.0
-# Pyramid levels while nothing is known of the camera's motion, and once it is.
-FIRST_LEVELS, LEVELS = 4, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +43,7 @@ def expected_view(
     return Expectation(px.astype(np.float32), disparity.astype(np.float32))
 
 
-def track_points(
+def track_in_both_cameras(
     points: TrackedPoints,
     previous: View,
     view: View,
