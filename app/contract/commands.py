@@ -125,7 +125,7 @@ class StopRun(ToEngine[RecordingStatus | None]):
 
 
 @dataclass(frozen=True)
-class SaveRing(ToEngine[KeptClip]):
+class SaveClip(ToEngine[KeptClip]):
     """Write the last half minute, as a recording of its own, to ``path``.
 
     It is kept in a run that is recorded, and of live sources always.

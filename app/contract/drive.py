@@ -191,7 +191,7 @@ class LeaveDrive(ToDrive[None]):
 
 
 @dataclass(frozen=True)
-class DriveEvent:
+class DriveState:
     """How everything is; ten times a second, and at once when anything but a figure changes."""
 
     facts: DriveFacts
@@ -263,7 +263,7 @@ class StoppedEvent:
     separation_m: float | None
 
 
-DriveProcessEvent = DriveEvent | WheelSpeedEvent | IncidentEvent | StoppedEvent
+DriveProcessMessage = DriveState | WheelSpeedEvent | IncidentEvent | StoppedEvent
 
 
 # --- made by the supervisor ------------------------------------------------------------------
@@ -285,4 +285,4 @@ class DriveLostEvent:
     reason: str
 
 
-DriveEvents = DriveProcessEvent | DriveStartedEvent | DriveLostEvent
+DriveMessage = DriveProcessMessage | DriveStartedEvent | DriveLostEvent

@@ -1,4 +1,4 @@
-"""Facts of the drive process as ``DriveEvent.facts`` holds them."""
+"""Facts of the drive process as ``DriveState.facts`` holds them."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from typing import Any
 from app.contract.drive import (
     ArmRobot,
     DisarmRobot,
-    DriveEvent,
+    DriveState,
     LeaveDrive,
     ReallySent,
     WheelSpeedEvent,
@@ -194,7 +194,7 @@ class DriveLoop:
                 self._tick_of_event = ticks
             self._told = outline
             facts = drive_facts(self._roles, now, ticks, self._lateness, self._priority)
-            self._send(DriveEvent(facts, now))
+            self._send(DriveState(facts, now))
 
     def _tell_wheel_speeds(self, now: float) -> None:
         for role, driven in self._roles.driven.items():

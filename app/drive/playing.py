@@ -39,7 +39,7 @@ class Playing:
         return self._sample(role, now) or ZERO
 
     def facts(self, now: float) -> ProgrammeNow:
-        """Return the facts as ``DriveEvent.facts`` holds them."""
+        """Return the facts as ``DriveState.facts`` holds them."""
         progress = progress_at(self.profile, now - self.started, self.repeat)
         return filled(
             ProgrammeNow,

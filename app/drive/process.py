@@ -12,7 +12,7 @@ from typing import NoReturn
 from app.contract.drive import (
     SIGHT_NAME,
     WHEELS_NAME,
-    DriveEvent,
+    DriveState,
     IncidentEvent,
     StoppedEvent,
     WheelSpeedEvent,
@@ -49,7 +49,7 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
     # Before any thread is started: they must all inherit it.
     priority = raise_priority()
     sender = MessageSender(
-        sock, latest=(DriveEvent,), droppable=(WheelSpeedEvent, IncidentEvent, StoppedEvent)
+        sock, latest=(DriveState,), droppable=(WheelSpeedEvent, IncidentEvent, StoppedEvent)
     )
     parameters = GuardParameters()
     attendants = {role: AttendantThread(role, open_robot) for role in ROLES}

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 from app.contract.drive import (
-    DriveEvent,
-    DriveEvents,
     DriveLostEvent,
+    DriveMessage,
     DriveStartedEvent,
+    DriveState,
     LeaveDrive,
     ToDrive,
 )
@@ -28,15 +28,15 @@ DRIVE_LIMITS = SupervisorLimits(
 )
 
 
-class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveEvents]):
+class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveMessage]):
     """Drive supervisor that implements ``app.server.contracts.Drive``.
 
     All methods belong to the event loop's thread.
     """
 
     what: ClassVar[str] = "drive process"
-    heartbeat = DriveEvent
-    kept = (DriveEvent,)
+    heartbeat = DriveState
+    kept = (DriveState,)
 
     def __init__(
         self,
@@ -48,7 +48,7 @@ class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveEvents]):
         """Set up the supervisor.
 
         Args:
-            slots: ``app.supervisor.Supervisor.shared_slots``; their owner keeps them open until
+            slots: ``EngineSupervisor.shared_slots``; their owner keeps them open until
                 this is stopped.
             command: starts a drive process; its arguments are appended.
         """
@@ -66,11 +66,11 @@ class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveEvents]):
     def _farewell(self) -> ToDrive[Any]:
         return LeaveDrive()
 
-    def _started_event(self, generation: int, pid: int) -> DriveEvents:
+    def _started_event(self, generation: int, pid: int) -> DriveMessage:
         return DriveStartedEvent(generation, pid)
 
-    def _lost_event(self, generation: int, reason: str) -> DriveEvents:
+    def _lost_event(self, generation: int, reason: str) -> DriveMessage:
         return DriveLostEvent(generation, reason)
 
-    def _state(self, child: ChildProcess) -> DriveEvents | None:
-        return child.newest(DriveEvent)
+    def _state(self, child: ChildProcess) -> DriveMessage | None:
+        return child.newest(DriveState)

@@ -1,6 +1,6 @@
 """Entry point ``python -m app.engine``.
 
-Only ``app.supervisor`` starts it, passing descriptors as arguments.
+Only ``app.engine.supervisor`` starts it, passing descriptors as arguments.
 """
 
 from __future__ import annotations

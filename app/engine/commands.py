@@ -19,7 +19,7 @@ from app.contract.commands import (
     OpenSource,
     PreviewCalibration,
     RecordRobots,
-    SaveRing,
+    SaveClip,
     SetParameters,
     SetPlayback,
     SetTruth,
@@ -90,8 +90,8 @@ class CommandHandler:
                 return None
             if isinstance(command, StopRun):
                 return self._stop_run(request.number)
-            if isinstance(command, SaveRing):
-                self._save_ring(request.number, command)
+            if isinstance(command, SaveClip):
+                self._save_clip(request.number, command)
                 return None
             return Reply(request.number, value=self._handle(command))
         except DynamicObserverError as error:
@@ -146,7 +146,7 @@ class CommandHandler:
         recorder.end(lambda: self._send(Reply(number, value=recorder.facts())))
         return None
 
-    def _save_ring(self, number: int, command: SaveRing) -> None:
+    def _save_clip(self, number: int, command: SaveClip) -> None:
         """Have the ring saved; the recording's thread replies."""
         session, path = self._current.observing, Path(command.path)
         if session is None or session.recorder is None:
@@ -162,7 +162,7 @@ class CommandHandler:
                 clip = KeptClip(path.stat().st_size, round(seconds, 1))
                 self._send(Reply(number, value=clip))
 
-        session.recorder.save_ring(path, command.reserve_bytes, done)
+        session.recorder.save_clip(path, command.reserve_bytes, done)
 
     def _record_robots(self, command: RecordRobots) -> None:
         session = self._current.observing

@@ -193,7 +193,7 @@ class RunRecorder:
         told = Incident(kind=kind, sentence=sentence, received=self._clock())
         self._give(lambda w: w.incident(told))
 
-    def save_ring(
+    def save_clip(
         self, path: Path, reserve_bytes: int, done: Callable[[float | RecordingError], None]
     ) -> None:
         """Queue the last half minute for writing.

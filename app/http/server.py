@@ -182,9 +182,9 @@ def create_app(
 
 def _real_processes(drive: Drive | None) -> tuple[Engine, Drive]:
     from app.drive.supervisor import DriveSupervisor
-    from app.supervisor import Supervisor
+    from app.engine.supervisor import EngineSupervisor
 
-    engine = Supervisor()
+    engine = EngineSupervisor()
     return engine, drive or DriveSupervisor(engine.shared_slots)
 
 

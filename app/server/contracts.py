@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from app.contract.commands import Answer, ToEngine
-from app.contract.drive import DriveEvents, ToDrive
+from app.contract.drive import DriveMessage, ToDrive
 from app.contract.events import Event, ObservationEvent
 from app.runtime.latest import Latest
 
@@ -42,7 +42,7 @@ class Health(Protocol):
 
 
 class Engine(Protocol):
-    """Engine process as seen by the web process; implemented by ``app.supervisor.Supervisor``."""
+    """Engine process as seen by the web process; implemented by ``EngineSupervisor``."""
 
     async def start(self) -> None:
         """Start the process; ``EngineStartedEvent`` follows."""
@@ -76,7 +76,7 @@ class Engine(Protocol):
 
 
 class Drive(Protocol):
-    """Drive process as seen by the web process; implemented by ``app.drive.supervisor``."""
+    """Drive process as seen by the web process; implemented by ``DriveSupervisor``."""
 
     async def start(self) -> None:
         """Start the process; ``DriveStartedEvent`` follows."""
@@ -95,7 +95,7 @@ class Drive(Protocol):
         """
         ...
 
-    def subscribe(self, callback: Callable[[DriveEvents], None]) -> Callable[[], None]:
+    def subscribe(self, callback: Callable[[DriveMessage], None]) -> Callable[[], None]:
         """Pass every event to ``callback`` in the event loop; return how to unsubscribe."""
         ...
 

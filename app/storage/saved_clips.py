@@ -40,27 +40,27 @@ def new_clip(folder: DataFolder, run_id: str | None) -> Path:
 
 def list_clips(folder: DataFolder) -> list[SavedClip]:
     """Return all clips, newest first; skip files with other names."""
-    found = [_ring(path, None) for path in (folder.path / RINGS).glob("ring-*.mcap")]
+    found = [_clip(path, None) for path in (folder.path / RINGS).glob("ring-*.mcap")]
     for path in (folder.path / RUNS).glob("[!.]*/ring-*.mcap"):
-        found.append(_ring(path, path.parent.name))
-    return sorted(filter(None, found), key=lambda ring: ring.name, reverse=True)
+        found.append(_clip(path, path.parent.name))
+    return sorted(filter(None, found), key=lambda clip: clip.name, reverse=True)
 
 
-def remove_clip(ring: SavedClip) -> None:
+def remove_clip(clip: SavedClip) -> None:
     """Delete a clip; one that is gone already is no error.
 
     Raises:
         StorageError: it cannot be deleted.
     """
     try:
-        ring.path.unlink(missing_ok=True)
+        clip.path.unlink(missing_ok=True)
     except OSError as error:
         raise StorageError(
-            f"{ring.path} cannot be deleted ({error.strerror}); make its folder writable"
+            f"{clip.path} cannot be deleted ({error.strerror}); make its folder writable"
         ) from error
 
 
-def _ring(path: Path, run_id: str | None) -> SavedClip | None:
+def _clip(path: Path, run_id: str | None) -> SavedClip | None:
     named = _NAME.fullmatch(path.stem)
     if named is None:
         return None

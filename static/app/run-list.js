@@ -26,8 +26,8 @@ class RunList extends Part {
     "No run yet. Start one at the top of the page; it is recorded and listed here.",
   );
   #history = h("a.button.primary", { href: "#history" }, "Find, compare and look at runs");
-  #ring = button("Save the last half minute", () => this.#saveRing(), {
-    "aria-describedby": "ring-help",
+  #save = button("Save the last half minute", () => this.#saveClip(), {
+    "aria-describedby": "save-clip-help",
   });
   /** @type {string | null} */
   #runId = null;
@@ -35,10 +35,10 @@ class RunList extends Part {
   build() {
     this.append(
       h("h2", "Runs"),
-      h("div.row", this.#history, this.#ring),
+      h("div.row", this.#history, this.#save),
       h(
         "p.hint",
-        { id: "ring-help" },
+        { id: "save-clip-help" },
         "Half a minute back is at hand of live cameras and of every run; it is also saved when the guard stops a robot.",
       ),
       h("h3", "Newest"),
@@ -64,14 +64,14 @@ class RunList extends Part {
     this.#items.show(found.runs, ({ id }) => id);
   }
 
-  async #saveRing() {
+  async #saveClip() {
     await attempt(async () => {
       /** @type {{file: string, bytes: number, seconds: number}} */
       const { file, bytes, seconds } = await request("POST", "/recording/ring");
       notify(
         `The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`,
       );
-      this.hub.tell("rings");
+      this.hub.tell("saved clips");
     });
   }
 

@@ -15,10 +15,10 @@ from app.contract.drive import (
     DisarmRobot,
     DisconnectRobot,
     DriveCommand,
-    DriveEvent,
-    DriveEvents,
     DriveLostEvent,
+    DriveMessage,
     DriveStartedEvent,
+    DriveState,
     IncidentEvent,
     Presence,
     ReallySent,
@@ -69,7 +69,7 @@ class FakeDrive:
 
     def __init__(self) -> None:
         self.commands: list[ToDrive[Any]] = []
-        self.subscribers: list[Callable[[DriveEvents], None]] = []
+        self.subscribers: list[Callable[[DriveMessage], None]] = []
         self.health = FakeHealth()
         self.refuse: dict[type, tuple[Any, str]] = {}
         self.hangs = False
@@ -109,11 +109,11 @@ class FakeDrive:
     async def stop(self) -> None:
         self.health.alive, self.health.pid = False, None
 
-    def subscribe(self, callback: Callable[[DriveEvents], None]) -> Callable[[], None]:
+    def subscribe(self, callback: Callable[[DriveMessage], None]) -> Callable[[], None]:
         self.subscribers.append(callback)
         return lambda: self.subscribers.remove(callback)
 
-    def publish(self, event: DriveEvents) -> None:
+    def publish(self, event: DriveMessage) -> None:
         for callback in tuple(self.subscribers):
             callback(event)
 
@@ -214,7 +214,7 @@ class FakeDrive:
 
     def tell(self, **more: Any) -> None:
         """Publish how everything is."""
-        self.publish(DriveEvent(replace(self.facts(), **more), time.monotonic()))
+        self.publish(DriveState(replace(self.facts(), **more), time.monotonic()))
 
     def facts(self) -> DriveFacts:
         programme = self.programme

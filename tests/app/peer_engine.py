@@ -21,7 +21,7 @@ from app.contract.commands import (
     MeasureDepth,
     OpenSource,
     PreviewCalibration,
-    SaveRing,
+    SaveClip,
     SetParameters,
     SetPlayback,
     SetTruth,
@@ -43,9 +43,10 @@ from app.contract.events import (
 from app.contract.pixel import Pixel, PixelObstacle
 from app.contract.status import PlaybackStatus, RecordingStatus
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
+from app.engine.supervisor import EngineRefused, EngineUnavailable
 from app.engine.truth_facts import truth_facts
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
-from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
+from app.runtime.supervisor import ProcessHealth
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.calibration.views import BoardSighting, BoardView
@@ -130,9 +131,9 @@ class PeerEngine:
             callback(event)
 
     @property
-    def health(self) -> EngineHealth:
+    def health(self) -> ProcessHealth:
         pid = 1000 + self.generation if self.alive else None
-        return EngineHealth(self.generation, pid, self.alive, max(0, self.generation - 1), 0.01, 0)
+        return ProcessHealth(self.generation, pid, self.alive, max(0, self.generation - 1), 0.01, 0)
 
     async def request(self, command: ToEngine[Any], timeout_s: float = 10.0) -> Any:
         assert timeout_s > 0
@@ -181,7 +182,7 @@ class PeerEngine:
                 record, self.opened = self.opened.record, replace(self.opened, run_id=None)
                 self.publish(self.state())
                 return record and self.recording(bytes=4096)
-            case SaveRing():
+            case SaveClip():
                 if self.opened is None or self.opened.run_id is None:
                     raise EngineRefused("what is open can be played again", "state")
                 return KeptClip(512, 29.9)

@@ -30,7 +30,7 @@ def test_a_run_is_started_stopped_listed_and_deleted(
     assert server.get(f"/runs/{run['id']}")["state"] == "finished"
 
     page.get_by_role("link", name="Find, compare").click()
-    rings = page.locator("observer-rings")
+    rings = page.locator("observer-saved-clips")
     expect(rings.get_by_role("link", name="of this run")).to_be_visible()
     keep_picture(page, "rings")
     rings.get_by_role("button", name="Play the half minute").click()

@@ -25,7 +25,7 @@ Name = Annotated[str, Path(max_length=100)]
     summary="Save the last half minute",
     responses=refusals(409, 503, 507),
 )
-async def save_ring(server: TheServer) -> RingFile:
+async def save_clip(server: TheServer) -> RingFile:
     """Of live cameras at any time, and of every run; beside the run, or in the folder rings."""
     return await server.runs.clips.save()
 
@@ -34,7 +34,7 @@ async def save_ring(server: TheServer) -> RingFile:
 async def list_rings(server: TheServer) -> list[RingEntry]:
     """Newest first."""
     return [
-        filled(RingEntry, ring, source=str(ring.path)) for ring in await server.runs.clips.all()
+        filled(RingEntry, clip, source=str(clip.path)) for clip in await server.runs.clips.all()
     ]
 
 
@@ -46,8 +46,8 @@ async def list_rings(server: TheServer) -> list[RingEntry]:
 )
 async def get_ring(name: Name, server: TheServer) -> FileResponse:
     """Opens in Foxglove and Lichtblick, and as a source."""
-    ring = await server.runs.clips.find(name)
-    return FileResponse(ring.path, filename=ring.path.name)
+    clip = await server.runs.clips.find(name)
+    return FileResponse(clip.path, filename=clip.path.name)
 
 
 @router.delete(

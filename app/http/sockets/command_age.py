@@ -54,8 +54,8 @@ class LinkState:
     delay_s: float | None
 
 
-class Link:
-    """Link of one client; host times and client stamps are in seconds."""
+class CommandAge:
+    """Age of the commands of one client. Host times and client stamps are in seconds."""
 
     def __init__(self) -> None:
         self._pings: dict[int, float] = {}

@@ -22,7 +22,7 @@ from app.contract.sockets import (
     SentMessage,
 )
 from app.contract.values import filled, json_text
-from app.http.sockets.command_age import TOO_SLOW, Link
+from app.http.sockets.command_age import TOO_SLOW, CommandAge
 from app.http.sockets.connections import GOING_AWAY, TRY_LATER, close, receive_text, until_one_ends
 from app.http.sockets.drive_messages import (
     Command,
@@ -54,7 +54,7 @@ class DriveSocket:
         self._socket = socket
         self._driving = server.driving
         self._clock = server.clock
-        self._link = Link()
+        self._command_age = CommandAge()
         self._waiting: asyncio.Queue[DriveMessage] = asyncio.Queue(_MOST_WAITING)
         self._overrun = asyncio.Event()
         self._background = Background()
@@ -109,12 +109,12 @@ class DriveSocket:
             number += 1
             now = self._clock()
             self._say(self._link_message(now))
-            self._link.pinged(number, now)
+            self._command_age.pinged(number, now)
             self._say(PingMessage(number))
             await asyncio.sleep(_PING_S)
 
     def _link_message(self, now: float) -> LinkMessage:
-        state = self._link.state(now)
+        state = self._command_age.state(now)
         stops = state.quality != "good" and bool(self._operator.leases)
         rtt_ms, delay_ms = _ms(state.rtt_s), _ms(state.delay_s)
         return LinkMessage(state.quality, rtt_ms, delay_ms, TOO_SLOW if stops else None)
@@ -133,7 +133,7 @@ class DriveSocket:
             self._heard = now
             match message:
                 case Pong():
-                    self._link.ponged(message.number, message.stamp, now)
+                    self._command_age.ponged(message.number, message.stamp, now)
                 case Command():
                     self._command(message, now)
                 case Unusable():
@@ -168,14 +168,14 @@ class DriveSocket:
 
     def _command(self, command: Command, now: float) -> None:
         """Forward a command or say why not; never keep it for later."""
-        age = self._link.age(command.stamp, now)
+        age = self._command_age.age(command.stamp, now)
         lease = self._operator.leases.get(command.role)
         sentence = None
         if lease is None:
             sentence = f"take the {command.role} first"
         elif age is None:
             sentence = "the link is not measured; answer the pings, and stamp with the same clock"
-        elif age > COMMAND_FRESH_S or not self._link.is_fit(now):
+        elif age > COMMAND_FRESH_S or not self._command_age.is_fit(now):
             sentence = TOO_SLOW
         elif command.sequence <= self._sequences.get(lease, -1):
             sentence = f"sequence must be above {self._sequences[lease]}"

@@ -61,7 +61,7 @@ class CheckManager:
     # --- events of the drive process -------------------------------------------------------
 
     def drive_said(self, robots: Robots) -> None:
-        """Take the robots' state from ``DriveEvent.facts``."""
+        """Take the robots' state from ``DriveState.facts``."""
         if self._check is not None:
             self._check.robot_said(robots.get(self._check.role))
 

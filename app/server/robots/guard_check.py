@@ -71,7 +71,7 @@ class GuardCheck:
         return self.ended_at is not None
 
     def robot_said(self, robot: RobotNow | None) -> None:
-        """Take the state of the robot from ``DriveEvent.facts``."""
+        """Take the state of the robot from ``DriveState.facts``."""
         present = self.present
         if present is None:
             return

@@ -13,10 +13,10 @@ import structlog
 from app.contract.commands import Answer
 from app.contract.drive import (
     ArmRobot,
-    DriveEvent,
-    DriveEvents,
     DriveLostEvent,
+    DriveMessage,
     DriveStartedEvent,
+    DriveState,
     IncidentEvent,
     ResetStop,
     StartProgramme,
@@ -58,7 +58,7 @@ class RunKeeper(IncidentKeeper, Protocol):
     def measured(self, sample: WheelSample) -> None: ...
 
     def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
-        """Take each robot's state from ``DriveEvent.facts``."""
+        """Take each robot's state from ``DriveState.facts``."""
         ...
 
 
@@ -164,9 +164,9 @@ class RobotManager:
         """Handle changed parameters."""
         self._connecting.look()
 
-    def _on_event(self, event: DriveEvents) -> None:
+    def _on_event(self, event: DriveMessage) -> None:
         match event:
-            case DriveEvent():
+            case DriveState():
                 self._facts = event.facts
                 self.operators.drive_said(self._facts.robots)
                 self.checks.drive_said(self._facts.robots)

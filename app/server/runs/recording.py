@@ -58,7 +58,7 @@ class RobotFeed:
         """Store each robot's state if it is new.
 
         Args:
-            robots: as in ``DriveEvent.facts``, by role.
+            robots: as in ``DriveState.facts``, by role.
             newest: observation of the open source; its reception and time relate both clocks.
         """
         for role in ROLES:

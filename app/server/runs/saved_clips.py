@@ -6,7 +6,7 @@ import asyncio
 
 import structlog
 
-from app.contract.commands import SaveRing
+from app.contract.commands import SaveClip
 from app.contract.drive import IncidentEvent
 from app.contract.runs import RingFile
 from app.server.asking import ask
@@ -48,7 +48,7 @@ class SavedClips:
         """
         run = self._shared.run()
         file = new_clip(self._folder, None if run is None else run.id)
-        saved = await ask(self._shared.engine, SaveRing(str(file)), timeout_s=_SAVE_TIMEOUT_S)
+        saved = await ask(self._shared.engine, SaveClip(str(file)), timeout_s=_SAVE_TIMEOUT_S)
         return RingFile(
             str(file.relative_to(self._folder.path.absolute())), saved.bytes, saved.seconds
         )

@@ -4,7 +4,7 @@ import { button, h, setAttribute } from "../dom.js";
 import { giveBackFocus } from "../focus-place.js";
 import { Part } from "../part.js";
 import { CompareView } from "./compare-view.js";
-import { RingList } from "./ring-list.js";
+import { SavedClipList } from "./saved-clip-list.js";
 import { RunSearch } from "./run-search.js";
 import { RunView } from "./run-view.js";
 import { placeOf } from "./run-words.js";
@@ -12,7 +12,7 @@ import { placeOf } from "./run-words.js";
 /** Shows what the page's address names, so that it is kept, linked to and gone back from. */
 class HistoryView extends Part {
   #search = new RunSearch();
-  #rings = new RingList();
+  #savedClips = new SavedClipList();
   #run = new RunView();
   #compare = new CompareView();
   #leave = button("Back to live", () => this.#close(true));
@@ -28,13 +28,14 @@ class HistoryView extends Part {
     this.append(
       h("header.history-head", this.#title, this.#all, this.#leave),
       this.#search,
-      this.#rings,
+      this.#savedClips,
       this.#run,
       this.#compare,
     );
-    for (const part of [this.#search, this.#rings, this.#run, this.#compare]) part.attach(this.hub);
+    for (const part of [this.#search, this.#savedClips, this.#run, this.#compare])
+      part.attach(this.hub);
     this.#run.named = this.#compare.named = (words) => this.#name(words);
-    this.#run.left = this.#rings.left = () => this.#close(true);
+    this.#run.left = this.#savedClips.left = () => this.#close(true);
     this.hear("hashchange", () => this.#follow(true), window);
     // The calibration wizard wants the same place, and the focus with it.
     this.hear("calibrate", () => this.#close(false));
@@ -61,7 +62,7 @@ class HistoryView extends Part {
     this.hub.tell("history");
     this.#all.hidden = view === "list";
     this.#search.show(view === "list");
-    this.#rings.show(view === "list");
+    this.#savedClips.show(view === "list");
     this.#run.show(view === "run" ? (ids[0] ?? "") : null);
     this.#compare.show(view === "compare" ? ids : []);
     this.#name(view === "compare" ? "Runs compared" : view === "run" ? "Run" : "Runs");

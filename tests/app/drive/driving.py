@@ -20,7 +20,7 @@ from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
     DriveCommand,
-    DriveEvent,
+    DriveState,
     LeaveDrive,
     SetGuard,
     StoppedEvent,
@@ -117,7 +117,7 @@ class Drive:
         while (message := receive_message(self.sock)) is not None:
             if isinstance(message, Reply):
                 self._replies[message.number] = message
-            elif isinstance(message, DriveEvent):
+            elif isinstance(message, DriveState):
                 self.facts = plain(message.facts)
             elif isinstance(message, StoppedEvent):
                 self.stops.append(message)

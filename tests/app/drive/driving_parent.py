@@ -17,7 +17,7 @@ from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
     DriveCommand,
-    DriveEvent,
+    DriveState,
     SetGuard,
     TakeLease,
 )
@@ -29,10 +29,10 @@ SPEED_MPS = 0.3
 
 async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
     supervisor = DriveSupervisor(slots)
-    newest: list[DriveEvent] = []
+    newest: list[DriveState] = []
 
     def hear(event: object) -> None:
-        if isinstance(event, DriveEvent):
+        if isinstance(event, DriveState):
             newest[:] = [event]
 
     supervisor.subscribe(hear)

@@ -15,19 +15,19 @@ import pytest
 from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
-    DriveEvent,
     DriveLostEvent,
     DriveStartedEvent,
+    DriveState,
     IncidentEvent,
     StopRobots,
     TakeLease,
 )
 from app.contract.values import plain
 from app.drive.supervisor import DriveSupervisor
+from app.engine.supervisor import EngineSupervisor
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.supervisor import SupervisorLimits
 from app.server.contracts import Drive
-from app.supervisor import Supervisor
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import serve_tcp
 
@@ -59,7 +59,7 @@ class Watched:
             await asyncio.sleep(0.01)
 
     def state(self, role: str) -> Any:
-        robot = plain(self.all(DriveEvent)[-1].facts)["robots"][role]
+        robot = plain(self.all(DriveState)[-1].facts)["robots"][role]
         return None if robot is None else robot["state"]
 
 
@@ -67,7 +67,7 @@ async def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> N
     before = len(os.listdir("/dev/fd"))
     async with Watched(slots) as watched:
         first = [type(event) for event in watched.events[:2]]
-        assert first == [DriveStartedEvent, DriveEvent]
+        assert first == [DriveStartedEvent, DriveState]
         health = watched.drive.health
         assert (health.generation, health.alive, health.restarts) == (1, True, 0)
         assert health.heartbeat_age_s is not None
@@ -133,7 +133,7 @@ async def test_one_that_cannot_start_is_given_up(slots: dict[str, int]) -> None:
 
 
 async def test_the_engines_supervisor_has_the_slots_that_both_share() -> None:
-    engine = Supervisor()
+    engine = EngineSupervisor()
     async with Watched(dict(engine.shared_slots)) as watched:
         assert watched.drive.health.alive
     await engine.stop()

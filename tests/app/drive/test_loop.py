@@ -12,7 +12,7 @@ from app.contract.drive import (
     ArmRobot,
     ConnectRobot,
     DriveCommand,
-    DriveEvent,
+    DriveState,
     IncidentEvent,
     LeaveDrive,
     StopRobots,
@@ -126,19 +126,19 @@ def test_a_stop_behind_many_commands_is_in_force_in_the_same_turn(turning: Turni
     assert "stopped by Bob" in answer.limited_by
     assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
     assert [e.kind for e in turning.events(IncidentEvent)] == ["stop"]
-    assert plain(turning.events(DriveEvent)[-1].facts)["stopped"]["by"] == "Bob"
+    assert plain(turning.events(DriveState)[-1].facts)["stopped"]["by"] == "Bob"
 
 
 def test_events_come_ten_times_a_second_and_at_once_on_a_change(turning: Turning) -> None:
     turning.turn(50)
-    assert len(turning.events(DriveEvent)) in (10, 11)
+    assert len(turning.events(DriveState)) in (10, 11)
     turning.ready("observer")
     turning.turn(3)
-    before = len(turning.events(DriveEvent))
+    before = len(turning.events(DriveState))
     turning.bench.robots["observer"].change(fault="a wheel stalled")
     turning.turn()
-    assert len(turning.events(DriveEvent)) > before
-    robot = plain(turning.events(DriveEvent)[-1].facts)["robots"]["observer"]
+    assert len(turning.events(DriveState)) > before
+    robot = plain(turning.events(DriveState)[-1].facts)["robots"]["observer"]
     assert (robot["state"], robot["why"]) == ("disarmed", "a wheel stalled")
 
 
@@ -150,7 +150,7 @@ def test_facts_are_plain_and_complete(turning: Turning) -> None:
         counters={"packets": 3},
     )
     turning.turn(10)
-    facts = plain(turning.events(DriveEvent)[-1].facts)
+    facts = plain(turning.events(DriveState)[-1].facts)
     assert json.loads(json.dumps(facts, allow_nan=False)) == facts
     assert facts["robots"]["obstacle"] is None
     robot = facts["robots"]["observer"]
@@ -194,9 +194,9 @@ def test_a_failure_within_stops_everything_and_is_told(turning: Turning) -> None
     turning.turn()
     assert turning.bench.robots["obstacle"].calls[-1] == ("stop",)
     assert turning.bench.roles.stopped is not None
-    before = len(turning.events(DriveEvent))
+    before = len(turning.events(DriveState))
     turning.turn(20)
-    assert len(turning.events(DriveEvent)) == before, "silence lets the supervisor replace it"
+    assert len(turning.events(DriveState)) == before, "silence lets the supervisor replace it"
     reply = turning.ask("no command")
     assert reply.refusal == "input"
 

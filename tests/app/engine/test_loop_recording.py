@@ -7,7 +7,7 @@ from pathlib import Path
 from app.contract.commands import (
     RecordOrder,
     RecordRobots,
-    SaveRing,
+    SaveClip,
     SetParameters,
     SetPlayback,
     Shutdown,
@@ -92,14 +92,14 @@ def test_the_last_half_minute_of_a_live_source_can_be_had(
     bench: Bench, numbered: Numbered, tmp_path: Path
 ) -> None:
     bench.sources["camera"] = numbered(8, live=True)
-    assert bench.answer(SaveRing(str(tmp_path / "none.mcap"))).refusal == "state"
+    assert bench.answer(SaveClip(str(tmp_path / "none.mcap"))).refusal == "state"
     bench.value(opening("numbers"))
-    assert "live cameras" in str(bench.answer(SaveRing(str(tmp_path / "none.mcap"))).error)
+    assert "live cameras" in str(bench.answer(SaveClip(str(tmp_path / "none.mcap"))).error)
     bench.value(opening("camera"))
     bench.wait(ObservationEvent, lambda e: e.line["frame"] == 7)
     assert bench.state.recording is None
     path = tmp_path / "rings" / "ring.mcap"
-    saved = bench.value(SaveRing(str(path)))
+    saved = bench.value(SaveClip(str(path)))
     assert saved.bytes == path.stat().st_size
     with Recording(path) as recording:
         assert not recording.unfinished
@@ -107,7 +107,7 @@ def test_the_last_half_minute_of_a_live_source_can_be_had(
         assert recording.frames[0].begins == "observer"
         assert len(list(recording.lines())) == 8
         assert recording.pair(7)[0].shape == (48, 64)
-    full = SaveRing(str(tmp_path / "full.mcap"), reserve_bytes=1 << 60)
+    full = SaveClip(str(tmp_path / "full.mcap"), reserve_bytes=1 << 60)
     assert bench.answer(full).refusal == "full"
 
 
@@ -118,11 +118,11 @@ def test_behind_a_run_the_last_half_minute_of_a_live_source_is_kept_again(
     record = RecordOrder(str(tmp_path / "run.mcap"), "none", "a run")
     bench.value(opening("camera", run_id="r1", record=record))
     bench.wait(ObservationEvent, lambda e: e.line["frame"] == 3)
-    bench.value(SaveRing(str(tmp_path / "within.mcap")))
+    bench.value(SaveClip(str(tmp_path / "within.mcap")))
     bench.value(StopRun())
     bench.wait(ObservationEvent, lambda e: e.run_id is None)
     path = tmp_path / "behind.mcap"
-    bench.value(SaveRing(str(path)))
+    bench.value(SaveClip(str(path)))
     with Recording(path) as recording:
         assert recording.facts.id == ""
         assert recording.frames

@@ -241,4 +241,4 @@ def test_an_ended_recording_lets_go_of_its_last_half_minute(tmp_path: Path) -> N
     assert told[0].bytes == path.stat().st_size
     assert held() is None
     with pytest.raises(NotNow):
-        recorder.save_ring(tmp_path / "ring.mcap", 0, told.append)
+        recorder.save_clip(tmp_path / "ring.mcap", 0, told.append)

@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from app.drive.supervisor import DriveSupervisor
+from app.engine.supervisor import EngineSupervisor
 from app.http.server import create_app
 from app.settings import Settings
-from app.supervisor import Supervisor
 from app.viewer import NullViewer
 from observer.robots.contract import RobotPort
 from observer.robots.network.client import DemoRobot, ExternalClient, ExternalClientError
@@ -95,7 +95,7 @@ async def test_a_programme_of_a_file_is_driven_and_a_signal_stops_it(
         )
 
     # Only for its slots; the engine itself is the tests' own.
-    slots = Supervisor()
+    slots = EngineSupervisor()
     app = create_app(
         settings, token, engine=peer, drive=DriveSupervisor(slots.shared_slots),
         storage=storage, viewer=lambda _: NullViewer("not in this test"),

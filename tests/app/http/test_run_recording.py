@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from app.contract.commands import RecordRobots, SaveRing
+from app.contract.commands import RecordRobots, SaveClip
 from app.contract.drive import IncidentEvent
 from app.contract.events import EngineState
 from app.contract.robots import RobotNow, Velocity
@@ -184,7 +184,7 @@ async def test_a_stop_of_the_guard_saves_the_last_half_minute_once(
             drive.publish(IncidentEvent("observer", kind, "it stopped", 7.0, 0.3))
 
         def saves() -> int:
-            return sum(isinstance(command, SaveRing) for command in peer.commands)
+            return sum(isinstance(command, SaveClip) for command in peer.commands)
 
         if automatic:
             await eventually(saves)

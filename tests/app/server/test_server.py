@@ -71,7 +71,7 @@ async def test_a_calibration_that_no_longer_fits_is_left_out_and_said(
 
     def choosy(command: OpenSource) -> Any:
         if command.calibration_yaml is not None:
-            from app.supervisor import EngineRefused
+            from app.engine.supervisor import EngineRefused
 
             raise EngineRefused("the calibration is for images of another size", "input")
         return plain_open(command)

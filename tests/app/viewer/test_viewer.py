@@ -13,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from app.contract.commands import OpenSource
-from app.contract.drive import DriveEvent
+from app.contract.drive import DriveState
 from app.contract.events import EngineState
 from app.contract.robots import (
     DriveFacts,
@@ -340,7 +340,7 @@ async def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
             assert not scene._notice.visible
             assert not scene._outline.visible
             robots: Any = {"observer": _ROBOT, "obstacle": None}
-            drive.publish(DriveEvent(DriveFacts(None, None, None, None, robots), 0.0))
+            drive.publish(DriveState(DriveFacts(None, None, None, None, robots), 0.0))
             while not scene._outline.visible:
                 peer.observe()
                 await asyncio.sleep(0.03)

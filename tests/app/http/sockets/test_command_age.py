@@ -9,7 +9,7 @@ from collections.abc import Callable
 import pytest
 
 from app.contract.drive import COMMAND_FRESH_S
-from app.http.sockets.command_age import Link
+from app.http.sockets.command_age import CommandAge
 
 
 class Wire:
@@ -26,7 +26,7 @@ class Wire:
         offset: float = -1234.5,
         drift: float = 0.0,
     ) -> None:
-        self.link = Link()
+        self.link = CommandAge()
         self.up, self.down, self.offset, self.drift = up, down, offset, drift
         self._pings = 0
 
@@ -191,7 +191,7 @@ def test_silence_is_lost_and_one_late_command_marks_the_link_for_a_second() -> N
 
 
 def test_memory_is_bounded() -> None:
-    link = Link()
+    link = CommandAge()
     for number in range(10_000):
         link.pinged(number, 0.01 * number)
     # The oldest are forgotten: their answers say nothing.

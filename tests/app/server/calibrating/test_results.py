@@ -15,10 +15,10 @@ import pytest
 from app.contract.commands import ChangeCalibration, OpenSource
 from app.contract.events import EngineState
 from app.contract.status import CalibrationReference
+from app.engine.supervisor import EngineRefused
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage, StorageBusy, StorageFull
-from app.supervisor import EngineRefused
 from observer.calibration.formats.opencv_file import calibration_id
 from observer.errors import CalibrationError
 

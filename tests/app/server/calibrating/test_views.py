@@ -10,10 +10,10 @@ import pytest
 from app.contract.calibrating import CapturedView
 from app.contract.commands import BeginCalibration, ChangeCalibration, CloseSource, OpenSource
 from app.contract.events import EngineState
+from app.engine.supervisor import EngineRefused
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage
-from app.supervisor import EngineRefused
 from observer.calibration.board import Board
 from observer.calibration.views import BoardSighting, BoardView
 

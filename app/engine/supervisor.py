@@ -24,7 +24,7 @@ from app.runtime.child import ChildProcess
 from app.runtime.environment import module_command
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.latest import LatestReader, create_slot
-from app.runtime.supervisor import ProcessHealth, ProcessSupervisor, SupervisorLimits
+from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
 
 ENGINE_COMMAND = module_command("app.engine")
 # A JPEG 1280 pixels wide stays below 1 MB, 20000 points take 300 KB; memory is used only as far as
@@ -32,8 +32,6 @@ ENGINE_COMMAND = module_command("app.engine")
 _SLOT_BYTES = 4 * 1024 * 1024
 # A sight of 100 obstacles and 200 directions takes 40 KB, one second of two robots' wheels 5 KB.
 _SHARED_SLOT_BYTES = 256 * 1024
-
-EngineHealth = ProcessHealth
 
 
 class EngineRefused(ProcessRefused):
@@ -44,7 +42,7 @@ class EngineUnavailable(ProcessUnavailable):
     """Lack of an engine that could answer at this moment."""
 
 
-class Supervisor(ProcessSupervisor[ToEngine[Any], Event]):
+class EngineSupervisor(ProcessSupervisor[ToEngine[Any], Event]):
     """Supervisor of the engine processes. All methods belong to the event loop's thread.
 
     ``views`` and ``cloud`` read the latest images and cloud of whichever engine writes them.

@@ -8,9 +8,9 @@ import { Part } from "../part.js";
 import { when } from "../words.js";
 import { runHref, size } from "./run-words.js";
 
-/** @typedef {{name: string, run_id: string | null, saved_at: string, bytes: number, source: string}} Ring */
+/** @typedef {import("../contract").RingEntry} Clip */
 
-export class RingList extends Part {
+export class SavedClipList extends Part {
   /** Called once one of them is open as a source. @type {() => void} */
   left = () => {};
 
@@ -18,7 +18,7 @@ export class RingList extends Part {
   #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
-    (/** @type {Ring} */ ring) => this.#item(ring),
+    (/** @type {Clip} */ clip) => this.#item(clip),
     () => this.#heading,
   );
   #shown = false;
@@ -26,7 +26,7 @@ export class RingList extends Part {
   build() {
     this.hidden = true;
     this.append(this.#heading, this.#list);
-    this.hear("rings", () => void this.#load());
+    this.hear("saved clips", () => void this.#load());
     this.hear("runs", () => void this.#load());
     this.hear("reconnected", () => void this.#load());
   }
@@ -40,24 +40,24 @@ export class RingList extends Part {
 
   async #load() {
     if (!this.#shown) return;
-    /** @type {Ring[] | null} */
-    const rings = await request("GET", "/recording/rings").catch(() => null);
-    if (!rings) return;
-    this.hidden = !this.#shown || (rings.length === 0 && !this.contains(document.activeElement));
-    this.#items.show(rings, ({ name }) => name);
+    /** @type {Clip[] | null} */
+    const clips = await request("GET", "/recording/rings").catch(() => null);
+    if (!clips) return;
+    this.hidden = !this.#shown || (clips.length === 0 && !this.contains(document.activeElement));
+    this.#items.show(clips, ({ name }) => name);
   }
 
-  /** @param {Ring} ring */
-  #item(ring) {
-    const { name, run_id: run, bytes } = ring;
-    const at = when(ring.saved_at);
-    const play = button([icon("play"), "Play"], () => this.#open(ring), {
+  /** @param {Clip} clip */
+  #item(clip) {
+    const { name, run_id: run, bytes } = clip;
+    const at = when(clip.saved_at);
+    const play = button([icon("play"), "Play"], () => this.#open(clip), {
       "aria-label": `Play the half minute until ${at}`,
     });
     const remove = iconButton(
       "trash",
       `Delete the half minute until ${at}`,
-      () => this.#delete(ring),
+      () => this.#delete(clip),
       { title: "Delete" },
     );
     return h(
@@ -90,28 +90,28 @@ export class RingList extends Part {
     );
   }
 
-  /** @param {Ring} ring */
-  async #open(ring) {
+  /** @param {Clip} clip */
+  async #open(clip) {
     await attempt(async () => {
-      this.hub.takeStatus(await request("PUT", "/source", { source: ring.source }));
-      notify(`The half minute until ${when(ring.saved_at)} is open and plays.`);
+      this.hub.takeStatus(await request("PUT", "/source", { source: clip.source }));
+      notify(`The half minute until ${when(clip.saved_at)} is open and plays.`);
       this.left();
     });
   }
 
-  /** @param {Ring} ring */
-  async #delete(ring) {
+  /** @param {Clip} clip */
+  async #delete(clip) {
     if (
       !(await confirmed(
-        `Delete the half minute until ${when(ring.saved_at)}?`,
+        `Delete the half minute until ${when(clip.saved_at)}?`,
         "It cannot be had back.",
         "Delete half minute",
       ))
     )
       return;
-    await attempt(() => request("DELETE", `/recording/rings/${encodeURIComponent(ring.name)}`));
+    await attempt(() => request("DELETE", `/recording/rings/${encodeURIComponent(clip.name)}`));
     await this.#load();
   }
 }
 
-customElements.define("observer-rings", RingList);
+customElements.define("observer-saved-clips", SavedClipList);

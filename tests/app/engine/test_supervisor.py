@@ -34,8 +34,8 @@ from app.contract.events import (
     StateEvent,
 )
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
+from app.engine.supervisor import EngineRefused, EngineSupervisor, EngineUnavailable
 from app.runtime.supervisor import SupervisorLimits
-from app.supervisor import EngineRefused, EngineUnavailable, Supervisor
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.parameters import preset
@@ -59,7 +59,7 @@ class Watched:
         self, command: tuple[str, ...] | None = WORKS, *, limits: SupervisorLimits = LIMITS
     ) -> None:
         given = {} if command is None else {"command": command}
-        self.supervisor = Supervisor(limits=limits, **given)
+        self.supervisor = EngineSupervisor(limits=limits, **given)
         self.events: list[tuple[float, Any]] = []
         self.supervisor.subscribe(lambda event: self.events.append((time.monotonic(), event)))
 
@@ -249,7 +249,9 @@ async def test_an_engine_that_never_says_a_word_is_given_up() -> None:
 
 
 async def test_a_program_that_is_not_there_is_one_sentence() -> None:
-    supervisor = Supervisor(command=("/nowhere/python",), limits=SupervisorLimits(backoff_s=0.05))
+    supervisor = EngineSupervisor(
+        command=("/nowhere/python",), limits=SupervisorLimits(backoff_s=0.05)
+    )
     with pytest.raises(EngineUnavailable, match=r"cannot be started: .*No such file"):
         await supervisor.start()
 
@@ -310,7 +312,7 @@ def test_the_end_of_the_parent_is_the_end_of_all(
     parent = subprocess.Popen(
         [sys.executable, str(HERE / "serving_parent.py"), *FAKE, behaviour],
         stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": str(HERE.parents[1])},
+        env={**os.environ, "PYTHONPATH": str(HERE.parents[2])},
     )
     try:
         assert parent.stdout is not None

@@ -12,12 +12,12 @@ import sys
 import psutil
 
 from app.contract.commands import OpenSource
+from app.engine.supervisor import EngineSupervisor
 from app.runtime.supervisor import SupervisorLimits
-from app.supervisor import Supervisor
 
 
 async def main(command: list[str]) -> None:
-    supervisor = Supervisor(command=command, limits=SupervisorLimits(standby_delay_s=0.0))
+    supervisor = EngineSupervisor(command=command, limits=SupervisorLimits(standby_delay_s=0.0))
     stopped = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, stopped.set)
