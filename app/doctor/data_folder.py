@@ -187,14 +187,11 @@ def _revision(where: str, revision: str | None, has_tables: bool, remedy: str) -
         return Finding(
             _SECTION, "problem", f"the database {where} belongs to another program{remedy}"
         )
-    from alembic.config import Config
     from alembic.script import ScriptDirectory
 
-    from app.storage.migration import MIGRATIONS
+    from app.storage.migration import alembic_config
 
-    config = Config()
-    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
-    script = ScriptDirectory.from_config(config)
+    script = ScriptDirectory.from_config(alembic_config())
     if revision not in {None, *(each.revision for each in script.walk_revisions())}:
         return Finding(
             _SECTION,

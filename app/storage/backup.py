@@ -10,13 +10,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from alembic.runtime.migration import MigrationContext
-from sqlalchemy import Engine
-from sqlalchemy.exc import SQLAlchemyError
 
 from app.storage.bundle import BackupError, Manifest, bundle_writer
 from app.storage.copying import copy_tables
-from app.storage.engines import database_url, make_engine
-from app.storage.errors import StorageError, storage_error
+from app.storage.engines import database_url, open_engine
+from app.storage.errors import StorageError, translated
 from app.storage.folder import RINGS, TRUTHS
 from app.storage.integrity import copy_database, damage
 from app.storage.records import utc_now
@@ -56,7 +54,7 @@ def write_backup(
     """
     with _snapshot(location, target.parent) as snapshot, bundle_writer(target) as bundle:
         files = {DATABASE: snapshot, **_files(data, recordings)}
-        total = sum(size_of(file) for file in files.values())
+        total = sum(_size_of(file) for file in files.values())
         done = 0
         for name, file in files.items():
             try:
@@ -89,14 +87,9 @@ def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
         if url.get_backend_name() == "sqlite":
             _copy_file(Path(str(url.database)), snapshot)
         else:
-            engine = make_engine(url, _BUSY_S)
-            try:
+            where = url.render_as_string(hide_password=True)
+            with open_engine(url, _BUSY_S) as engine, translated(where):
                 copy_tables(engine, snapshot)
-            except SQLAlchemyError as error:
-                where = url.render_as_string(hide_password=True)
-                raise storage_error(getattr(error, "orig", None) or error, where) from error
-            finally:
-                engine.dispose()
         if not _revision(snapshot):
             raise BackupError("the database is not one of dynamic-observer; nothing to back up")
         yield snapshot
@@ -116,7 +109,7 @@ def _copy_file(file: Path, snapshot: Path) -> None:
     copy_database(file, snapshot)
 
 
-def size_of(file: Path) -> int:
+def _size_of(file: Path) -> int:
     """Return the size in bytes; 0 if the file is gone."""
     try:
         return file.stat().st_size
@@ -125,12 +118,8 @@ def size_of(file: Path) -> int:
 
 
 def _revision(snapshot: Path) -> str:
-    engine: Engine = make_engine(database_url(snapshot), _BUSY_S)
-    try:
-        with engine.connect() as connection:
-            return MigrationContext.configure(connection).get_current_revision() or ""
-    finally:
-        engine.dispose()
+    with open_engine(snapshot, _BUSY_S) as engine, engine.connect() as connection:
+        return MigrationContext.configure(connection).get_current_revision() or ""
 
 
 def _files(data: Path, recordings: bool) -> dict[str, Path]:

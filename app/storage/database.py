@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 
 from app.storage.engines import database_url, make_engine, use_write_ahead_log
 from app.storage.errors import StorageBusy, StorageError, storage_error
-from app.storage.folder import DataFolder, DiskUse
+from app.storage.folder import DataFolder
 from app.storage.integrity import move_aside_if_damaged
 from app.storage.migration import upgrade
 
@@ -111,10 +111,6 @@ class Database:
 
     def __exit__(self, *_: object) -> None:
         self.close()
-
-    def disk_use(self) -> DiskUse:
-        """Return the disk space of all data, except a server's database."""
-        return self.folder.disk_use(self.file)
 
     @contextmanager
     def _reading(self) -> Iterator[Session]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.storage.database import Database
@@ -22,10 +21,6 @@ class SettingTables(Database):
         """Store a JSON value (finite numbers only); ``None`` deletes the key."""
         with self._writing() as session:
             write_setting(session, key, value)
-
-    def list_settings(self) -> dict[str, Any]:
-        with self._reading() as session:
-            return dict(sorted((row.key, row.value) for row in session.scalars(select(Setting))))
 
 
 def read_setting(session: Session, key: str, default: Any = None) -> Any:
