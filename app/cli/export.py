@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from app.cli.progress import progress_bar
-from app.cli.storage_options import DataOption, storage_settings
+from app.cli.run_choice import RunArgument
+from app.cli.storage_options import DataOption, chosen_settings
 from observer.errors import InputError
 
 if TYPE_CHECKING:
@@ -19,10 +20,7 @@ _ENDINGS = (".csv", ".parquet", ".mp4", ".ply", ".zip")
 
 
 def export(
-    run: Annotated[
-        str,
-        typer.Argument(help="Id of a run or its beginning, its folder, or a recording's file."),
-    ],
+    run: RunArgument,
     output: Annotated[
         Path,
         typer.Option(
@@ -68,8 +66,7 @@ def export(
         raise InputError(
             f"the ending of {output.name} says nothing; use {', '.join(_ENDINGS)}, or --ros2"
         )
-    folder = storage_settings(data, None).data.expanduser().absolute()
-    path = find_recording(run, folder)
+    path = find_recording(run, chosen_settings(data=data).data)
     with (
         whole_output(output, overwrite=overwrite) as part,
         Recording(path) as recording,

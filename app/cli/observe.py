@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
-from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import IO, Annotated, Literal
 
@@ -94,7 +93,7 @@ def observe(
             record=record, images=record_images, video=video,
         )  # fmt: skip
         with (
-            _writer(output) as file,
+            nullcontext(sys.stdout) if output is None else whole_file(output) as file,
             keeper as kept,
             progress_bar(f"observing {source}") as progress,
         ):
@@ -165,12 +164,3 @@ def _told(trouble: str | None, before: str | None) -> str | None:
     if trouble is not None and trouble != before:
         typer.echo(trouble, err=True)
     return trouble
-
-
-@contextlib.contextmanager
-def _writer(path: Path | None) -> Iterator[IO[str]]:
-    if path is None:
-        yield sys.stdout
-        return
-    with whole_file(path) as file:
-        yield file

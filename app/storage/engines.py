@@ -39,7 +39,7 @@ def database_url(location: str | Path) -> URL:
         if url.drivername in _POSTGRESQL:
             url = url.set(drivername="postgresql+psycopg")
         url.get_dialect().import_dbapi()
-    except ArgumentError as error:
+    except (ArgumentError, ValueError) as error:
         raise StorageError(
             "the database URL is not understood; it looks like sqlite:////folder/file.sqlite or "
             "postgresql://user:password@host/database"
