@@ -40,7 +40,7 @@ def report(
     from app.reports.whole_files import write_file
 
     with progress_bar("report") as progress:
-        made = make_report(path, comparison=comparison, progress=progress)
+        made = make_report(path, progress, comparison=comparison)
     with progress_bar("observing as published") as progress:
         if published:
             made = beside_published(made, path, progress, comparison)

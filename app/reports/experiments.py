@@ -26,12 +26,10 @@ class Experiment:
     """Stretch of a run that is an experiment.
 
     Attributes:
-        name: for files.
         title: for people.
         began, ended: host's monotonic clock, seconds.
     """
 
-    name: str
     title: str
     began: float
     ended: float

@@ -159,28 +159,20 @@ def _true_motions(
     names = {b.name: None for p in samples for b in p.bodies if b.role == _OBSTACLE}
     motions = []
     for name in names:
-        times: list[float] = []
-        speeds: list[float] = []
-        directions: list[str] = []
-        ways: list[str] = []
-        in_sight: list[bool] = []
+        rows: list[tuple[float, float, str, str, bool]] = []
         for payload in samples:
-            if times and payload.time <= times[-1]:
+            if rows and payload.time <= rows[-1][0]:
                 continue
             body = next((b for b in payload.bodies if b.name == name), None)
-            times.append(payload.time)
-            speeds.append(np.nan if body is None else body.speed)
+            speed = np.nan if body is None else body.speed
             direction, way = _directions(body, poses[payload.frame])
-            directions.append(direction)
-            ways.append(way)
-            visible = None if body is None else body.visible
-            in_sight.append(body is not None and (visible is None or visible >= _VISIBLE_SHARE))
-        motions.append(
-            TrueMotion(
-                name, np.array(times), np.array(speeds), tuple(directions), tuple(ways),
-                np.array(in_sight, dtype=np.bool_),
-            )
-        )  # fmt: skip
+            in_sight = body is not None and (body.visible is None or body.visible >= _VISIBLE_SHARE)
+            rows.append((payload.time, speed, direction, way, in_sight))
+        times, speeds, directions, ways, seen = zip(*rows, strict=True)
+        motion = TrueMotion(
+            name, np.array(times), np.array(speeds), directions, ways, np.array(seen)
+        )
+        motions.append(motion)
     return tuple(motions)
 
 

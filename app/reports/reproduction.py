@@ -119,7 +119,7 @@ def reproduction_report(played: Played, published: Gathered, progress: Step) -> 
     Raises:
         SourceError: it is no recording, or holds no images.
     """
-    report = make_report(played.recording, progress=progress)
+    report = make_report(played.recording, progress)
     methods = ((report.gathered, "rigid, as in the run"), (published, "affine, as published"))
     found = tuple(
         judged(played.recording, gathered, experiment, method)
@@ -185,7 +185,7 @@ def _driven(
                     raise
                 tries.ended(error)
                 continue
-            experiments.append(Experiment(programme.name, programme.title, began, time.monotonic()))
+            experiments.append(Experiment(programme.title, began, time.monotonic()))
             left.pop(0)
             time.sleep(_REST_S)
     return tuple(experiments)

@@ -17,6 +17,7 @@ from sqlalchemy import Connection, inspect, text
 from app.storage.backup import DATABASE, FILES, FOLDERS, Progress
 from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
 from app.storage.copying import copy_tables, replace_tables
+from app.storage.database import Database
 from app.storage.engines import APPLICATION, database_url, open_engine
 from app.storage.errors import StorageError, translated
 from app.storage.folder import RINGS, DataFolder
@@ -74,11 +75,9 @@ class _Place:
     """Target of a restoration: a data folder, and a database in it or elsewhere."""
 
     def __init__(self, data: Path, location: str | Path) -> None:
-        self.data = data
+        database = Database(location, folder=data)
+        self.data, self.where, self._file = data, database.where, database.file
         self._url = database_url(location)
-        is_file = self._url.get_backend_name() == "sqlite"
-        self._file = Path(str(self._url.database)) if is_file else None
-        self.where = str(self._file or self._url.render_as_string(hide_password=True))
 
     def check(self, replace: bool) -> None:
         """Refuse a target in use, and one with data unless it may be replaced."""

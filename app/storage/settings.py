@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from sqlalchemy import delete
 from sqlalchemy.orm import Session
 
 from app.storage.database import Database
@@ -30,11 +31,7 @@ def read_setting(session: Session, key: str, default: Any = None) -> Any:
 
 def write_setting(session: Session, key: str, value: Any) -> None:
     """Write within a caller's transaction, so that it is committed together with other changes."""
-    row = session.get(Setting, key)
     if value is None:
-        if row is not None:
-            session.delete(row)
-    elif row is None:
-        session.add(Setting(key=key, value=value))
+        session.execute(delete(Setting).where(Setting.key == key))
     else:
-        row.value = value
+        session.merge(Setting(key=key, value=value))
