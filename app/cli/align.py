@@ -84,9 +84,7 @@ def align(
 
     T_body_camera = body_camera(camera_on_body)
     path = find_recording(run, chosen_settings(data=data).data)
-    file = None
-    if truth is not None:
-        file = TruthFile(truth, name or truth.name, rate, angles)
+    file = None if truth is None else TruthFile(truth, name or truth.name, rate, angles)
     with Recording(path) as recording:
         if file is not None and not file.needs_alignment:
             comparison = Comparison(None, file)

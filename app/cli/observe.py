@@ -143,7 +143,10 @@ def _observe_all(
             kept.skipped(frame)
             continue
         if isinstance(frame, NoFrame):
-            trouble = _told(frame.trouble, trouble)
+            # Told once as long as it stays the same.
+            if frame.trouble not in (None, trouble):
+                typer.echo(frame.trouble, err=True)
+            trouble = frame.trouble
             kept.waited()
             continue
         kept.frame(frame)
@@ -157,10 +160,3 @@ def _observe_all(
         reasons = f": {skipped[0].reason}" if skipped else ""
         raise InputError(f"{source.info.spec} has no frame that could be read{reasons}")
     return skipped
-
-
-def _told(trouble: str | None, before: str | None) -> str | None:
-    """Print a live source's trouble to stderr, once as long as it stays the same."""
-    if trouble is not None and trouble != before:
-        typer.echo(trouble, err=True)
-    return trouble

@@ -144,10 +144,10 @@ def seen_motions(
                 (line["time"], entry["velocity_time"], entry["speed"],
                  np.nan if std is None else std)
             )  # fmt: skip
-    motions = []
-    for (track, body), found in rows.items():
-        table = np.array(found, dtype=np.float64)
-        motions.append(SeenMotion(track, body, *table.T))
+    motions = [
+        SeenMotion(track, body, *np.array(found, dtype=np.float64).T)
+        for (track, body), found in rows.items()
+    ]
     return tuple(m for m in motions if m.body), tuple(m for m in motions if not m.body)
 
 
@@ -227,8 +227,4 @@ def _commanded_of_truth(matched: Iterable[MatchedTruth]) -> tuple[Curve, ...]:
         for body in payload.bodies:
             if body.role == _OBSTACLE and body.commanded_speed is not None:
                 rows[body.name].append((payload.time, abs(body.commanded_speed)))
-    curves = []
-    for name, found in rows.items():
-        times, speeds = np.array(found).T
-        curves.append(Curve(f"{name} as commanded", times, speeds))
-    return tuple(curves)
+    return tuple(Curve(f"{name} as commanded", *np.array(found).T) for name, found in rows.items())

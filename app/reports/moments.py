@@ -100,10 +100,9 @@ class Moments:
     def __init__(self, source: RecordingSource, gathered: Gathered) -> None:
         self._source = source
         self._lines = {line["frame"]: line for line in gathered.lines}
-        places = enumerate(source.recording.frames)
         # Frames with something moving, and the significance of its motion.
         self._moving: list[tuple[int, float]] = []
-        for position, frame in places:
+        for position, frame in enumerate(source.recording.frames):
             line = self._lines.get(frame.index)
             best = None if line is None or position == 0 else most_significant(line)
             if best is not None:

@@ -132,7 +132,7 @@ def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64
     turned = obstacle["orientation_wxyz"] or (1.0, 0.0, 0.0, 0.0)
     T_world_box = Pose.from_quaternion(turned, obstacle["position"])
     corners = T_world_box.apply(CORNERS * np.array(obstacle["size"]) / 2)
-    return np.asarray(T_camera_world.apply(corners))
+    return T_camera_world.apply(corners)
 
 
 def _current_dynamic(moment: Moment) -> Float64Array:
@@ -142,7 +142,8 @@ def _current_dynamic(moment: Moment) -> Float64Array:
         px, dynamic = evidence.px, evidence.dynamic
     else:
         px, dynamic = moment.trace["flow_px"], moment.trace["dynamic"]
-    return np.asarray(px, np.float64)[np.asarray(dynamic)]
+    found: Float64Array = np.asarray(px, np.float64)[np.asarray(dynamic)]
+    return found
 
 
 def _stars(axes: Axes, px: Float64Array) -> None:

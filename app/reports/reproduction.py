@@ -15,7 +15,6 @@ import urllib.request
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from app.client.errors import DrivingFailed
 from app.client.operator_socket import OperatorSocket
@@ -173,7 +172,7 @@ def _driven(
             request = PlayRequest(
                 programme.name, programme.roles, duration_s(programme), 1, False, False
             )
-            drive = ProfileDrive(api, request, _unwatched)
+            drive = ProfileDrive(api, request, lambda *_: None)
             # The server's processes use the same monotonic clock as this one.
             began = time.monotonic()
             try:
@@ -207,10 +206,6 @@ def _wait_for_calm(api: ServerApi) -> None:
         if age is None or age > _CALM_SHARE * SIGHT_FRESH_S:
             calm_since = now
         time.sleep(_LOOK_S)
-
-
-def _unwatched(playing: dict[str, Any], robots: dict[str, Any]) -> None:
-    del playing, robots
 
 
 def _fetch(server: RunningServer, run_id: str, path: Path) -> None:

@@ -6,7 +6,6 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 from alembic.runtime.migration import MigrationContext
@@ -64,8 +63,8 @@ def write_backup(
                 continue
             if progress is not None:
                 progress(done, total)
-        manifest = Manifest(utc_now(), application, _revision(snapshot), recordings)
-        manifest = replace(manifest, files=bundle.files)
+        revision = _revision(snapshot)
+        manifest = Manifest(utc_now(), application, revision, recordings, bundle.files)
         bundle.finish(manifest)
     return manifest
 

@@ -98,7 +98,7 @@ class BundleWriter:
             self._archive.addfile(member, stream)
         if stream.left:
             raise OSError(0, "a file became shorter while it was copied")
-        return Entry(size, stream.sha256())
+        return Entry(size, stream.hash.hexdigest())
 
 
 @contextmanager
@@ -135,17 +135,14 @@ class _Counted:
     def __init__(self, stream: IO[bytes], size: int) -> None:
         self._stream = stream
         self.left = size
-        self._hash = hashlib.sha256()
+        self.hash = hashlib.sha256()
 
     def read(self, size: int = -1) -> bytes:
         wanted = self.left if size < 0 else min(size, self.left)
         chunk = self._stream.read(wanted)
         self.left -= len(chunk)
-        self._hash.update(chunk)
+        self.hash.update(chunk)
         return chunk
-
-    def sha256(self) -> str:
-        return self._hash.hexdigest()
 
 
 class Bundle:
@@ -175,7 +172,7 @@ class Bundle:
                 whole = stream.left == 0 and not source.read(1)
         except _BROKEN as error:
             raise self._broken(f"{name} cannot be read") from error
-        if not whole or stream.sha256() != entry.sha256:
+        if not whole or stream.hash.hexdigest() != entry.sha256:
             raise self._broken(f"{name} is not as it was written")
 
     def _names(self) -> list[str]:

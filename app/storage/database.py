@@ -159,14 +159,10 @@ class Database:
             ) from error
         moved = move_aside_if_damaged(file, self._busy_timeout_s)
         if moved is not None:
+            kept_as, reason = moved
             sentence = (
-                f"the database {file} was damaged ({moved.reason}); "
-                f"it is kept as {moved.kept_as} and a new one was begun"
+                f"the database {file} was damaged ({reason}); "
+                f"it is kept as {kept_as} and a new one was begun"
             )
-            log.warning(
-                "database_moved_aside",
-                file=str(file),
-                kept_as=str(moved.kept_as),
-                reason=moved.reason,
-            )
+            log.warning("database_moved_aside", file=str(file), kept_as=str(kept_as), reason=reason)
             self.warnings = (*self.warnings, sentence)

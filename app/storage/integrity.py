@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import closing
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,14 +13,11 @@ from app.storage.errors import StorageBusy, StorageCorrupt, StorageError, storag
 _COMPANIONS = ("", "-wal", "-shm")
 
 
-@dataclass(frozen=True)
-class MovedAside:
-    kept_as: Path
-    reason: str
-
-
-def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
+def move_aside_if_damaged(file: Path, timeout_s: float) -> tuple[Path, str] | None:
     """Check the file; if it is damaged, rename it (and its log) beside itself.
+
+    Returns:
+        Its new path and the reason; None if it is sound or not there.
 
     Raises:
         StorageBusy: another program holds it, so that its state is unknown.
@@ -40,7 +36,7 @@ def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
             f"the database {file} is damaged and cannot be moved aside ({error.strerror}); "
             "move it away by hand"
         ) from error
-    return MovedAside(kept_as, reason)
+    return kept_as, reason
 
 
 def name_beside(file: Path, why: str) -> Path:

@@ -24,7 +24,10 @@ _NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())
 
 
 class RunTables(Database):
-    """Table of runs. A run begins as ``running`` and ends in another state of ``RunState``."""
+    """Table of runs. A run begins as ``running`` and ends in another state of ``RunState``.
+
+    A method that changes a run raises ``StorageMissing`` if there is none.
+    """
 
     def create_run(
         self,
@@ -91,9 +94,6 @@ class RunTables(Database):
 
         Args:
             at: time of the change, as from ``utc_now``; None: now.
-
-        Raises:
-            StorageMissing: there is no such run.
         """
         now = at or utc_now()
         given = {
@@ -129,9 +129,6 @@ class RunTables(Database):
 
         Args:
             tags: all tags, replacing the previous ones; surrounding space is removed.
-
-        Raises:
-            StorageMissing: there is no such run.
         """
         with self._writing() as session:
             row = existing_run(session, run_id)
@@ -160,8 +157,6 @@ class RunTables(Database):
         text: str = "",
         *,
         tags: Iterable[str] = (),
-        since: datetime | None = None,
-        until: datetime | None = None,
         deleted: bool = False,
         limit: int = 50,
         offset: int = 0,
@@ -169,10 +164,9 @@ class RunTables(Database):
         """Return runs, newest first, with every word in name, notes or tags, and with every tag.
 
         Args:
-            since, until: start in this half-open interval; with a time zone.
             deleted: recoverable runs instead of the others.
         """
-        wanted = matching(text, tags, since, until, deleted)
+        wanted = matching(text, tags, deleted)
         query = select(Run).where(wanted).order_by(*_NEWEST_FIRST).limit(limit).offset(offset)
         with self._reading() as session:
             total = session.scalar(select(func.count()).select_from(Run).where(wanted))
@@ -191,11 +185,7 @@ class RunTables(Database):
             return dict(sorted((tag, count) for tag, count in session.execute(query)))
 
     def discard_run(self, run_id: str) -> RunRecord:
-        """Hide a run; ``recover_run`` restores it until it is purged.
-
-        Raises:
-            StorageMissing: there is no such run.
-        """
+        """Hide a run; ``recover_run`` restores it until it is purged."""
         with self._writing() as session:
             row = existing_run(session, run_id)
             row.deleted_at = row.deleted_at or utc_now()

@@ -64,8 +64,9 @@ def test_search_by_words_in_name_notes_and_tags(storage: Storage) -> None:
     assert names(storage, "anders vicon") == ["anders"]
 
 
-def test_search_by_tag_and_day_in_pages(storage: Storage) -> None:
-    made = [begin(storage, str(i), tags=["all", "even" if i % 2 == 0 else "odd"]) for i in range(5)]
+def test_search_by_tag_in_pages(storage: Storage) -> None:
+    for i in range(5):
+        begin(storage, str(i), tags=["all", "even" if i % 2 == 0 else "odd"])
     assert names(storage, tags=["even"]) == ["4", "2", "0"]
     assert names(storage, tags=["even", "all"]) == ["4", "2", "0"]
     assert names(storage, tags=["even", "odd"]) == []
@@ -73,13 +74,6 @@ def test_search_by_tag_and_day_in_pages(storage: Storage) -> None:
     assert storage.run_tags() == {"all": 5, "even": 3, "odd": 2}
     page = storage.find_runs(tags=["all"], limit=2, offset=1)
     assert ([run.name for run in page.runs], page.total) == (["3", "2"], 5)
-    at = datetime.fromisoformat(made[2].started_at)
-    assert names(storage, since=at) == ["4", "3", "2"]
-    assert names(storage, until=at) == ["1", "0"]
-    far = timedelta(hours=5)
-    assert names(storage, since=(at + far).astimezone(), until=at + 2 * far) == []
-    with pytest.raises(ValueError, match="needs its zone"):
-        storage.find_runs(since=datetime(2026, 1, 1))  # noqa: DTZ001
 
 
 def test_annotations_are_no_sign_of_life(storage: Storage, run: RunRecord) -> None:
