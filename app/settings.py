@@ -75,6 +75,11 @@ class Settings(BaseSettings):
     ring_at_guard_stops: bool = True
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
 
+    @field_validator("data")
+    @classmethod
+    def _whole_path(cls, value: Path) -> Path:
+        return value.expanduser().absolute()
+
     @field_validator("truth")
     @classmethod
     def _live_truth(cls, value: str | None) -> str | None:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from app.cli.run_choice import RunArgument
-from app.cli.storage_options import DataOption, storage_settings
+from app.cli.storage_options import DataOption, chosen_settings
 from app.cli.truth_options import (
     AnglesOption,
     CameraOnBodyOption,
@@ -83,10 +83,8 @@ def align(
     from observer.truth.alignment.observed import ObservedRun
 
     T_body_camera = body_camera(camera_on_body)
-    path = find_recording(run, storage_settings(data, None).data.expanduser().absolute())
-    file = None
-    if truth is not None:
-        file = TruthFile(truth, name or truth.name, rate, angles)
+    path = find_recording(run, chosen_settings(data=data).data)
+    file = None if truth is None else TruthFile(truth, name or truth.name, rate, angles)
     with Recording(path) as recording:
         if file is not None and not file.needs_alignment:
             comparison = Comparison(None, file)

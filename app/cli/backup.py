@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from app.cli.progress import progress_bar
-from app.cli.storage_options import DatabaseOption, DataOption, storage_settings
+from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 
 def backup(
@@ -24,11 +24,11 @@ def backup(
     from app.storage.backup import write_backup
     from observer.version import library_version
 
-    settings = storage_settings(data, database)
+    settings = chosen_settings(data=data, database=database)
     with progress_bar("Backup") as progress:
         manifest = write_backup(
             file,
-            settings.data.expanduser().absolute(),
+            settings.data,
             settings.database_location,
             recordings=recordings,
             application=library_version(),

@@ -12,7 +12,7 @@ import typer
 from app.cli.progress import progress_bar
 from app.cli.results import JsonOption, make_folder, tell, tell_measured
 from observer.errors import InputError
-from observer.evaluation.benchmark import DEFAULT_MAX_FRAMES, Progress, run_benchmark
+from observer.evaluation.benchmark import DEFAULT_MAX_FRAMES, run_benchmark
 from observer.evaluation.breakdown import LAB, ROAD
 from observer.evaluation.calibration_accuracy import (
     CalibrationAccuracy,
@@ -98,19 +98,16 @@ def benchmark(
         )
         return
     figures_to = _figure_paths(figure, output)
-    sources = [source] if source else list(simulated_sources(_benchmark_scenarios(), drawn))
+    scenarios = [name for name in scenario_names() if load_scenario(name).benchmark]
+    sources = [source] if source else list(simulated_sources(scenarios, drawn))
     with progress_bar("observing") as progress:
-
-        def report(at: Progress) -> None:
-            progress(at.done, at.total)
-
         method = run_benchmark(
             sources,
             {name: preset(name) for name in preset_names()},
             max_frames=frames,
             scale=ROAD if road else LAB,
             jobs=jobs,
-            progress=report,
+            progress=lambda at: progress(at.done, at.total),
         )
     shown_seeds = None if source else drawn
     lines = [machine_line()]
@@ -158,7 +155,3 @@ def _calibrations_as_dict(runs: tuple[CalibrationAccuracy, ...]) -> dict[str, An
         "seeds": [asdict(run) for run in runs],
         "targets": {name: [each.as_dict() for each in some] for name, some in targets.items()},
     }
-
-
-def _benchmark_scenarios() -> list[str]:
-    return [name for name in scenario_names() if load_scenario(name).benchmark]

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from pydantic import ValidationError
 from rich.console import Console
 
-from app.cli.storage_options import DatabaseOption, DataOption
+from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 from app.settings import Settings
+from observer.errors import InputError
 
 _EXIT_HINDERED = 1
 
@@ -28,20 +27,14 @@ def doctor(
     from app.doctor.telling import tell
     from observer.machine import Machine
 
-    examination = examine(_settings(data, database), Machine())
+    settings: Settings | str
+    try:
+        settings = chosen_settings(data=data, database=database)
+    except InputError as error:
+        settings = str(error)
+    examination = examine(settings, Machine())
     if as_json:
         typer.echo(json.dumps(examination.as_json(), indent=2, allow_nan=False))
     else:
         tell(examination, Console())
     raise typer.Exit(_EXIT_HINDERED if examination.hindered else 0)
-
-
-def _settings(data: Path | None, database: str | None) -> Settings | str:
-    given: dict[str, Any] = {"data": data, "database": database}
-    try:
-        return Settings(**{name: value for name, value in given.items() if value is not None})
-    except ValidationError as error:
-        return "; ".join(
-            ": ".join(filter(None, [".".join(map(str, each["loc"])), each["msg"]]))
-            for each in error.errors()
-        )

@@ -55,9 +55,10 @@ def evaluate(
     """Compare tracks with truth: recall, false obstacles, errors of position and velocity."""
     scale = ROAD if road else LAB
     lines, plain = read_both(tracks)
-    opened = open_truth(
-        truth, plain, _choices(observer, ignore or [], camera_on_body), rate_hz=rate, angles=angles
+    choices = AlignmentChoices(
+        roles=body_roles(observer, ignore or []), T_body_camera=body_camera(camera_on_body)
     )
+    opened = open_truth(truth, plain, choices, rate_hz=rate, angles=angles)
     for sentence in _sentences(opened):
         typer.echo(sentence, err=True)
     counted = tally(lines, opened.truth, scale.gate_m)
@@ -73,14 +74,6 @@ def evaluate(
         typer.echo(json.dumps(figures, indent=2, allow_nan=False))
     else:
         typer.echo(f"{result.markdown()}\n{breakdown_tables({'': classes})}".rstrip())
-
-
-def _choices(
-    observer: str | None, ignored: list[str], camera_on_body: str | None
-) -> AlignmentChoices:
-    return AlignmentChoices(
-        roles=body_roles(observer, ignored), T_body_camera=body_camera(camera_on_body)
-    )
 
 
 def _sentences(opened: OpenedTruth) -> list[str]:

@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from app.cli.progress import progress_bar
-from app.cli.storage_options import DataOption, storage_settings
+from app.cli.progress import ProgressCallback, progress_bar
+from app.cli.run_choice import RunArgument
+from app.cli.storage_options import DataOption, chosen_settings
 from observer.errors import InputError
 
 if TYPE_CHECKING:
     from observer.recording.reader import Recording
 
 _ENDINGS = (".csv", ".parquet", ".mp4", ".ply", ".zip")
+_Tables = Literal["csv", "parquet"]
+_CloudFrame = Literal["world", "camera"]
+_Storage = Literal["sqlite3", "mcap"]
 
 
 def export(
-    run: Annotated[
-        str,
-        typer.Argument(help="Id of a run or its beginning, its folder, or a recording's file."),
-    ],
+    run: RunArgument,
     output: Annotated[
         Path,
         typer.Option(
@@ -38,21 +38,17 @@ def export(
             "or parameters."
         ),
     ] = "obstacles",
-    tables: Annotated[
-        Literal["csv", "parquet"], typer.Option(help="Format of the tables in a .zip.")
-    ] = "csv",
+    tables: Annotated[_Tables, typer.Option(help="Format of the tables in a .zip.")] = "csv",
     frame: Annotated[
         int, typer.Option(min=0, help="Of .ply and .zip: which recorded frame, from 0.")
     ] = 0,
     cloud_frame: Annotated[
-        Literal["world", "camera"], typer.Option(help="What the cloud's points are given in.")
+        _CloudFrame, typer.Option(help="What the cloud's points are given in.")
     ] = "world",
     ros2: Annotated[
         bool, typer.Option("--ros2", help="Write a bag that ros2 bag play takes.")
     ] = False,
-    storage: Annotated[
-        Literal["sqlite3", "mcap"], typer.Option(help="Of the bag's messages.")
-    ] = "sqlite3",
+    storage: Annotated[_Storage, typer.Option(help="Of the bag's messages.")] = "sqlite3",
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace the output where it exists.")
     ] = False,
@@ -68,8 +64,7 @@ def export(
         raise InputError(
             f"the ending of {output.name} says nothing; use {', '.join(_ENDINGS)}, or --ros2"
         )
-    folder = storage_settings(data, None).data.expanduser().absolute()
-    path = find_recording(run, folder)
+    path = find_recording(run, chosen_settings(data=data).data)
     with (
         whole_output(output, overwrite=overwrite) as part,
         Recording(path) as recording,
@@ -89,12 +84,7 @@ def export(
     typer.echo(f"{output}: {told}{unfinished}", err=True)
 
 
-_Progress = Callable[[int, int | None], None]
-
-
-def _bag(
-    recording: Recording, part: Path, storage: Literal["sqlite3", "mcap"], progress: _Progress
-) -> str:
+def _bag(recording: Recording, part: Path, storage: _Storage, progress: ProgressCallback) -> str:
     from observer.exporting.ros2 import write_ros2_bag
 
     counts = write_ros2_bag(recording, part, storage=storage, progress=progress)
@@ -116,16 +106,14 @@ def _table(recording: Recording, part: Path, name: str, ending: str) -> str:
     return f"{count} rows of {len(table.columns)} columns, {table.help}"
 
 
-def _video(recording: Recording, part: Path, progress: _Progress) -> str:
+def _video(recording: Recording, part: Path, progress: ProgressCallback) -> str:
     from observer.exporting.run_video import write_run_video
 
     video = write_run_video(recording, part, progress)
     return f"{video.pictures} pictures as {video.codec}"
 
 
-def _cloud(
-    recording: Recording, part: Path, frame: int, cloud_frame: Literal["world", "camera"]
-) -> str:
+def _cloud(recording: Recording, part: Path, frame: int, cloud_frame: _CloudFrame) -> str:
     from observer.exporting.clouds import cloud_at, write_ply
 
     cloud = cloud_at(recording, frame, cloud_frame)
@@ -137,10 +125,10 @@ def _cloud(
 def _archive(
     recording: Recording,
     part: Path,
-    tables: Literal["csv", "parquet"],
+    tables: _Tables,
     frame: int,
-    cloud_frame: Literal["world", "camera"],
-    progress: _Progress,
+    cloud_frame: _CloudFrame,
+    progress: ProgressCallback,
 ) -> str:
     from observer.exporting.archive import write_archive
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import sys
-from collections.abc import Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import IO, Annotated, Literal
 
@@ -94,7 +93,7 @@ def observe(
             record=record, images=record_images, video=video,
         )  # fmt: skip
         with (
-            _writer(output) as file,
+            nullcontext(sys.stdout) if output is None else whole_file(output) as file,
             keeper as kept,
             progress_bar(f"observing {source}") as progress,
         ):
@@ -144,7 +143,10 @@ def _observe_all(
             kept.skipped(frame)
             continue
         if isinstance(frame, NoFrame):
-            trouble = _told(frame.trouble, trouble)
+            # Told once as long as it stays the same.
+            if frame.trouble not in (None, trouble):
+                typer.echo(frame.trouble, err=True)
+            trouble = frame.trouble
             kept.waited()
             continue
         kept.frame(frame)
@@ -158,19 +160,3 @@ def _observe_all(
         reasons = f": {skipped[0].reason}" if skipped else ""
         raise InputError(f"{source.info.spec} has no frame that could be read{reasons}")
     return skipped
-
-
-def _told(trouble: str | None, before: str | None) -> str | None:
-    """Print a live source's trouble to stderr, once as long as it stays the same."""
-    if trouble is not None and trouble != before:
-        typer.echo(trouble, err=True)
-    return trouble
-
-
-@contextlib.contextmanager
-def _writer(path: Path | None) -> Iterator[IO[str]]:
-    if path is None:
-        yield sys.stdout
-        return
-    with whole_file(path) as file:
-        yield file

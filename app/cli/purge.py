@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from app.cli.storage_options import DatabaseOption, DataOption, storage_settings
+from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 
 def purge(
@@ -23,7 +23,7 @@ def purge(
     """Delete runs and truths for good that were deleted in the history, with their recordings."""
     from app.storage import UNDO, Storage
 
-    settings = storage_settings(data, database)
+    settings = chosen_settings(data=data, database=database)
     with Storage(settings.database_location, folder=settings.data) as storage:
         before = storage.folder.free_bytes()
         gone = storage.purge(UNDO if days is None else timedelta(days=days))

@@ -32,14 +32,15 @@ def report(
     database: DatabaseOption = None,
 ) -> None:
     """Write one self-contained page: figures 9-11 and 13-17, errors, parameters, calibration."""
+    path, comparison = chosen_run(run, compared, data, database)
+    # Imported only now: they bring the plotting code, and there may be no such run.
     from app.reports.experiments import beside_published
     from app.reports.page import report_html
     from app.reports.report import make_report, write_figures
     from app.reports.whole_files import write_file
 
-    path, comparison = chosen_run(run, compared, data, database)
     with progress_bar("report") as progress:
-        made = make_report(path, comparison=comparison, progress=progress)
+        made = make_report(path, progress, comparison=comparison)
     with progress_bar("observing as published") as progress:
         if published:
             made = beside_published(made, path, progress, comparison)

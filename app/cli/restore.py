@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from app.cli.progress import progress_bar
-from app.cli.storage_options import DatabaseOption, DataOption, storage_settings
+from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 
 def restore(
@@ -23,13 +23,12 @@ def restore(
     """Put a backup in place, checked as a whole before anything is touched."""
     from app.storage.restore import restore_backup
 
-    settings = storage_settings(data, database)
-    folder = settings.data.expanduser().absolute()
+    settings = chosen_settings(data=data, database=database)
     with progress_bar("Restore") as progress:
         done = restore_backup(
-            file, folder, settings.database_location, replace=replace, progress=progress
+            file, settings.data, settings.database_location, replace=replace, progress=progress
         )
-    told = f"the backup of {done.manifest.made_at[:19].replace('T', ' ')} UTC is in {folder}"
+    told = f"the backup of {done.manifest.made_at[:19].replace('T', ' ')} UTC is in {settings.data}"
     if done.kept:
         told += f"; what was there is kept as {', '.join(map(str, done.kept))}"
     typer.echo(told, err=True)

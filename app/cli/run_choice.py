@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from app.cli.storage_options import storage_settings
+from app.cli.storage_options import chosen_settings
 from observer.recording.run_folder import find_recording
 
 if TYPE_CHECKING:
@@ -36,14 +36,16 @@ def chosen_run(
         SourceError: there is no such recording. TruthError, InputError: ``compared`` is unusable.
         StorageError: the database cannot be read.
     """
+    settings = chosen_settings(data=data, database=database)
+    path = find_recording(run, settings.data)
+    # Imported only now: what is imported here takes longer than to say that there is no such run.
     from app.reports.comparison import Comparison
 
-    if compared is not None or Path(run).exists():
+    if compared is not None:
+        return path, Comparison.read(compared)
+    if Path(run).exists():
         # A file or folder may come from anywhere, so no database is queried about it.
-        path = find_recording(run, storage_settings(data, database).data.expanduser().absolute())
-        return path, None if compared is None else Comparison.read(compared)
-    settings = storage_settings(data, database)
-    path = find_recording(run, settings.data.expanduser().absolute())
+        return path, None
     from app.storage import Storage
     from app.storage.comparison import kept_comparison
 

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from pydantic import ValidationError
 
-from app.cli.storage_options import DatabaseOption, DataOption
-from app.settings import Settings
-from observer.errors import InputError
+from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 
 def serve(
@@ -40,24 +37,16 @@ def serve(
     """Serve the panel; prints the link to open."""
     from app.http.run_server import run
 
-    given: dict[str, Any] = {
-        "source": source,
-        "host": host,
-        "port": port,
-        "data": data,
-        "database": database,
-        "truth": truth,
-        "token_file": token_file,
-        "allowed_hosts": tuple(allowed_host) if allowed_host else None,
-        "tls_cert": tls_cert,
-        "tls_key": tls_key,
-    }
-    try:
-        settings = Settings(**{name: value for name, value in given.items() if value is not None})
-    except ValidationError as error:
-        problems = "; ".join(
-            f"--{'.'.join(str(part) for part in detail['loc']).replace('_', '-')}: {detail['msg']}"
-            for detail in error.errors()
-        )
-        raise InputError(problems) from None
+    settings = chosen_settings(
+        source=source,
+        host=host,
+        port=port,
+        data=data,
+        database=database,
+        truth=truth,
+        token_file=token_file,
+        allowed_hosts=tuple(allowed_host) if allowed_host else None,
+        tls_cert=tls_cert,
+        tls_key=tls_key,
+    )
     raise typer.Exit(run(settings))

@@ -1,4 +1,4 @@
-"""Options for the data folder and the database of a command."""
+"""Options for the data folder and the database of a command, and the settings of all options."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 import typer
 from pydantic import ValidationError
+from pydantic_core import ErrorDetails
 
 from app.settings import Settings
 from observer.errors import InputError
@@ -21,14 +22,19 @@ DatabaseOption = Annotated[
 ]
 
 
-def storage_settings(data: Path | None, database: str | None) -> Settings:
-    """Return the settings: given values first, then the environment, then the defaults.
+def chosen_settings(**given: Any) -> Settings:
+    """Return the settings: values other than None first, then the environment, then the defaults.
 
     Raises:
-        InputError: a value is not understood.
+        InputError: a value is not understood; the sentence names its option.
     """
-    given: dict[str, Any] = {"data": data, "database": database}
     try:
         return Settings(**{name: value for name, value in given.items() if value is not None})
     except ValidationError as error:
-        raise InputError("; ".join(each["msg"] for each in error.errors())) from None
+        raise InputError("; ".join(map(_problem, error.errors()))) from None
+
+
+def _problem(error: ErrorDetails) -> str:
+    option = ".".join(map(str, error["loc"])).replace("_", "-")
+    # What concerns several options has no place.
+    return f"--{option}: {error['msg']}" if option else error["msg"]

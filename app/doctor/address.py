@@ -7,10 +7,10 @@ import http.client
 import json
 import socket
 
-from app.doctor.finding import Finding
+from app.doctor.finding import Finding, Section
 from app.settings import Settings
 
-_SECTION = "Address"
+_SECTION = Section("Address")
 _WAIT_S = 1.0
 # Reply of /healthz.
 _HEALTHY = {"status": "ok"}
@@ -24,11 +24,9 @@ def examine_address(settings: Settings) -> Finding:
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
     except socket.gaierror as error:
-        return Finding(
-            _SECTION,
-            "problem",
+        return _SECTION.problem(
             f"there is no address {settings.host} to listen on ({error.strerror}); choose another "
-            f"one with --host",
+            f"one with --host"
         )
     with socket.socket(family, kind, protocol) as probe:
         # Same as the server: ports of connections that just closed count as free.
@@ -37,7 +35,7 @@ def examine_address(settings: Settings) -> Finding:
             probe.bind(address)
         except OSError as error:
             return _taken(where, settings, error)
-    return Finding(_SECTION, "ok", f"{where} is free")
+    return _SECTION.ok(f"{where} is free")
 
 
 def _taken(where: str, settings: Settings, error: OSError) -> Finding:
@@ -49,11 +47,9 @@ def _taken(where: str, settings: Settings, error: OSError) -> Finding:
             )
         else:
             text = f"{where} is in use by another program; choose another port with --port"
-        return Finding(_SECTION, "problem", text)
-    return Finding(
-        _SECTION,
-        "problem",
-        f"{where} cannot be used ({error.strerror}); choose another one with --host or --port",
+        return _SECTION.problem(text)
+    return _SECTION.problem(
+        f"{where} cannot be used ({error.strerror}); choose another one with --host or --port"
     )
 
 

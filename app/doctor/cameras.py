@@ -6,14 +6,14 @@ import sys
 from collections.abc import Iterator, Sequence
 from itertools import groupby
 
-from app.doctor.finding import Finding, Level
+from app.doctor.finding import Finding, Section
 from observer.machine import Machine
 from observer.sources.cameras.device_files import text_in
 from observer.sources.cameras.devices import CameraDevice, list_devices, shared_bus_hints
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.modes import CameraMode
 
-_SECTION = "Cameras"
+_SECTION = Section("Cameras")
 _CONTAINER = "in a container hand it in with --device /dev/video0 --group-add video"
 _USB_VIDEO_CLASS = "0e"
 _SIZES_SHOWN = 4
@@ -29,7 +29,7 @@ def examine_cameras(machine: Machine) -> tuple[list[Finding], tuple[CameraDevice
     """Return the findings, and the devices that they are about."""
     if sys.platform != "linux":
         text = "cameras are listed on Linux only; network cameras and files work everywhere"
-        return [Finding(_SECTION, "warning", text)], ()
+        return [_SECTION.warning(text)], ()
     devices = list_devices(machine.root, machine.access, machine.user)
     return list(_findings(machine, devices)), devices
 
@@ -45,13 +45,13 @@ def _findings(machine: Machine, devices: Sequence[CameraDevice]) -> Iterator[Fin
             device.path + ("" if device.use == "unknown" else f" ({device.use})")
             for device in further
         )
-        yield Finding(_SECTION, "ok", f"further nodes, which are no cameras: {listed}")
+        yield _SECTION.ok(f"further nodes, which are no cameras: {listed}")
     hints = shared_bus_hints(devices)
     for hint in hints:
-        yield Finding(_SECTION, "warning", hint)
+        yield _SECTION.warning(hint)
     usable = [device for device in main if device.trouble is None]
     if len(usable) > 1:
-        yield Finding(_SECTION, "ok", _as_a_pair(usable[0], usable[1], compressed=bool(hints)))
+        yield _SECTION.ok(_as_a_pair(usable[0], usable[1], compressed=bool(hints)))
 
 
 def _as_a_pair(left: CameraDevice, right: CameraDevice, *, compressed: bool) -> str:
@@ -83,13 +83,11 @@ def _main_nodes(
 
 def _no_cameras(machine: Machine) -> Finding:
     if _usb_camera_connected(machine):
-        return Finding(
-            _SECTION,
-            "warning",
+        return _SECTION.warning(
             f"a USB camera is connected but has no /dev/video*: load its driver with sudo "
-            f"modprobe uvcvideo; {_CONTAINER}",
+            f"modprobe uvcvideo; {_CONTAINER}"
         )
-    return Finding(_SECTION, "ok", f"no camera is connected; {_CONTAINER}")
+    return _SECTION.ok(f"no camera is connected; {_CONTAINER}")
 
 
 def _usb_camera_connected(machine: Machine) -> bool:
@@ -101,11 +99,11 @@ def _camera(device: CameraDevice) -> Finding:
     name = device.card or "a device"
     details = tuple(_details(device))
     if device.trouble is None:
-        return Finding(_SECTION, "ok", f"{name} ({device.path})", details)
+        return _SECTION.ok(f"{name} ({device.path})", details)
     # Another program may close the device (and may be our own server); other faults prevent its
     # use.
-    level: Level = "warning" if device.modes else "problem"
-    return Finding(_SECTION, level, f"{name}: {device.trouble}", details)
+    finding = _SECTION.warning if device.modes else _SECTION.problem
+    return finding(f"{name}: {device.trouble}", details)
 
 
 def _details(device: CameraDevice) -> Iterator[str]:

@@ -10,13 +10,13 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from app.doctor.finding import Finding
+from app.doctor.finding import Finding, Section
 from app.settings import Settings
 
 if TYPE_CHECKING:
     from sqlalchemy import URL
 
-_SECTION = "Data"
+_SECTION = Section("Data")
 _ELSEWHERE = "choose another folder with --data"
 _MEGABYTE = 1_000_000
 # A run of an hour takes some ten megabytes.
@@ -27,53 +27,39 @@ _WAIT_S = 2.0
 
 def examine_data(settings: Settings) -> Iterator[Finding]:
     """Check the folder, its free space and the database."""
-    folder = settings.data.expanduser().absolute()
-    found = list(_folder(folder))
+    found = list(_folder(settings.data))
     yield from found
     if settings.database is None:
         if all(finding.level != "problem" for finding in found):
-            yield _sqlite(folder / "observer.sqlite")
+            yield _sqlite(settings.data / "observer.sqlite")
         return
-    url = _url(settings.database)
-    if url is None:
-        yield Finding(
-            _SECTION,
-            "problem",
-            "the database URL is not understood; it looks like sqlite:////folder/file.sqlite or "
-            "postgresql://user:password@host/database",
-        )
-    elif url.get_backend_name() == "sqlite":
-        yield _sqlite(Path(url.database or "").absolute())
-    else:
-        yield _server(settings.database)
-
-
-def _url(text: str) -> URL | None:
-    """Return the database's URL; None if it cannot be one of ours."""
     # Imported here and below: the database packages take as long to import as all the rest.
-    from sqlalchemy import make_url
-    from sqlalchemy.exc import ArgumentError
+    from app.storage.engines import database_url
+    from app.storage.errors import StorageError
 
     try:
-        url = make_url(text)
-    except ArgumentError:
-        return None
-    is_in_memory = url.get_backend_name() == "sqlite" and url.database in (None, "", ":memory:")
-    return None if is_in_memory else url
+        url = database_url(settings.database)
+    except StorageError as error:
+        yield _SECTION.problem(str(error))
+        return
+    if url.get_backend_name() == "sqlite":
+        yield _sqlite(Path(str(url.database)).absolute())
+    else:
+        yield _server(url)
 
 
 def _folder(folder: Path) -> Iterator[Finding]:
     present = _nearest(folder)
     if not present.is_dir():
-        yield Finding(_SECTION, "problem", f"{present} is a file, not a folder; {_ELSEWHERE}")
+        yield _SECTION.problem(f"{present} is a file, not a folder; {_ELSEWHERE}")
         return
     if not os.access(present, os.W_OK | os.X_OK):
-        yield Finding(_SECTION, "problem", _not_writable(folder, exists=present == folder))
+        yield _SECTION.problem(_not_writable(folder, exists=present == folder))
         return
     if present == folder:
-        yield Finding(_SECTION, "ok", f"runs and settings are kept in {folder}")
+        yield _SECTION.ok(f"runs and settings are kept in {folder}")
     else:
-        yield Finding(_SECTION, "ok", f"runs and settings will be kept in {folder} (made at start)")
+        yield _SECTION.ok(f"runs and settings will be kept in {folder} (made at start)")
     yield _space(present, shutil.disk_usage(present).free)
 
 
@@ -98,17 +84,13 @@ def _nearest(folder: Path) -> Path:
 def _space(folder: Path, free: int) -> Finding:
     text = f"{_size(free)} free"
     if free < _NO_SPACE:
-        return Finding(
-            _SECTION,
-            "problem",
+        return _SECTION.problem(
             f"only {text} at {folder}, too little for the database; free some space, or "
-            f"{_ELSEWHERE}",
+            f"{_ELSEWHERE}"
         )
     if free < _LITTLE_SPACE:
-        return Finding(
-            _SECTION, "warning", f"only {text} at {folder}; free some space before long runs"
-        )
-    return Finding(_SECTION, "ok", text)
+        return _SECTION.warning(f"only {text} at {folder}; free some space before long runs")
+    return _SECTION.ok(text)
 
 
 def _size(count: int) -> str:
@@ -119,13 +101,11 @@ def _size(count: int) -> str:
 
 def _sqlite(file: Path) -> Finding:
     if not os.path.lexists(file):
-        return Finding(_SECTION, "ok", "the database will be made at the first start")
+        return _SECTION.ok("the database will be made at the first start")
     if not os.access(file, os.R_OK | os.W_OK):
-        return Finding(
-            _SECTION,
-            "problem",
+        return _SECTION.problem(
             f"the database {file} may not be written by you; {_ELSEWHERE}, or become its owner: "
-            f"sudo chown $USER {file}",
+            f"sudo chown $USER {file}"
         )
     try:
         # Read-only: faults are reported here and repaired by serve, which keeps a copy.
@@ -139,9 +119,7 @@ def _sqlite(file: Path) -> Finding:
     except sqlite3.Error as error:
         return _unreadable(file, error)
     except OSError as error:
-        return Finding(
-            _SECTION, "problem", f"the database {file} cannot be read ({error.strerror})"
-        )
+        return _SECTION.problem(f"the database {file} cannot be read ({error.strerror})")
     if answer != "ok":
         return _moved_aside(file, str(answer))
     return _revision(str(file), row[0] if row else None, bool(tables), f"; {_ELSEWHERE}")
@@ -164,78 +142,55 @@ def _unreadable(file: Path, error: sqlite3.Error) -> Finding:
     if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
         return _moved_aside(file, str(error))
     if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-        return Finding(
-            _SECTION, "problem", f"the database {file} is locked by another program; close it"
-        )
-    return Finding(
-        _SECTION, "problem", f"the database {file} cannot be opened ({error}); {_ELSEWHERE}"
-    )
+        return _SECTION.problem(f"the database {file} is locked by another program; close it")
+    return _SECTION.problem(f"the database {file} cannot be opened ({error}); {_ELSEWHERE}")
 
 
 def _moved_aside(file: Path, reason: str) -> Finding:
     told = " ".join(reason.split())
-    return Finding(
-        _SECTION,
-        "warning",
+    return _SECTION.warning(
         f"the database {file} is damaged ({told}); the next start keeps it under another name and "
-        f"begins a new one: restore your copy before that, if you have one",
+        f"begins a new one: restore your copy before that, if you have one"
     )
 
 
 def _revision(where: str, revision: str | None, has_tables: bool, remedy: str) -> Finding:
     if revision is None and has_tables:
-        return Finding(
-            _SECTION, "problem", f"the database {where} belongs to another program{remedy}"
-        )
-    from alembic.config import Config
+        return _SECTION.problem(f"the database {where} belongs to another program{remedy}")
     from alembic.script import ScriptDirectory
 
-    from app.storage.migration import MIGRATIONS
+    from app.storage.migration import alembic_config
 
-    config = Config()
-    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
-    script = ScriptDirectory.from_config(config)
+    script = ScriptDirectory.from_config(alembic_config())
     if revision not in {None, *(each.revision for each in script.walk_revisions())}:
-        return Finding(
-            _SECTION,
-            "problem",
+        return _SECTION.problem(
             f"the database {where} was written by a newer version of dynamic-observer; upgrade"
-            f"{remedy.replace(';', ', or', 1)}",
+            f"{remedy.replace(';', ', or', 1)}"
         )
     later = "" if revision == script.get_current_head() else " (brought up to date at start)"
-    return Finding(_SECTION, "ok", f"the database opens and is sound{later}")
+    return _SECTION.ok(f"the database opens and is sound{later}")
 
 
-def _server(location: str) -> Finding:
+def _server(url: URL) -> Finding:
     from alembic.runtime.migration import MigrationContext
     from sqlalchemy import inspect
     from sqlalchemy.exc import SQLAlchemyError
 
-    from app.storage.engines import database_url, make_engine
-    from app.storage.errors import StorageError
+    from app.storage.engines import open_engine
 
     other = "; name another one with --database, or leave it out to keep data in a file"
-    try:
-        url = database_url(location)
-    except StorageError as error:
-        return Finding(_SECTION, "problem", str(error))
     shown = url.render_as_string(hide_password=True)
-    engine = make_engine(url, _WAIT_S)
     try:
-        with engine.connect() as connection:
+        with open_engine(url, _WAIT_S) as engine, engine.connect() as connection:
             revision = MigrationContext.configure(connection).get_current_revision()
             tables = inspect(connection).get_table_names()
     except SQLAlchemyError as error:
         why = " ".join(str(getattr(error, "orig", None) or error).split())
-        return Finding(
-            _SECTION,
-            "problem",
+        return _SECTION.problem(
             f"the database {shown} cannot be reached ({why}); see that its server runs, or leave "
-            f"out --database to keep data in a file",
+            f"out --database to keep data in a file"
         )
-    finally:
-        engine.dispose()
     found = _revision(shown, revision, bool(tables), other)
     if found.level != "ok":
         return found
-    return Finding(_SECTION, "ok", f"{found.text}; it is {shown}")
+    return _SECTION.ok(f"{found.text}; it is {shown}")

@@ -8,7 +8,7 @@ from typing import Any
 from app.doctor.address import examine_address
 from app.doctor.cameras import examine_cameras
 from app.doctor.data_folder import examine_data
-from app.doctor.finding import Finding
+from app.doctor.finding import Finding, Section
 from app.doctor.robots import examine_robots
 from app.doctor.serial_ports import examine_serial_ports
 from app.doctor.software import examine_software, program_version
@@ -54,7 +54,7 @@ def examine(settings: Settings | str, machine: Machine) -> Examination:
     robots = examine_robots(settings, machine)
     findings = [*examine_software(), *cameras, *serial, *robots]
     if isinstance(settings, str):
-        findings.append(Finding("Settings", "problem", settings))
+        findings.append(Section("Settings").problem(settings))
     else:
         findings += [*examine_data(settings), examine_address(settings)]
     return Examination(tuple(findings), devices, ports)

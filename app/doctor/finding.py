@@ -1,4 +1,4 @@
-"""A finding of the doctor: one line with its severity."""
+"""Findings of the doctor: one line each, with its severity."""
 
 from __future__ import annotations
 
@@ -24,3 +24,19 @@ class Finding:
     level: Level
     text: str
     details: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Section:
+    """Heading of findings; each method makes one of its level."""
+
+    name: str
+
+    def ok(self, text: str, details: tuple[str, ...] = ()) -> Finding:
+        return Finding(self.name, "ok", text, details)
+
+    def warning(self, text: str, details: tuple[str, ...] = ()) -> Finding:
+        return Finding(self.name, "warning", text, details)
+
+    def problem(self, text: str, details: tuple[str, ...] = ()) -> Finding:
+        return Finding(self.name, "problem", text, details)

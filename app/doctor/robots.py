@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
-from app.doctor.finding import Finding
+from app.doctor.finding import Finding, Section
 from app.drive.priority import permitted_priority
 from app.settings import RIG_FILE, Settings
 from observer.errors import InputError
@@ -15,7 +15,7 @@ from observer.rig.rig_file import read_rig
 from observer.robots.ports import shown_port
 from observer.robots.serial_ports import port_trouble
 
-_SECTION = "Robots"
+_SECTION = Section("Robots")
 _ALLOW_IT = (
     "allow it with the line '$USER - rtprio 1' in a file below /etc/security/limits.d and sign in "
     "again (LimitRTPRIO=1 in a service of systemd, --ulimit rtprio=1 for a container)"
@@ -30,7 +30,7 @@ def examine_robots(settings: Settings | str, machine: Machine) -> Iterator[Findi
     """
     rig = Rig()
     if not isinstance(settings, str):
-        found = _rig(settings.data.expanduser().absolute() / RIG_FILE)
+        found = _rig(settings.data / RIG_FILE)
         if isinstance(found, Finding):
             yield found
         else:
@@ -48,50 +48,41 @@ def _rig(file: Path) -> Rig | Finding:
     except FileNotFoundError:
         return Rig()
     except (InputError, UnicodeDecodeError) as error:
-        return Finding(_SECTION, "warning", f"the rig is unknown: {error}")
+        return _SECTION.warning(f"the rig is unknown: {error}")
     except OSError as error:
         # An unusable data folder is reported under its own heading.
-        return Finding(
-            _SECTION, "warning", f"the rig is unknown: {file} cannot be read ({error.strerror})"
-        )
+        return _SECTION.warning(f"the rig is unknown: {file} cannot be read ({error.strerror})")
 
 
 def _priority(machine: Machine, *, driven: bool) -> Finding:
     permitted = permitted_priority(machine.root)
     if permitted == "realtime":
-        return Finding(_SECTION, "ok", "the drive loop may take real-time priority")
+        return _SECTION.ok("the drive loop may take real-time priority")
     if permitted is None:
-        return Finding(
-            _SECTION,
-            "ok",
+        return _SECTION.ok(
             "whether the drive loop may take real-time priority is not known on this system; "
-            "GET /api/robots tells which one it took",
+            "GET /api/robots tells which one it took"
         )
     instead = (
         "it goes before ordinary programs only"
         if permitted == "raised"
         else "it is late where the machine is busy"
     )
-    return Finding(
-        _SECTION,
-        "warning" if driven else "ok",
-        f"the drive loop may not take real-time priority, so {instead}; {_ALLOW_IT}",
-    )
+    finding = _SECTION.warning if driven else _SECTION.ok
+    return finding(f"the drive loop may not take real-time priority, so {instead}; {_ALLOW_IT}")
 
 
 def _port(role: Role, port: str, machine: Machine) -> Finding:
     shown = shown_port(port)
     if not port.startswith(("/", ".")):
-        return Finding(_SECTION, "ok", f"the {role} is reached at {shown} (not asked here)")
+        return _SECTION.ok(f"the {role} is reached at {shown} (not asked here)")
     file = machine.root / port.removeprefix("/") if port.startswith("/") else Path(port)
     if not file.exists():
-        return Finding(
-            _SECTION,
-            "warning",
+        return _SECTION.warning(
             f"the {role}'s port {shown} does not exist; plug its adapter in, or choose another "
-            f"port under Robots",
+            f"port under Robots"
         )
     trouble = port_trouble(file, shown, machine)
     if trouble is None:
-        return Finding(_SECTION, "ok", f"the {role}'s port {shown} is there")
-    return Finding(_SECTION, "warning", f"the {role}'s port: {trouble}")
+        return _SECTION.ok(f"the {role}'s port {shown} is there")
+    return _SECTION.warning(f"the {role}'s port: {trouble}")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import sys
 
-from app.doctor.finding import Finding
+from app.doctor.finding import Finding, Section
 from observer.machine import Machine
 from observer.robots.serial_ports import SerialPort, find_serial_ports
 
-_SECTION = "Serial ports"
+_SECTION = Section("Serial ports")
 
 
 def examine_serial_ports(machine: Machine) -> tuple[list[Finding], tuple[SerialPort, ...]]:
@@ -20,9 +20,7 @@ def examine_serial_ports(machine: Machine) -> tuple[list[Finding], tuple[SerialP
             "no serial port on USB, so no robot can be connected by one; "
             "in a container hand it in with --device /dev/ttyUSB0 --group-add dialout"
         )
-        findings.append(
-            Finding(_SECTION, "ok", text if sys.platform == "linux" else "no serial port")
-        )
+        findings.append(_SECTION.ok(text if sys.platform == "linux" else "no serial port"))
     return findings, ports
 
 
@@ -30,5 +28,5 @@ def _finding(port: SerialPort) -> Finding:
     name = f"{port.path} ({port.description})" if port.description else port.path
     details = (f"stays the same on every port: {port.by_id}",) if port.by_id else ()
     if port.trouble is None:
-        return Finding(_SECTION, "ok", name, details)
-    return Finding(_SECTION, "warning", port.trouble, details)
+        return _SECTION.ok(name, details)
+    return _SECTION.warning(port.trouble, details)

@@ -9,9 +9,9 @@ import sys
 from collections.abc import Collection, Iterator
 from importlib import metadata
 
-from app.doctor.finding import Finding
+from app.doctor.finding import Finding, Section
 
-_SECTION = "Software"
+_SECTION = Section("Software")
 _DISTRIBUTION = "dynamic-observer"
 _NEEDED_PYTHON = (3, 11)
 # Reported with their versions; the others only need to be present.
@@ -36,37 +36,31 @@ def examine_software() -> Iterator[Finding]:
 def _python() -> Finding:
     found = f"Python {platform.python_version()} on {platform.system()} ({platform.machine()})"
     if sys.version_info[:2] < _NEEDED_PYTHON:
-        return Finding(_SECTION, "problem", f"{found}; Python 3.11 or newer is needed")
-    return Finding(_SECTION, "ok", found)
+        return _SECTION.problem(f"{found}; Python 3.11 or newer is needed")
+    return _SECTION.ok(found)
 
 
 def _packages(requirements: Collection[str]) -> Iterator[Finding]:
     """Check that the required packages are installed; ``requirements`` as in the metadata."""
     if not requirements:
-        yield Finding(
-            _SECTION,
-            "warning",
+        yield _SECTION.warning(
             f"{_DISTRIBUTION} is not installed as a package, so its packages were not compared; "
-            f"make setup installs it",
+            f"make setup installs it"
         )
         return
     needed = [_name(each) for each in requirements if "extra ==" not in each]
     missing = [name for name in needed if _version(name) is None]
     if missing:
-        yield Finding(
-            _SECTION,
-            "problem",
-            f"packages are missing: {', '.join(missing)}; make setup installs them",
+        yield _SECTION.problem(
+            f"packages are missing: {', '.join(missing)}; make setup installs them"
         )
     versions = [f"{name} {_version(name)}" for name in _SHOWN if _version(name)]
-    yield Finding(_SECTION, "ok", f"packages: {', '.join(versions)}")
+    yield _SECTION.ok(f"packages: {', '.join(versions)}")
     several = [name for name in _OPENCV if _version(name)]
     if len(several) > 1:
-        yield Finding(
-            _SECTION,
-            "warning",
+        yield _SECTION.warning(
             f"{' and '.join(several)} are installed beside each other and overwrite each other's "
-            f"files; uninstall all of them, then make setup",
+            f"files; uninstall all of them, then make setup"
         )
 
 
@@ -100,13 +94,11 @@ def _video_support(backends: Collection[str]) -> Iterator[Finding]:
         needs.insert(0, ("V4L2", "cameras on USB"))
     for backend, what in needs:
         if backend in backends:
-            yield Finding(_SECTION, "ok", f"OpenCV reads {what} ({backend})")
+            yield _SECTION.ok(f"OpenCV reads {what} ({backend})")
         else:
-            yield Finding(
-                _SECTION,
-                "warning",
+            yield _SECTION.warning(
                 f"this build of OpenCV cannot read {what} (no {backend}); the package "
-                f"opencv-python-headless has it, make setup installs that",
+                f"opencv-python-headless has it, make setup installs that"
             )
 
 
@@ -118,10 +110,8 @@ def _usable_cores() -> int:
 
 def _cores(number: int) -> Finding:
     if number < 2:
-        return Finding(
-            _SECTION,
-            "warning",
+        return _SECTION.warning(
             "one processor core; the method and the panel share it and frames will be left out: "
-            "two or more are better",
+            "two or more are better"
         )
-    return Finding(_SECTION, "ok", f"{number} processor cores")
+    return _SECTION.ok(f"{number} processor cores")

@@ -11,42 +11,30 @@ from rich.text import Text
 from app.doctor.examination import Examination
 from app.doctor.finding import Level
 
-_PLAIN: dict[Level, str] = {"ok": "ok     ", "warning": "warning", "problem": "PROBLEM"}
-_MARKS: dict[Level, tuple[str, str]] = {
-    "ok": ("✓", "green"),
-    "warning": ("!", "yellow"),
-    "problem": ("✗", "bold red"),
-}
+# What stands before a finding, with its style.
+_Marks = dict[Level, tuple[str, str]]
+_PLAIN: _Marks = {"ok": ("ok     ", ""), "warning": ("warning", ""), "problem": ("PROBLEM", "")}
+_DRAWN: _Marks = {"ok": ("✓", "green"), "warning": ("!", "yellow"), "problem": ("✗", "bold red")}
 
 
 def tell(examination: Examination, console: Console) -> None:
     """Print to the console, with marks and colours if it is a terminal that supports them."""
     if console.is_terminal and console.encoding.lower().startswith("utf"):
-        for line in marked_lines(examination):
+        for line in _lines(examination, _DRAWN, " "):
             # Sentences are not wrapped, so that commands in them can be copied.
             console.print(line, soft_wrap=True)
     else:
-        console.file.write("\n".join([*plain_lines(examination), ""]))
+        console.file.writelines(f"{line}\n" for line in _lines(examination, _PLAIN, "  "))
 
 
-def plain_lines(examination: Examination) -> Iterator[str]:
-    """Yield lines for files and pipes."""
-    for section, findings in groupby(examination.findings, key=lambda each: each.section):
-        yield section
-        for finding in findings:
-            yield f"  {_PLAIN[finding.level]}  {finding.text}"
-            yield from (f"{'':13}{detail}" for detail in finding.details)
-    yield _verdict(examination)
-
-
-def marked_lines(examination: Examination) -> Iterator[Text]:
-    """Yield lines for terminals."""
+def _lines(examination: Examination, marks: _Marks, space: str) -> Iterator[Text]:
     for section, findings in groupby(examination.findings, key=lambda each: each.section):
         yield Text(section, style="bold")
         for finding in findings:
-            mark, style = _MARKS[finding.level]
-            yield Text.assemble("  ", (mark, style), f" {finding.text}")
-            yield from (Text(f"      {detail}", style="dim") for detail in finding.details)
+            mark, style = marks[finding.level]
+            yield Text.assemble("  ", (mark, style), f"{space}{finding.text}")
+            indent = " " * (len(mark) + len(space) + 4)
+            yield from (Text(f"{indent}{detail}", style="dim") for detail in finding.details)
     yield Text(_verdict(examination), style="bold")
 
 

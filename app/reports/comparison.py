@@ -9,8 +9,11 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 
+from app.contract.runs import AlignmentFacts, CameraOnBodyFacts
+from app.contract.values import filled
 from app.reports.gathering import Gathered, gather
 from app.reports.pairing import pair_with_truth
 from observer.errors import InputError, TruthError
@@ -148,25 +151,21 @@ class Comparison:
 
 
 def alignment_facts(alignment: Alignment) -> dict[str, Any]:
-    """Return the facts of an alignment that are shown to people."""
-    time, T_body_camera = alignment.time, alignment.T_body_camera
-    camera = None if T_body_camera is None else asdict(CameraOnBody.of_pose(T_body_camera))
-    return {
-        "offset_s": time.offset_s,
-        "sigma_s": time.sigma_s,
-        "drift_ppm": time.drift_ppm,
-        "drift_sigma_ppm": time.drift_sigma_ppm,
-        "correlation": time.correlation,
-        "overlap_s": time.overlap_s,
-        "residual_mps": time.residual_mps,
-        "samples": time.samples,
-        "frame_residual_m": alignment.frame_residual_m,
-        "observer": alignment.observer,
-        "camera_on_body": camera,
-        "roles": dict(alignment.roles),
-        "matches": {str(key): asdict(match) for key, match in sorted(alignment.matches.items())},
-        "notes": list(alignment.notes),
-    }
+    """Return the facts of an alignment that are shown to people, as ``AlignmentFacts``."""
+    camera = None
+    if alignment.T_body_camera is not None:
+        camera = filled(CameraOnBodyFacts, CameraOnBody.of_pose(alignment.T_body_camera))
+    facts = filled(
+        AlignmentFacts,
+        alignment.time,
+        frame_residual_m=alignment.frame_residual_m,
+        observer=alignment.observer,
+        camera_on_body=camera,
+        roles=dict(alignment.roles),
+        matches={str(key): match for key, match in sorted(alignment.matches.items())},
+        notes=list(alignment.notes),
+    )
+    return asdict(facts)
 
 
 def gather_compared(
@@ -261,7 +260,9 @@ class ComparedRecording(Recording):
             yield MatchedTruth(
                 frame=int(line["frame"]),
                 time=time,
-                bodies=[_with_track(body, tracks.get(body.name)) for body in bodies],
+                bodies=[
+                    msgspec.structs.replace(body, track_id=tracks.get(body.name)) for body in bodies
+                ],
             )
 
 
@@ -307,11 +308,6 @@ def _tracks(
         candidate = float(np.nan_to_num(distance, nan=np.inf)), int(entry["id"])
         found[match.body] = min(found.get(match.body, candidate), candidate)
     return {body: track for body, (_, track) in found.items()}
-
-
-def _with_track(body: MatchedBody, track: int | None) -> MatchedBody:
-    fields = {name: getattr(body, name) for name in body.__struct_fields__}
-    return MatchedBody(**{**fields, "track_id": track})
 
 
 def _without_directions(motion: TrueMotion, unplaced: set[float]) -> TrueMotion:

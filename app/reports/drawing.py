@@ -28,11 +28,16 @@ _DPI = 150
 _STYLE: Any = {"svg.fonttype": "none", "font.family": "sans-serif"}
 
 
-def picture_axes(titles: tuple[str, ...], size: tuple[int, int]) -> tuple[Figure, list[Axes]]:
-    """Make a row of axes for pictures of this width and height, pixels, without ticks."""
-    width = 3.6 * len(titles)
-    height = width / len(titles) * size[1] / size[0] + 0.34
-    figure = Figure(figsize=(width, height), layout="constrained", facecolor="white")
+def picture_axes(
+    titles: tuple[str, ...], size: tuple[int, int], width: float
+) -> tuple[Figure, list[Axes]]:
+    """Make a row of axes for pictures of this width and height, pixels, without ticks.
+
+    Args:
+        width: of each on paper, inches.
+    """
+    figsize = (width * len(titles), width * size[1] / size[0] + 0.34)
+    figure = Figure(figsize=figsize, layout="constrained", facecolor="white")
     found = list(figure.subplots(1, len(titles), squeeze=False).flat)
     for axes, title in zip(found, titles, strict=True):
         axes.set_title(title, fontsize=9, color=INK)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from app.reports.comparison import Comparison, gather_compared
 from app.reports.gathering import Gathered
-from app.reports.report import Judged, Report, ReportFigure
+from app.reports.report import Judged, Report, ReportFigure, Step
 from app.reports.speed_figure import speed_figure
 from app.reports.stretches import during
 from observer.evaluation.speed_errors import speed_errors
@@ -26,21 +26,17 @@ class Experiment:
     """Stretch of a run that is an experiment.
 
     Attributes:
-        name: for files.
         title: for people.
         began, ended: host's monotonic clock, seconds.
     """
 
-    name: str
     title: str
     began: float
     ended: float
 
 
 def observed_as_published(
-    path: Path,
-    progress: Callable[[int, int | None], None],
-    comparison: Comparison | None = None,
+    path: Path, progress: Step, comparison: Comparison | None = None
 ) -> Gathered:
     """Re-run the run's frames by the method as published.
 
@@ -50,23 +46,17 @@ def observed_as_published(
     Raises:
         SourceError: the recording holds no images.
     """
-    source = RecordingSource(path)
-    try:
+    with closing(RecordingSource(path)) as source:
         revisions = replay_revisions(source.recording, preset("paper").flat())
         lines = []
         for observation in replay(source, revisions):
             lines.append(observation_line(observation))
             progress(len(lines), source.info.frame_count)
-    finally:
-        source.close()
     return gather_compared(path, comparison, lines)
 
 
 def beside_published(
-    report: Report,
-    path: Path,
-    progress: Callable[[int, int | None], None],
-    comparison: Comparison | None = None,
+    report: Report, path: Path, progress: Step, comparison: Comparison | None = None
 ) -> Report:
     """Report the whole run as one experiment, by its own method and by the published one.
 

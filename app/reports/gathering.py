@@ -144,10 +144,10 @@ def seen_motions(
                 (line["time"], entry["velocity_time"], entry["speed"],
                  np.nan if std is None else std)
             )  # fmt: skip
-    motions = []
-    for (track, body), found in rows.items():
-        table = np.array(found, dtype=np.float64)
-        motions.append(SeenMotion(track, body, *table.T))
+    motions = [
+        SeenMotion(track, body, *np.array(found, dtype=np.float64).T)
+        for (track, body), found in rows.items()
+    ]
     return tuple(m for m in motions if m.body), tuple(m for m in motions if not m.body)
 
 
@@ -159,28 +159,20 @@ def _true_motions(
     names = {b.name: None for p in samples for b in p.bodies if b.role == _OBSTACLE}
     motions = []
     for name in names:
-        times: list[float] = []
-        speeds: list[float] = []
-        directions: list[str] = []
-        ways: list[str] = []
-        in_sight: list[bool] = []
+        rows: list[tuple[float, float, str, str, bool]] = []
         for payload in samples:
-            if times and payload.time <= times[-1]:
+            if rows and payload.time <= rows[-1][0]:
                 continue
             body = next((b for b in payload.bodies if b.name == name), None)
-            times.append(payload.time)
-            speeds.append(np.nan if body is None else body.speed)
+            speed = np.nan if body is None else body.speed
             direction, way = _directions(body, poses[payload.frame])
-            directions.append(direction)
-            ways.append(way)
-            visible = None if body is None else body.visible
-            in_sight.append(body is not None and (visible is None or visible >= _VISIBLE_SHARE))
-        motions.append(
-            TrueMotion(
-                name, np.array(times), np.array(speeds), tuple(directions), tuple(ways),
-                np.array(in_sight, dtype=np.bool_),
-            )
-        )  # fmt: skip
+            in_sight = body is not None and (body.visible is None or body.visible >= _VISIBLE_SHARE)
+            rows.append((payload.time, speed, direction, way, in_sight))
+        times, speeds, directions, ways, seen = zip(*rows, strict=True)
+        motion = TrueMotion(
+            name, np.array(times), np.array(speeds), directions, ways, np.array(seen)
+        )
+        motions.append(motion)
     return tuple(motions)
 
 
@@ -235,8 +227,4 @@ def _commanded_of_truth(matched: Iterable[MatchedTruth]) -> tuple[Curve, ...]:
         for body in payload.bodies:
             if body.role == _OBSTACLE and body.commanded_speed is not None:
                 rows[body.name].append((payload.time, abs(body.commanded_speed)))
-    curves = []
-    for name, found in rows.items():
-        times, speeds = np.array(found).T
-        curves.append(Curve(f"{name} as commanded", times, speeds))
-    return tuple(curves)
+    return tuple(Curve(f"{name} as commanded", *np.array(found).T) for name, found in rows.items())

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,8 @@ CANDIDATES = 8
 # Pixels this close to a body's outline belong to it: a feature's window reaches so far with its
 # corner.
 _MARGIN_PX = 12.0
+# Signs of a box's corners in its own axes; (8, 3).
+CORNERS = np.array(list(product((-1, 1), repeat=3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,10 +100,9 @@ class Moments:
     def __init__(self, source: RecordingSource, gathered: Gathered) -> None:
         self._source = source
         self._lines = {line["frame"]: line for line in gathered.lines}
-        places = enumerate(source.recording.frames)
         # Frames with something moving, and the significance of its motion.
         self._moving: list[tuple[int, float]] = []
-        for position, frame in places:
+        for position, frame in enumerate(source.recording.frames):
             line = self._lines.get(frame.index)
             best = None if line is None or position == 0 else most_significant(line)
             if best is not None:
@@ -173,15 +175,11 @@ def _true_boxes(
     for body in payload.bodies:
         if body.role == "observer" or body.speed <= MOVING_MPS:
             continue
-        length, width, height = body.size
         sin, cos = np.sin(body.yaw), np.cos(body.yaw)
-        ahead, aside = np.array([sin, 0.0, cos]), np.array([cos, 0.0, -sin])
-        corners = [
-            np.array(body.position) + a * ahead * length / 2 + b * aside * width / 2
-            + np.array([0.0, c * height / 2, 0.0])
-            for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)
-        ]  # fmt: skip
-        px, _ = camera.project(T_camera_world.apply(np.array(corners)))
+        # Directions of length, width and height.
+        axes = np.array([[sin, 0.0, cos], [cos, 0.0, -sin], [0.0, 1.0, 0.0]])
+        corners = np.array(body.position) + (CORNERS * np.array(body.size) / 2) @ axes
+        px, _ = camera.project(T_camera_world.apply(corners))
         if np.isfinite(px).all():
             boxes.append(np.concatenate([px.min(axis=0), px.max(axis=0)]))
     return tuple(boxes)

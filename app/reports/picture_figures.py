@@ -21,14 +21,14 @@ from app.reports.drawing import (
     plain_axes,
     show_image,
 )
-from app.reports.moments import Moment, is_moving
+from app.reports.moments import CORNERS, Moment, is_moving
 from observer.camera import as_gray
 from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.vision.stereo import disparity_map, point_cloud
 
 _CLOUD_POINTS = 12_000
-# Corners of a box that differ in one sign.
+# Pairs of ``CORNERS`` that differ in one sign.
 _EDGES = ((0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7),
           (6, 7))  # fmt: skip
 
@@ -37,7 +37,7 @@ def transformation_figure(moment: Moment) -> Figure:
     """Draw (a) image at t, (b) at t+dt, (c) the latter after image transformation."""
     trace = moment.trace
     titles = ("(a) image at time t", "(b) image at time t+dt", "(c) after image transformation")
-    figure, axes = picture_axes(titles, _size(moment))
+    figure, axes = picture_axes(titles, _size(moment), 3.6)
     images = (trace["previous_left"], trace["left"], trace["warped_left"])
     for each, image in zip(axes, images, strict=True):
         # Only the grey image of t is kept; a single colour scheme in all three makes them
@@ -48,8 +48,7 @@ def transformation_figure(moment: Moment) -> Figure:
 
 def flow_figure(moment: Moment) -> Figure:
     """Draw features at t and their places at t+dt once the image is transformed."""
-    figure, (axes,) = picture_axes((_title(moment),), _size(moment))
-    figure.set_size_inches(6.4, 6.4 * _size(moment)[1] / _size(moment)[0] + 0.34)
+    figure, (axes,) = picture_axes((_title(moment),), _size(moment), 6.4)
     show_image(axes, _darkened(moment.trace["previous_left"]))
     start, end = np.asarray(moment.trace["flow_px"]), np.asarray(moment.trace["flow_observed_px"])
     dynamic = np.asarray(moment.trace["dynamic"])
@@ -65,8 +64,7 @@ def detection_figure(moment: Moment) -> Figure:
 
     The points are green stars, the box is yellow.
     """
-    figure, (axes,) = picture_axes((_title(moment),), _size(moment))
-    figure.set_size_inches(6.4, 6.4 * _size(moment)[1] / _size(moment)[0] + 0.34)
+    figure, (axes,) = picture_axes((_title(moment),), _size(moment), 6.4)
     show_image(axes, moment.trace["left"])
     _stars(axes, _current_dynamic(moment))
     _boxes(axes, moment.line)
@@ -79,8 +77,7 @@ def false_points_figure(published: Moment, own: Moment) -> Figure:
         f"{published.model}, as published: {len(published.false_px)} false",
         f"{own.model}, as in this run: {len(own.false_px)} false",
     )
-    figure, axes = picture_axes(titles, _size(own))
-    figure.set_size_inches(9.6, 4.8 * _size(own)[1] / _size(own)[0] + 0.34)
+    figure, axes = picture_axes(titles, _size(own), 4.8)
     for each, moment in zip(axes, (published, own), strict=True):
         show_image(each, moment.trace["previous_left"])
         _stars(each, np.asarray(moment.trace["flow_px"])[np.asarray(moment.trace["dynamic"])])
@@ -134,11 +131,8 @@ def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64
     T_camera_world = T_world_camera.inverse()
     turned = obstacle["orientation_wxyz"] or (1.0, 0.0, 0.0, 0.0)
     T_world_box = Pose.from_quaternion(turned, obstacle["position"])
-    signs = np.array([(a, b, c) for a in (-1, 1) for b in (-1, 1) for c in (-1, 1)])
-    found: Float64Array = T_camera_world.apply(
-        T_world_box.apply(signs * np.array(obstacle["size"]) / 2)
-    )
-    return found
+    corners = T_world_box.apply(CORNERS * np.array(obstacle["size"]) / 2)
+    return T_camera_world.apply(corners)
 
 
 def _current_dynamic(moment: Moment) -> Float64Array:

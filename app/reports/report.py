@@ -102,9 +102,7 @@ class Report:
     judged: tuple[Judged, ...] = ()
 
 
-def make_report(
-    path: Path, *, comparison: Comparison | None = None, progress: Step | None = None
-) -> Report:
+def make_report(path: Path, progress: Step, *, comparison: Comparison | None = None) -> Report:
     """Read a recording and redo the paper's figures from it.
 
     Args:
@@ -120,7 +118,7 @@ def make_report(
         facts, unfinished = recording.facts, recording.unfinished
         frames = recording.frames
         revisions, incidents = recording.parameter_revisions(), tuple(recording.incidents())
-    pictures = _pictures(path, gathered, facts, progress or _unwatched)
+    pictures = _pictures(path, gathered, facts, progress)
     statuses: dict[str, int] = {}
     segments: dict[int, float] = {}
     for line in gathered.lines:
@@ -140,10 +138,6 @@ def make_report(
         revisions=revisions,
         incidents=incidents,
     )
-
-
-def _unwatched(done: int, total: int | None) -> None:
-    del done, total
 
 
 def write_figures(report: Report, folder: Path) -> list[Path]:

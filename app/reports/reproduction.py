@@ -15,7 +15,6 @@ import urllib.request
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from app.client.errors import DrivingFailed
 from app.client.operator_socket import OperatorSocket
@@ -119,7 +118,7 @@ def reproduction_report(played: Played, published: Gathered, progress: Step) -> 
     Raises:
         SourceError: it is no recording, or holds no images.
     """
-    report = make_report(played.recording, progress=progress)
+    report = make_report(played.recording, progress)
     methods = ((report.gathered, "rigid, as in the run"), (published, "affine, as published"))
     found = tuple(
         judged(played.recording, gathered, experiment, method)
@@ -173,7 +172,7 @@ def _driven(
             request = PlayRequest(
                 programme.name, programme.roles, duration_s(programme), 1, False, False
             )
-            drive = ProfileDrive(api, request, _unwatched)
+            drive = ProfileDrive(api, request, lambda *_: None)
             # The server's processes use the same monotonic clock as this one.
             began = time.monotonic()
             try:
@@ -185,7 +184,7 @@ def _driven(
                     raise
                 tries.ended(error)
                 continue
-            experiments.append(Experiment(programme.name, programme.title, began, time.monotonic()))
+            experiments.append(Experiment(programme.title, began, time.monotonic()))
             left.pop(0)
             time.sleep(_REST_S)
     return tuple(experiments)
@@ -207,10 +206,6 @@ def _wait_for_calm(api: ServerApi) -> None:
         if age is None or age > _CALM_SHARE * SIGHT_FRESH_S:
             calm_since = now
         time.sleep(_LOOK_S)
-
-
-def _unwatched(playing: dict[str, Any], robots: dict[str, Any]) -> None:
-    del playing, robots
 
 
 def _fetch(server: RunningServer, run_id: str, path: Path) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from app.reports.comparison import alignment_facts
 from app.reports.gaps import broken
-from app.reports.gathering import Curve, Gathered
+from app.reports.gathering import Gathered
 from observer.evaluation.speed_errors import SeenMotion, speed_errors
 from observer.geometry import Float64Array
 
@@ -59,34 +59,29 @@ def chart_csv(values: dict[str, Any]) -> str:
 def _curves(gathered: Gathered) -> Iterator[dict[str, Any]]:
     for motion in (*gathered.seen, *gathered.unmatched):
         segment, track = (int(part) for part in motion.track.split(":"))
-        times, speeds, stds = broken(motion.times, motion.speeds, motion.stds)
         yield _curve(
-            "estimate", f"track {motion.track}", times, speeds, stds,
+            "estimate", f"track {motion.track}", motion.times, motion.speeds, motion.stds,
             track_id=track, segment=segment, body=motion.body or None,
         )  # fmt: skip
     for true in gathered.true:
-        times, speeds = broken(true.times, true.speeds)
-        yield _curve("truth", true.body, times, speeds, body=true.body)
-    others: tuple[tuple[str, Sequence[Curve]], ...] = (
-        ("commanded", gathered.commanded), ("encoder", gathered.encoder),
-    )  # fmt: skip
-    for kind, curves in others:
-        for curve in curves:
-            times, speeds = broken(curve.times, curve.speeds)
-            yield _curve(kind, curve.label, times, speeds)
+        yield _curve("truth", true.body, true.times, true.speeds, body=true.body)
+    for curve in gathered.commanded:
+        yield _curve("commanded", curve.label, curve.times, curve.speeds)
+    for curve in gathered.encoder:
+        yield _curve("encoder", curve.label, curve.times, curve.speeds)
 
 
 def _curve(
     kind: str,
     label: str,
     times: Float64Array,
-    speeds: Float64Array,
-    stds: Float64Array | None = None,
-    *,
+    *values: Float64Array,
     track_id: int | None = None,
     segment: int | None = None,
     body: str | None = None,
 ) -> dict[str, Any]:
+    """Return a curve with its gaps; ``values`` are the speeds and, if known, their deviations."""
+    times, speeds, *stds = broken(times, *values)
     return {
         "kind": kind,
         "label": label,
@@ -96,7 +91,7 @@ def _curve(
         "segment": segment,
         "times": np.round(times, _TIME_DIGITS).tolist(),
         "speeds": _listed(speeds),
-        "stds": None if stds is None else _listed(stds),
+        "stds": _listed(stds[0]) if stds else None,
     }
 
 

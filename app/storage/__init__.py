@@ -10,23 +10,18 @@ from __future__ import annotations
 
 from app.storage.errors import (
     StorageBusy,
-    StorageCorrupt,
     StorageError,
     StorageExists,
     StorageFull,
     StorageMissing,
-    StorageUnreachable,
 )
-from app.storage.folder import DataFolder, DiskUse
+from app.storage.folder import DataFolder
 from app.storage.records import (
     CalibrationRecord,
     IncidentRecord,
-    ParameterRevision,
     PresetRecord,
-    RunPage,
     RunRecord,
     RunState,
-    SavedParameters,
     SpeedRow,
     TruthRecord,
     utc_now,
@@ -38,23 +33,17 @@ __all__ = [
     "UNDO",
     "CalibrationRecord",
     "DataFolder",
-    "DiskUse",
     "IncidentRecord",
-    "ParameterRevision",
     "PresetRecord",
-    "RunPage",
     "RunRecord",
     "RunState",
-    "SavedParameters",
     "SpeedRow",
     "Storage",
     "StorageBusy",
-    "StorageCorrupt",
     "StorageError",
     "StorageExists",
     "StorageFull",
     "StorageMissing",
-    "StorageUnreachable",
     "TruthRecord",
     "utc_now",
 ]

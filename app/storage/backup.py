@@ -6,17 +6,14 @@ import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
 from alembic.runtime.migration import MigrationContext
-from sqlalchemy import Engine
-from sqlalchemy.exc import SQLAlchemyError
 
 from app.storage.bundle import BackupError, Manifest, bundle_writer
 from app.storage.copying import copy_tables
-from app.storage.engines import database_url, make_engine
-from app.storage.errors import StorageError, storage_error
+from app.storage.engines import database_url, open_engine
+from app.storage.errors import StorageError, translated
 from app.storage.folder import RINGS, TRUTHS
 from app.storage.integrity import copy_database, damage
 from app.storage.records import utc_now
@@ -56,7 +53,7 @@ def write_backup(
     """
     with _snapshot(location, target.parent) as snapshot, bundle_writer(target) as bundle:
         files = {DATABASE: snapshot, **_files(data, recordings)}
-        total = sum(size_of(file) for file in files.values())
+        total = sum(_size_of(file) for file in files.values())
         done = 0
         for name, file in files.items():
             try:
@@ -66,8 +63,8 @@ def write_backup(
                 continue
             if progress is not None:
                 progress(done, total)
-        manifest = Manifest(utc_now(), application, _revision(snapshot), recordings)
-        manifest = replace(manifest, files=bundle.files)
+        revision = _revision(snapshot)
+        manifest = Manifest(utc_now(), application, revision, recordings, bundle.files)
         bundle.finish(manifest)
     return manifest
 
@@ -89,14 +86,9 @@ def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
         if url.get_backend_name() == "sqlite":
             _copy_file(Path(str(url.database)), snapshot)
         else:
-            engine = make_engine(url, _BUSY_S)
-            try:
+            where = url.render_as_string(hide_password=True)
+            with open_engine(url, _BUSY_S) as engine, translated(where):
                 copy_tables(engine, snapshot)
-            except SQLAlchemyError as error:
-                where = url.render_as_string(hide_password=True)
-                raise storage_error(getattr(error, "orig", None) or error, where) from error
-            finally:
-                engine.dispose()
         if not _revision(snapshot):
             raise BackupError("the database is not one of dynamic-observer; nothing to back up")
         yield snapshot
@@ -116,7 +108,7 @@ def _copy_file(file: Path, snapshot: Path) -> None:
     copy_database(file, snapshot)
 
 
-def size_of(file: Path) -> int:
+def _size_of(file: Path) -> int:
     """Return the size in bytes; 0 if the file is gone."""
     try:
         return file.stat().st_size
@@ -125,12 +117,8 @@ def size_of(file: Path) -> int:
 
 
 def _revision(snapshot: Path) -> str:
-    engine: Engine = make_engine(database_url(snapshot), _BUSY_S)
-    try:
-        with engine.connect() as connection:
-            return MigrationContext.configure(connection).get_current_revision() or ""
-    finally:
-        engine.dispose()
+    with open_engine(snapshot, _BUSY_S) as engine, engine.connect() as connection:
+        return MigrationContext.configure(connection).get_current_revision() or ""
 
 
 def _files(data: Path, recordings: bool) -> dict[str, Path]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import shutil
 import tarfile
 import zipfile
 import zlib
@@ -15,7 +16,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import IO, Any, Protocol
+from typing import IO, Any
 
 from observer.errors import InputError
 
@@ -65,32 +66,39 @@ class Manifest:
     files: dict[str, Entry] = field(default_factory=dict)
 
 
-class _Sink(Protocol):
-    def add(self, name: str, size: int, stream: IO[bytes]) -> None: ...
-
-    def close(self) -> None: ...
-
-
 class BundleWriter:
     """Writer that adds files; ``finish`` writes the manifest. See ``bundle_writer``."""
 
-    def __init__(self, sink: _Sink) -> None:
-        self._sink = sink
+    def __init__(self, archive: zipfile.ZipFile | tarfile.TarFile) -> None:
+        self._archive = archive
         self.files: dict[str, Entry] = {}
 
     def add(self, name: str, file: Path) -> int:
         """Add the present content of a file and return its bytes; later appends are left out."""
-        size = file.stat().st_size
         with file.open("rb") as opened:
-            stream = _Counted(opened, size)
-            self._sink.add(name, size, stream)  # type: ignore[arg-type]
-        self.files[name] = Entry(size, stream.sha256())
-        return size
+            self.files[name] = self._write(name, opened, file.stat().st_size)
+        return self.files[name].size
 
     def finish(self, manifest: Manifest) -> None:
         content = {"kind": KIND, "version": VERSION, **asdict(manifest)}
         text = json.dumps(content, indent=1).encode()
-        self._sink.add(_MANIFEST, len(text), io.BytesIO(text))
+        self._write(_MANIFEST, io.BytesIO(text), len(text))
+
+    def _write(self, name: str, source: IO[bytes], size: int) -> Entry:
+        stream = _Counted(source, size)
+        if isinstance(self._archive, zipfile.ZipFile):
+            info = zipfile.ZipInfo(name)
+            if PurePosixPath(name).suffix not in _STORED:
+                info.compress_type = zipfile.ZIP_DEFLATED
+            with self._archive.open(info, "w", force_zip64=True) as target:
+                shutil.copyfileobj(stream, target, _CHUNK)
+        else:
+            member = tarfile.TarInfo(name)
+            member.size, member.mode = size, 0o600
+            self._archive.addfile(member, stream)
+        if stream.left:
+            raise OSError(0, "a file became shorter while it was copied")
+        return Entry(size, stream.hash.hexdigest())
 
 
 @contextmanager
@@ -102,17 +110,15 @@ def bundle_writer(path: Path) -> Iterator[BundleWriter]:
     """
     part = path.with_name(f".{path.name}.part")
     try:
-        sink: _Sink
+        archive: zipfile.ZipFile | tarfile.TarFile
         if path.suffix == ".zip":
-            sink = _ZipSink(part)
+            archive = zipfile.ZipFile(part, "w")
         elif path.suffix == ".tar":
-            sink = _TarSink(part)
+            archive = tarfile.TarFile(part, "w", format=tarfile.PAX_FORMAT)
         else:
             raise BackupError(f"a backup ends in .zip or .tar, not as {path.name} does")
-        try:
-            yield BundleWriter(sink)
-        finally:
-            sink.close()
+        with archive:
+            yield BundleWriter(archive)
         part.replace(path)
     except OSError as error:
         raise BackupError(
@@ -129,55 +135,14 @@ class _Counted:
     def __init__(self, stream: IO[bytes], size: int) -> None:
         self._stream = stream
         self.left = size
-        self._hash = hashlib.sha256()
+        self.hash = hashlib.sha256()
 
     def read(self, size: int = -1) -> bytes:
         wanted = self.left if size < 0 else min(size, self.left)
         chunk = self._stream.read(wanted)
         self.left -= len(chunk)
-        self._hash.update(chunk)
+        self.hash.update(chunk)
         return chunk
-
-    def sha256(self) -> str:
-        return self._hash.hexdigest()
-
-
-class _ZipSink:
-    def __init__(self, path: Path) -> None:
-        self._zip = zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=4)
-
-    def add(self, name: str, size: int, stream: IO[bytes]) -> None:
-        info = zipfile.ZipInfo(name)
-        stored = PurePosixPath(name).suffix in _STORED
-        info.compress_type = zipfile.ZIP_STORED if stored else zipfile.ZIP_DEFLATED
-        with self._zip.open(info, "w", force_zip64=True) as target:
-            _pass(stream, target, size)
-
-    def close(self) -> None:
-        self._zip.close()
-
-
-class _TarSink:
-    def __init__(self, path: Path) -> None:
-        self._tar = tarfile.TarFile(path, "w", format=tarfile.PAX_FORMAT)
-
-    def add(self, name: str, size: int, stream: IO[bytes]) -> None:
-        info = tarfile.TarInfo(name)
-        info.size, info.mode = size, 0o600
-        self._tar.addfile(info, stream)
-
-    def close(self) -> None:
-        self._tar.close()
-
-
-def _pass(stream: IO[bytes], target: IO[bytes], size: int) -> None:
-    left = size
-    while left:
-        chunk = stream.read(min(left, _CHUNK))
-        if not chunk:
-            raise OSError(0, "a file became shorter while it was copied")
-        target.write(chunk)
-        left -= len(chunk)
 
 
 class Bundle:
@@ -203,12 +168,11 @@ class Bundle:
         try:
             with self._open(name) as source, target.open("wb") as sink:
                 stream = _Counted(source, entry.size)
-                while chunk := stream.read(_CHUNK):
-                    sink.write(chunk)
+                shutil.copyfileobj(stream, sink, _CHUNK)
                 whole = stream.left == 0 and not source.read(1)
         except _BROKEN as error:
             raise self._broken(f"{name} cannot be read") from error
-        if not whole or stream.sha256() != entry.sha256:
+        if not whole or stream.hash.hexdigest() != entry.sha256:
             raise self._broken(f"{name} is not as it was written")
 
     def _names(self) -> list[str]:

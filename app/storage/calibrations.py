@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import func, select
+from sqlalchemy import select
+from sqlalchemy.orm import Session
 
+from app.contract.values import filled, known
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
 from app.storage.models import Calibration, Run
@@ -42,13 +44,12 @@ class CalibrationTables(Database):
             row.listed = row.listed or listed
             if info is not None:
                 row.info = {**row.info, **info}
-            return _calibration(row)
+            return filled(CalibrationRecord, row)
 
     def get_calibration(self, id: str) -> CalibrationRecord | None:
         """Return one calibration, including deleted ones that a run refers to."""
         with self._reading() as session:
-            row = session.get(Calibration, id)
-            return None if row is None else _calibration(row)
+            return known(CalibrationRecord, session.get(Calibration, id))
 
     def list_calibrations(self) -> list[CalibrationRecord]:
         """Return the listed calibrations, newest first."""
@@ -58,7 +59,7 @@ class CalibrationTables(Database):
             .order_by(Calibration.created_at.desc(), Calibration.id)
         )
         with self._reading() as session:
-            return [_calibration(row) for row in session.scalars(query)]
+            return [filled(CalibrationRecord, row) for row in session.scalars(query)]
 
     def change_calibration(
         self, id: str, *, name: str | None = None, info: dict[str, Any] | None = None
@@ -69,14 +70,12 @@ class CalibrationTables(Database):
             StorageMissing: there is no such calibration.
         """
         with self._writing() as session:
-            row = session.get(Calibration, id)
-            if row is None:
-                raise StorageMissing(f"there is no calibration {id}; upload it first")
+            row = _existing(session, id)
             if name is not None:
                 row.name = name
             if info is not None:
                 row.info = {**row.info, **info}
-            return _calibration(row)
+            return filled(CalibrationRecord, row)
 
     def delete_calibration(self, id: str) -> bool:
         """Remove it from the list (False if absent) and deactivate it if active.
@@ -89,10 +88,7 @@ class CalibrationTables(Database):
                 return False
             if read_setting(session, _ACTIVE) == id:
                 write_setting(session, _ACTIVE, None)
-            used = session.scalar(
-                select(func.count()).select_from(Run).where(Run.calibration_id == id)
-            )
-            if used:
+            if session.scalar(select(Run.id).where(Run.calibration_id == id).limit(1)):
                 row.listed = False
             else:
                 session.delete(row)
@@ -105,24 +101,19 @@ class CalibrationTables(Database):
             StorageMissing: there is no such calibration.
         """
         with self._writing() as session:
-            if id is not None and session.get(Calibration, id) is None:
-                raise StorageMissing(f"there is no calibration {id}; upload it first")
+            if id is not None:
+                _existing(session, id)
             write_setting(session, _ACTIVE, id)
 
     def active_calibration(self) -> CalibrationRecord | None:
         """Return the calibration that replaces the sources' own, if any."""
         with self._reading() as session:
             id = read_setting(session, _ACTIVE)
-            row = None if id is None else session.get(Calibration, id)
-            return None if row is None else _calibration(row)
+            return None if id is None else known(CalibrationRecord, session.get(Calibration, id))
 
 
-def _calibration(row: Calibration) -> CalibrationRecord:
-    return CalibrationRecord(
-        id=row.id,
-        name=row.name,
-        text=row.text,
-        created_at=row.created_at,
-        info=row.info,
-        listed=row.listed,
-    )
+def _existing(session: Session, id: str) -> Calibration:
+    row = session.get(Calibration, id)
+    if row is None:
+        raise StorageMissing(f"there is no calibration {id}; upload it first")
+    return row

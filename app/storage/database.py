@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 
 from app.storage.engines import database_url, make_engine, use_write_ahead_log
 from app.storage.errors import StorageBusy, StorageError, storage_error
-from app.storage.folder import DataFolder, DiskUse
+from app.storage.folder import DataFolder
 from app.storage.integrity import move_aside_if_damaged
 from app.storage.migration import upgrade
 
@@ -112,10 +112,6 @@ class Database:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def disk_use(self) -> DiskUse:
-        """Return the disk space of all data, except a server's database."""
-        return self.folder.disk_use(self.file)
-
     @contextmanager
     def _reading(self) -> Iterator[Session]:
         with self._translated(), Session(self._opened(), expire_on_commit=False) as session:
@@ -163,14 +159,10 @@ class Database:
             ) from error
         moved = move_aside_if_damaged(file, self._busy_timeout_s)
         if moved is not None:
+            kept_as, reason = moved
             sentence = (
-                f"the database {file} was damaged ({moved.reason}); "
-                f"it is kept as {moved.kept_as} and a new one was begun"
+                f"the database {file} was damaged ({reason}); "
+                f"it is kept as {kept_as} and a new one was begun"
             )
-            log.warning(
-                "database_moved_aside",
-                file=str(file),
-                kept_as=str(moved.kept_as),
-                reason=moved.reason,
-            )
+            log.warning("database_moved_aside", file=str(file), kept_as=str(kept_as), reason=reason)
             self.warnings = (*self.warnings, sentence)

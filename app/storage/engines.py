@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from contextlib import closing
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -38,7 +39,7 @@ def database_url(location: str | Path) -> URL:
         if url.drivername in _POSTGRESQL:
             url = url.set(drivername="postgresql+psycopg")
         url.get_dialect().import_dbapi()
-    except ArgumentError as error:
+    except (ArgumentError, ValueError) as error:
         raise StorageError(
             "the database URL is not understood; it looks like sqlite:////folder/file.sqlite or "
             "postgresql://user:password@host/database"
@@ -84,6 +85,17 @@ def make_engine(url: URL, busy_timeout_s: float) -> Engine:
     event.listen(engine, "connect", _on_sqlite_connect)
     event.listen(engine, "begin", _on_sqlite_begin)
     return engine
+
+
+@contextmanager
+def open_engine(location: str | Path | URL, busy_timeout_s: float) -> Iterator[Engine]:
+    """Yield an engine as ``make_engine`` makes it, disposed of after the block."""
+    url = location if isinstance(location, URL) else database_url(location)
+    engine = make_engine(url, busy_timeout_s)
+    try:
+        yield engine
+    finally:
+        engine.dispose()
 
 
 def _postgresql_arguments(url: URL, busy_timeout_s: float) -> dict[str, Any]:

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from sqlalchemy.exc import SQLAlchemyError
 
 from observer.errors import DynamicObserverError
 
@@ -81,6 +85,15 @@ def storage_error(cause: BaseException | None, where: str) -> StorageError:
     if kind is None:
         return StorageError(f"the database {where} refused the request: {_said(cause)}")
     return kind(_SENTENCES[kind].format(where=where, cause=_said(cause)))
+
+
+@contextmanager
+def translated(where: str) -> Iterator[None]:
+    """Raise errors of SQLAlchemy in the block as ``storage_error`` gives them."""
+    try:
+        yield
+    except SQLAlchemyError as error:
+        raise storage_error(getattr(error, "orig", None) or error, where) from error
 
 
 def _said(cause: BaseException | None) -> str:

@@ -24,26 +24,10 @@ _BLOCK = 512
 
 @dataclass(frozen=True)
 class DiskUse:
-    """Disk space in bytes.
+    """Disk space in bytes: ``total`` of all data, and ``free`` for more."""
 
-    Attributes:
-        runs: by run id, only for runs with a folder.
-        truths: all truth files. database: with its log. copies: copies made before migrations
-            and restorations, and databases that were moved aside. other: calibrations' images, ...
-        free: space left.
-    """
-
-    runs: dict[str, int]
-    truths: int
-    database: int
-    copies: int
-    other: int
+    total: int
     free: int
-
-    @property
-    def total(self) -> int:
-        """Return the size of the whole data folder."""
-        return sum(self.runs.values()) + self.truths + self.database + self.copies + self.other
 
 
 class DataFolder:
@@ -65,22 +49,6 @@ class DataFolder:
         if not _ID.fullmatch(run_id):
             raise StorageMissing(f"there is no run {run_id[:80]!r}; GET /api/runs lists them")
         return self.path / RUNS / run_id
-
-    def make_run(self, run_id: str) -> Path:
-        """Return the folder of a run's files, created if necessary.
-
-        Raises:
-            StorageError: it cannot be created.
-        """
-        folder = self.run(run_id)
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise StorageError(
-                f"the folder {folder} for a run cannot be made ({error.strerror}); choose a data "
-                f"folder that you may write to"
-            ) from error
-        return folder
 
     def remove_run(self, run_id: str) -> None:
         """Delete a run's files; a missing folder is no error.
@@ -118,32 +86,16 @@ class DataFolder:
         except OSError:
             return None
 
-    def run_bytes(self, run_id: str) -> int:
-        """Return the disk space of a run, without its rows in the database."""
-        return _size(self.run(run_id))
-
     def disk_use(self, database: Path | None) -> DiskUse:
         """Return the disk space of everything; sparse and growing files count by their blocks.
 
         Args:
-            database: the SQLite file; None if a server stores the rows.
+            database: the SQLite file, wherever it is; None if a server stores the rows.
         """
-        runs: dict[str, int] = {}
-        truths = of_database = copies = other = 0
+        total = _size(self.path)
         if database is not None and database.parent != self.path:
-            of_database = sum(_size(each) for each in database.parent.glob(f"{database.name}*"))
-        for entry in self.path.iterdir() if self.path.is_dir() else ():
-            if entry.name == RUNS:
-                runs = {each.name: _size(each) for each in entry.iterdir() if each.is_dir()}
-            elif entry.name == TRUTHS:
-                truths = _size(entry)
-            elif database is not None and entry.name.startswith(database.name):
-                of_database += _size(entry)
-            elif re.search(r"(\.|^)(before|corrupt)-", entry.name):
-                copies += _size(entry)
-            else:
-                other += _size(entry)
-        return DiskUse(runs, truths, of_database, copies, other, self.free_bytes())
+            total += sum(_size(each) for each in database.parent.glob(f"{database.name}*"))
+        return DiskUse(total, self.free_bytes())
 
     def free_bytes(self) -> int:
         """Return the free space below the folder."""

@@ -4,24 +4,20 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import closing
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.storage.errors import StorageBusy, StorageError
+from app.storage.errors import StorageBusy, StorageCorrupt, StorageError, storage_error
 
 # A write-ahead log belongs to its database by name and moves with it.
 _COMPANIONS = ("", "-wal", "-shm")
 
 
-@dataclass(frozen=True)
-class MovedAside:
-    kept_as: Path
-    reason: str
-
-
-def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
+def move_aside_if_damaged(file: Path, timeout_s: float) -> tuple[Path, str] | None:
     """Check the file; if it is damaged, rename it (and its log) beside itself.
+
+    Returns:
+        Its new path and the reason; None if it is sound or not there.
 
     Raises:
         StorageBusy: another program holds it, so that its state is unknown.
@@ -40,7 +36,7 @@ def move_aside_if_damaged(file: Path, timeout_s: float) -> MovedAside | None:
             f"the database {file} is damaged and cannot be moved aside ({error.strerror}); "
             "move it away by hand"
         ) from error
-    return MovedAside(kept_as, reason)
+    return kept_as, reason
 
 
 def name_beside(file: Path, why: str) -> Path:
@@ -63,8 +59,7 @@ def is_open_elsewhere(file: Path) -> bool:
             connection.execute("BEGIN EXCLUSIVE")
             connection.execute("ROLLBACK")
     except sqlite3.DatabaseError as error:
-        code = getattr(error, "sqlite_errorcode", 0) & 0xFF
-        return code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED)
+        return isinstance(storage_error(error, str(file)), StorageBusy)
     return False
 
 
@@ -103,13 +98,11 @@ def damage(file: Path, timeout_s: float) -> str | None:
             # the time of integrity_check, and what it misses costs no data.
             (answer,) = connection.execute("PRAGMA quick_check(1)").fetchone()
     except sqlite3.DatabaseError as error:
-        code = error.sqlite_errorcode & 0xFF
-        if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+        told = storage_error(error, str(file))
+        if isinstance(told, StorageCorrupt):
             return str(error)
-        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-            raise StorageBusy(
-                f"the database {file} is locked by another program; close it or try again"
-            ) from error
+        if isinstance(told, StorageBusy):
+            raise told from error
         raise StorageError(
             f"the database {file} cannot be opened ({error}); "
             "choose a file in a folder that you may write to"

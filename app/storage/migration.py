@@ -26,6 +26,12 @@ log = structlog.get_logger(__name__)
 MIGRATIONS = Path(__file__).parent / "migrations"
 
 
+def alembic_config(migrations: Path = MIGRATIONS) -> Config:
+    config = Config()
+    config.set_main_option("script_location", str(migrations).replace("%", "%%"))
+    return config
+
+
 def upgrade(engine: Engine, file: Path | None, migrations: Path = MIGRATIONS) -> Path | None:
     """Apply missing migrations in one transaction; return the path of the old database's copy.
 
@@ -36,8 +42,7 @@ def upgrade(engine: Engine, file: Path | None, migrations: Path = MIGRATIONS) ->
     Raises:
         StorageError: the database was written by a newer version, or is not one of ours.
     """
-    config = Config()
-    config.set_main_option("script_location", str(migrations).replace("%", "%%"))
+    config = alembic_config(migrations)
     script = ScriptDirectory.from_config(config)
     with engine.connect() as connection:
         present = MigrationContext.configure(connection).get_current_revision()

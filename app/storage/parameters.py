@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import select
 
+from app.contract.values import filled
 from app.storage.database import Database
 from app.storage.errors import StorageExists
 from app.storage.models import Preset, Revision
@@ -43,15 +45,7 @@ class ParameterTables(Database):
         """
         record = ParameterRevision(run_id, frame, revision, dict(difference), utc_now())
         with self._writing() as session:
-            session.add(
-                Revision(
-                    run_id=record.run_id,
-                    frame=record.frame,
-                    revision=record.revision,
-                    difference=record.difference,
-                    created_at=record.created_at,
-                )
-            )
+            session.add(Revision(**asdict(record)))
         return record
 
     def parameter_revisions(self, run_id: str | None) -> list[ParameterRevision]:
@@ -59,13 +53,7 @@ class ParameterTables(Database):
         query = select(Revision).where(Revision.run_id == run_id).order_by(Revision.id)
         with self._reading() as session:
             return [
-                ParameterRevision(
-                    row.run_id,
-                    row.frame,
-                    row.revision,
-                    translated(row.difference),
-                    row.created_at,
-                )
+                filled(ParameterRevision, row, difference=translated(row.difference))
                 for row in session.scalars(query)
             ]
 
@@ -90,11 +78,6 @@ class ParameterTables(Database):
             row.help = help
             return _preset(row)
 
-    def get_preset(self, name: str) -> PresetRecord | None:
-        with self._reading() as session:
-            row = session.get(Preset, name)
-            return None if row is None else _preset(row)
-
     def list_presets(self) -> list[PresetRecord]:
         """Return all saved presets by name."""
         with self._reading() as session:
@@ -111,6 +94,4 @@ class ParameterTables(Database):
 
 
 def _preset(row: Preset) -> PresetRecord:
-    return PresetRecord(
-        name=row.name, values=translated(row.values), created_at=row.created_at, help=row.help
-    )
+    return filled(PresetRecord, row, values=translated(row.values))

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from sqlalchemy import Connection, Engine, inspect, text
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy import Connection, inspect, text
 
 from app.storage.backup import DATABASE, FILES, FOLDERS, Progress
 from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
 from app.storage.copying import copy_tables, replace_tables
-from app.storage.engines import APPLICATION, database_url, make_engine
-from app.storage.errors import StorageError, storage_error
+from app.storage.database import Database
+from app.storage.engines import APPLICATION, database_url, open_engine
+from app.storage.errors import StorageError, translated
 from app.storage.folder import RINGS, DataFolder
 from app.storage.integrity import damage, is_open_elsewhere, move_with_log, name_beside
 from app.storage.migration import upgrade
@@ -66,7 +66,7 @@ def restore_backup(
         with _staging(place.data) as staged:
             _extract(bundle, staged, progress)
             _check_database(source, staged / DATABASE)
-            with _explained(place.where):
+            with translated(place.where):
                 kept = place.put(staged)
         return Restored(bundle.manifest, kept)
 
@@ -75,15 +75,13 @@ class _Place:
     """Target of a restoration: a data folder, and a database in it or elsewhere."""
 
     def __init__(self, data: Path, location: str | Path) -> None:
-        self.data = data
+        database = Database(location, folder=data)
+        self.data, self.where, self._file = data, database.where, database.file
         self._url = database_url(location)
-        is_file = self._url.get_backend_name() == "sqlite"
-        self._file = Path(str(self._url.database)) if is_file else None
-        self.where = str(self._file or self._url.render_as_string(hide_password=True))
 
     def check(self, replace: bool) -> None:
         """Refuse a target in use, and one with data unless it may be replaced."""
-        with _explained(self.where):
+        with translated(self.where):
             in_use, rows = self._look()
         if in_use:
             raise BackupError(f"a server has the database {self.where} open; end it, then restore")
@@ -134,7 +132,7 @@ class _Place:
         if self._file is not None:
             exists = self._file.exists()
             return exists and is_open_elsewhere(self._file), exists
-        with self._engine() as engine, engine.connect() as connection:
+        with open_engine(self._url, _BUSY_S) as engine, engine.connect() as connection:
             others = connection.scalar(
                 text(
                     "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() "
@@ -146,29 +144,17 @@ class _Place:
 
     def _put_rows(self, snapshot: Path) -> list[Path]:
         kept: list[Path] = []
-        with self._engine() as engine:
+        with open_engine(self._url, _BUSY_S) as engine:
             with engine.connect() as connection:
                 filled = _has_rows(connection)
             if filled:
                 kept.append(name_beside(self.data / DATABASE, "before-restore"))
                 copy_tables(engine, kept[0])
             upgrade(engine, None)
-            rows = make_engine(database_url(snapshot), _BUSY_S)
-            try:
-                with engine.begin() as connection:
-                    lock_whole(connection)
-                    replace_tables(rows, connection)
-            finally:
-                rows.dispose()
+            with open_engine(snapshot, _BUSY_S) as rows, engine.begin() as connection:
+                lock_whole(connection)
+                replace_tables(rows, connection)
         return kept
-
-    @contextmanager
-    def _engine(self) -> Iterator[Engine]:
-        engine = make_engine(self._url, _BUSY_S)
-        try:
-            yield engine
-        finally:
-            engine.dispose()
 
 
 def _check_names(source: Path, manifest: Manifest) -> None:
@@ -208,13 +194,11 @@ def _check_database(source: Path, file: Path) -> None:
     reason = damage(file, _BUSY_S)
     if reason is not None:
         raise BackupError(f"the backup {source} is damaged ({reason}); take another one")
-    engine = make_engine(database_url(file), _BUSY_S)
     try:
-        upgrade(engine, None)
+        with open_engine(file, _BUSY_S) as engine:
+            upgrade(engine, None)
     except StorageError as error:
         raise BackupError(f"the backup {source} cannot be restored: {error}") from error
-    finally:
-        engine.dispose()
 
 
 def _put_file(staged: Path, file: Path, undo: contextlib.ExitStack) -> list[Path]:
@@ -259,11 +243,3 @@ def _has_rows(connection: Connection) -> bool:
         if connection.execute(text(f"SELECT 1 FROM {quoted} LIMIT 1")).first() is not None:
             return True
     return False
-
-
-@contextmanager
-def _explained(where: str) -> Iterator[None]:
-    try:
-        yield
-    except SQLAlchemyError as error:
-        raise storage_error(getattr(error, "orig", None) or error, where) from error

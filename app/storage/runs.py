@@ -10,6 +10,7 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from app.contract.values import filled
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
 from app.storage.models import Run, RunTag
@@ -23,7 +24,10 @@ _NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())
 
 
 class RunTables(Database):
-    """Table of runs. A run begins as ``running`` and ends in another state of ``RunState``."""
+    """Table of runs. A run begins as ``running`` and ends in another state of ``RunState``.
+
+    A method that changes a run raises ``StorageMissing`` if there is none.
+    """
 
     def create_run(
         self,
@@ -57,17 +61,12 @@ class RunTables(Database):
             parameters=dict(parameters),
             started_at=now,
             updated_at=now,
-            ended_at=None,
             frames=0,
             segments=1,
             versions=dict(versions),
-            reason=None,
             notes=notes,
-            deleted_at=None,
             rig=rig,
             record=record,
-            recording_bytes=None,
-            alignment=None,
             truth_id=truth_id,
             rerun_of=rerun_of,
             tags=_tags(tags),
@@ -95,9 +94,6 @@ class RunTables(Database):
 
         Args:
             at: time of the change, as from ``utc_now``; None: now.
-
-        Raises:
-            StorageMissing: there is no such run.
         """
         now = at or utc_now()
         given = {
@@ -109,7 +105,7 @@ class RunTables(Database):
             "recording_bytes": recording_bytes,
         }
         with self._writing() as session:
-            row = _existing(session, run_id)
+            row = existing_run(session, run_id)
             for field, value in given.items():
                 if value is not None:
                     setattr(row, field, value)
@@ -133,12 +129,9 @@ class RunTables(Database):
 
         Args:
             tags: all tags, replacing the previous ones; surrounding space is removed.
-
-        Raises:
-            StorageMissing: there is no such run.
         """
         with self._writing() as session:
-            row = _existing(session, run_id)
+            row = existing_run(session, run_id)
             if name is not None:
                 row.name = name
             if notes is not None:
@@ -164,8 +157,6 @@ class RunTables(Database):
         text: str = "",
         *,
         tags: Iterable[str] = (),
-        since: datetime | None = None,
-        until: datetime | None = None,
         deleted: bool = False,
         limit: int = 50,
         offset: int = 0,
@@ -173,10 +164,9 @@ class RunTables(Database):
         """Return runs, newest first, with every word in name, notes or tags, and with every tag.
 
         Args:
-            since, until: start in this half-open interval; with a time zone.
             deleted: recoverable runs instead of the others.
         """
-        wanted = matching(text, tags, since, until, deleted)
+        wanted = matching(text, tags, deleted)
         query = select(Run).where(wanted).order_by(*_NEWEST_FIRST).limit(limit).offset(offset)
         with self._reading() as session:
             total = session.scalar(select(func.count()).select_from(Run).where(wanted))
@@ -195,13 +185,9 @@ class RunTables(Database):
             return dict(sorted((tag, count) for tag, count in session.execute(query)))
 
     def discard_run(self, run_id: str) -> RunRecord:
-        """Hide a run; ``recover_run`` restores it until it is purged.
-
-        Raises:
-            StorageMissing: there is no such run.
-        """
+        """Hide a run; ``recover_run`` restores it until it is purged."""
         with self._writing() as session:
-            row = _existing(session, run_id)
+            row = existing_run(session, run_id)
             row.deleted_at = row.deleted_at or utc_now()
             return _run(row)
 
@@ -212,7 +198,7 @@ class RunTables(Database):
             StorageMissing: there is no such run any more.
         """
         with self._writing() as session:
-            row = _existing(session, run_id)
+            row = existing_run(session, run_id)
             row.deleted_at = None
             return _run(row)
 
@@ -233,7 +219,7 @@ class RunTables(Database):
                 session.delete(row)
             return row is not None
 
-    def purge_runs(self, older_than: timedelta = UNDO) -> list[str]:
+    def purge_runs(self, older_than: timedelta) -> list[str]:
         """Delete runs for good that were discarded long enough ago; return their ids."""
         before = datetime.now(UTC) - older_than
         query = select(Run.id).where(Run.deleted_at <= before.isoformat(timespec="microseconds"))
@@ -244,9 +230,7 @@ class RunTables(Database):
         self.folder.tidy()
         return gone
 
-    def mark_interrupted_runs(
-        self, reason: str = "the server ended before the run did"
-    ) -> list[RunRecord]:
+    def mark_interrupted_runs(self) -> list[RunRecord]:
         """Mark all running runs as interrupted, at the server's start: none can be running then.
 
         They end at their last heartbeat, with what was recorded until then. Returns them.
@@ -256,41 +240,28 @@ class RunTables(Database):
             for row in rows:
                 row.state = RunState.INTERRUPTED.value
                 row.ended_at = row.updated_at
-                row.reason = reason
+                row.reason = "the server ended before the run did"
                 row.recording_bytes = self.folder.recording_bytes(row.id)
             return [_run(row) for row in rows]
 
 
 def _run(row: Run) -> RunRecord:
-    return RunRecord(
-        id=row.id,
-        name=row.name,
+    return filled(
+        RunRecord,
+        row,
         state=RunState(row.state),
-        source=row.source,
-        calibration_id=row.calibration_id,
-        preset=row.preset,
         parameters=translated(row.parameters),
-        started_at=row.started_at,
-        updated_at=row.updated_at,
-        ended_at=row.ended_at,
-        frames=row.frames,
-        segments=row.segments,
-        versions=row.versions,
-        reason=row.reason,
         # Sorted here: databases order text by their locale.
         tags=tuple(sorted(each.tag for each in row.tags)),
-        notes=row.notes,
-        deleted_at=row.deleted_at,
-        rig=row.rig,
-        record=row.record,
-        recording_bytes=row.recording_bytes,
-        alignment=row.alignment,
-        truth_id=row.truth_id,
-        rerun_of=row.rerun_of,
     )
 
 
-def _existing(session: Session, run_id: str) -> Run:
+def existing_run(session: Session, run_id: str) -> Run:
+    """Return a run's row within a caller's transaction.
+
+    Raises:
+        StorageMissing: there is no such run.
+    """
     row = session.get(Run, run_id)
     if row is None:
         raise StorageMissing(f"there is no run {run_id}; GET /api/runs lists them")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import unicodedata
 from collections.abc import Iterable
-from datetime import UTC, datetime
 
 from sqlalchemy import ColumnElement, and_, select
 
@@ -20,32 +19,11 @@ def folded(*texts: str) -> str:
     return unicodedata.normalize("NFKC", "\n".join(texts)).casefold()
 
 
-def matching(
-    text: str,
-    tags: Iterable[str],
-    since: datetime | None,
-    until: datetime | None,
-    deleted: bool,
-) -> ColumnElement[bool]:
-    """Return the condition for runs with every word of ``text`` and every tag, begun in ``[since,
-    until)``.
-
-    Raises:
-        ValueError: a time has no zone.
-    """
+def matching(text: str, tags: Iterable[str], deleted: bool) -> ColumnElement[bool]:
+    """Return the condition for runs with every word of ``text`` and every tag."""
     conditions: list[ColumnElement[bool]] = [
         Run.deleted_at.is_not(None) if deleted else Run.deleted_at.is_(None)
     ]
     conditions += [Run.searched.contains(word, autoescape=True) for word in folded(text).split()]
     conditions += [Run.id.in_(select(RunTag.run_id).where(RunTag.tag == tag)) for tag in {*tags}]
-    if since is not None:
-        conditions.append(Run.started_at >= _stored(since))
-    if until is not None:
-        conditions.append(Run.started_at < _stored(until))
     return and_(*conditions)
-
-
-def _stored(moment: datetime) -> str:
-    if moment.tzinfo is None:
-        raise ValueError(f"the time {moment} needs its zone")
-    return moment.astimezone(UTC).isoformat(timespec="microseconds")

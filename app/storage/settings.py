@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import delete
 from sqlalchemy.orm import Session
 
 from app.storage.database import Database
@@ -23,10 +23,6 @@ class SettingTables(Database):
         with self._writing() as session:
             write_setting(session, key, value)
 
-    def list_settings(self) -> dict[str, Any]:
-        with self._reading() as session:
-            return dict(sorted((row.key, row.value) for row in session.scalars(select(Setting))))
-
 
 def read_setting(session: Session, key: str, default: Any = None) -> Any:
     row = session.get(Setting, key)
@@ -35,11 +31,7 @@ def read_setting(session: Session, key: str, default: Any = None) -> Any:
 
 def write_setting(session: Session, key: str, value: Any) -> None:
     """Write within a caller's transaction, so that it is committed together with other changes."""
-    row = session.get(Setting, key)
     if value is None:
-        if row is not None:
-            session.delete(row)
-    elif row is None:
-        session.add(Setting(key=key, value=value))
+        session.execute(delete(Setting).where(Setting.key == key))
     else:
-        row.value = value
+        session.merge(Setting(key=key, value=value))

@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
-from typing import Any, cast
+from dataclasses import asdict, fields
+from typing import Any
 
 from sqlalchemy import delete, insert, select
 
 from app.contract.robots import StopMeasured
+from app.contract.values import filled
 from app.storage.database import Database
-from app.storage.errors import StorageMissing
-from app.storage.models import Incident, IncidentStop, Run, Speed
-from app.storage.records import (
-    IncidentRecord,
-    SpeedRow,
-    SpeedSource,
-)
+from app.storage.models import Incident, IncidentStop, Speed
+from app.storage.records import IncidentRecord, SpeedRow
+from app.storage.runs import existing_run
 
-_SPEED_COLUMNS = (
-    Speed.run_id,
-    Speed.time,
-    Speed.role,
-    Speed.source,
-    Speed.track_id,
-    Speed.speed,
-    Speed.std,
-    Speed.segment,
-    Speed.body,
-)
+_SPEED_COLUMNS = [getattr(Speed, field.name) for field in fields(SpeedRow)]
 
 
 class SpeedTables(Database):
@@ -51,20 +38,7 @@ class SpeedTables(Database):
         """Return all speeds of a run in the order of writing; empty for an unknown run."""
         query = select(*_SPEED_COLUMNS).where(Speed.run_id == run_id).order_by(Speed.id)
         with self._reading() as session:
-            return [
-                SpeedRow(
-                    run_id=row.run_id,
-                    time=row.time,
-                    role=row.role,
-                    source=cast(SpeedSource, row.source),
-                    track_id=row.track_id,
-                    speed=row.speed,
-                    std=row.std,
-                    segment=row.segment,
-                    body=row.body,
-                )
-                for row in session.execute(query)
-            ]
+            return [SpeedRow(*row) for row in session.execute(query)]
 
     def align_run(
         self,
@@ -89,9 +63,7 @@ class SpeedTables(Database):
         if any(row["run_id"] != run_id or row["source"] != "truth" for row in values):
             raise ValueError(f"an alignment of the run {run_id} brings its truth's speeds only")
         with self._writing() as session:
-            run = session.get(Run, run_id)
-            if run is None:
-                raise StorageMissing(f"there is no run {run_id}; GET /api/runs lists them")
+            run = existing_run(session, run_id)
             run.alignment, run.truth_id = alignment, truth_id
             session.execute(delete(Speed).where(Speed.run_id == run_id, Speed.source == "truth"))
             if values:
@@ -131,23 +103,8 @@ class SpeedTables(Database):
         stops: dict[int, dict[str, StopMeasured]] = {}
         with self._reading() as session:
             for stop in session.scalars(of_them):
-                figures = StopMeasured(
-                    zero_ms=stop.zero_ms,
-                    stood_ms=stop.stood_ms,
-                    distance_m=stop.distance_m,
-                    speed_mps=stop.speed_mps,
-                    separation_m=stop.separation_m,
-                )
-                stops.setdefault(stop.incident_id, {})[stop.role] = figures
+                stops.setdefault(stop.incident_id, {})[stop.role] = filled(StopMeasured, stop)
             return [
-                IncidentRecord(
-                    row.run_id,
-                    row.at,
-                    row.role,
-                    row.kind,
-                    row.sentence,
-                    row.speed_mps,
-                    stops.get(row.id, {}),
-                )
+                filled(IncidentRecord, row, stops=stops.get(row.id, {}))
                 for row in session.scalars(query)
             ]

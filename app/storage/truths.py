@@ -10,16 +10,15 @@ import secrets
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import func, select
-from sqlalchemy.orm import Session
+from sqlalchemy import select
 
+from app.contract.values import filled, known
 from app.storage.database import Database
 from app.storage.errors import StorageError, StorageFull, StorageMissing
 from app.storage.models import Run, Truth
 from app.storage.records import TruthRecord, utc_now
 
 _ENDING = re.compile(r"\.[0-9A-Za-z]{1,8}")
-_OF_ROW = Run.truth_id == Truth.id
 _CHUNK = 1024 * 1024
 _NO_SPACE = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
@@ -41,17 +40,16 @@ class TruthTables(Database):
         with self._writing() as session:
             row = session.get(Truth, key)
             if row is None:
-                row = Truth(id=key, created_at=utc_now(), file=stored.name)
+                row = Truth(id=key, created_at=utc_now())
                 session.add(row)
             row.name, row.format, row.info, row.listed = name, format, dict(info or {}), True
             row.file = stored.name
-            return _truth(row)
+            return filled(TruthRecord, row)
 
     def get_truth(self, id: str) -> TruthRecord | None:
         """Return one truth, including deleted ones that a run refers to."""
         with self._reading() as session:
-            row = session.get(Truth, id)
-            return None if row is None else _truth(row)
+            return known(TruthRecord, session.get(Truth, id))
 
     def truth_file(self, id: str) -> Path:
         """Return the path of the truth's file.
@@ -71,7 +69,7 @@ class TruthTables(Database):
         """Return the listed truths, newest first."""
         query = select(Truth).where(Truth.listed).order_by(Truth.created_at.desc(), Truth.id)
         with self._reading() as session:
-            return [_truth(row) for row in session.scalars(query)]
+            return [filled(TruthRecord, row) for row in session.scalars(query)]
 
     def delete_truth(self, id: str) -> bool:
         """Remove it from the list (False if absent), and its file unless a run needs it."""
@@ -80,7 +78,8 @@ class TruthTables(Database):
             if row is None or not row.listed:
                 return False
             row.listed = False
-            unused = None if _used(session, id) else row.file
+            used = session.scalar(select(Run.id).where(Run.truth_id == id).limit(1))
+            unused = None if used else row.file
             if unused is not None:
                 session.delete(row)
         if unused is not None:
@@ -89,7 +88,8 @@ class TruthTables(Database):
 
     def purge_truths(self) -> None:
         """Delete unlisted truths that no run needs any more."""
-        query = select(Truth).where(~Truth.listed, ~select(Run).where(_OF_ROW).exists())
+        needed = select(Run).where(Run.truth_id == Truth.id).exists()
+        query = select(Truth).where(~Truth.listed, ~needed)
         with self._writing() as session:
             rows = list(session.scalars(query))
             files = [row.file for row in rows]
@@ -122,12 +122,3 @@ class TruthTables(Database):
                 f"make the folder writable"
             ) from error
         return key, kept
-
-
-def _used(session: Session, id: str) -> bool:
-    query = select(func.count()).select_from(Run).where(Run.truth_id == id)
-    return bool(session.scalar(query))
-
-
-def _truth(row: Truth) -> TruthRecord:
-    return TruthRecord(row.id, row.name, row.format, row.file, row.info, row.created_at, row.listed)

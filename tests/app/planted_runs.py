@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from app.storage import Storage
 from observer.geometry import Float64Array
 from observer.recording.payloads import Anchor, ParameterRevision, RobotRow, RunFacts
 from observer.recording.writer import RecordingWriter
@@ -23,6 +24,13 @@ _INFO = {
     "spec": "camera:0,1", "kind": "camera", "width": 512, "height": 256, "frame_rate": _RATE_HZ,
     "frame_count": None, "live": True, "mount": None, "devices": [],
 }  # fmt: skip
+
+
+def run_folder(storage: Storage, run_id: str) -> Path:
+    """The folder of a run's files, made."""
+    folder = storage.folder.run(run_id)
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
 
 
 def way(t: Float64Array) -> Float64Array:

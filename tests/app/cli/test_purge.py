@@ -7,6 +7,7 @@ from pathlib import Path
 
 from app.storage import Storage
 
+from ..planted_runs import run_folder
 from .shell import Done
 
 
@@ -19,7 +20,7 @@ def test_what_was_deleted_long_ago_or_at_all_goes_for_good(
             for name in ("kept", "gone")
         )
         storage.discard_run(gone.id)
-        recording = storage.folder.make_run(gone.id) / "recording.mcap"
+        recording = run_folder(storage, gone.id) / "recording.mcap"
         recording.write_bytes(b"x" * 4096)
     options = ["--data", str(tmp_path)]
     early = shell("purge", *options)

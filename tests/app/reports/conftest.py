@@ -102,4 +102,4 @@ def bare(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="session")
 def report(recording: Path) -> Report:
     """Of the run with images and truth."""
-    return make_report(recording)
+    return make_report(recording, lambda _done, _of: None)

@@ -39,7 +39,7 @@ def experiment(recording: Path) -> Experiment:
     """The last eight frames of the run."""
     with Recording(recording) as opened:
         frames = opened.frames
-    return Experiment("late", "Late in the run", frames[4].received, frames[-1].received + 1.0)
+    return Experiment("Late in the run", frames[4].received, frames[-1].received + 1.0)
 
 
 def test_only_what_belongs_to_an_experiment_is_judged(
@@ -92,8 +92,8 @@ def test_a_reproduction_has_each_experiment_by_both_methods(
     with Recording(recording) as opened:
         at = [frame.received for frame in opened.frames]
     driven = (
-        Experiment("a", "The first", at[0] - 1.0, at[5]),
-        Experiment("b", "The second", at[6], at[-1] + 1.0),
+        Experiment("The first", at[0] - 1.0, at[5]),
+        Experiment("The second", at[6], at[-1] + 1.0),
     )
     published = both.judged[1].gathered
     asked: list[str] = []

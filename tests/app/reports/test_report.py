@@ -103,7 +103,7 @@ def test_the_page_stands_alone_and_says_what_a_reader_needs(html: str) -> None:
 
 
 def test_what_was_not_recorded_is_said(bare: Path, tmp_path: Path) -> None:
-    made = make_report(bare)
+    made = make_report(bare, lambda _done, _of: None)
     html = report_html(made)
     assert html.count("Not shown: recording.mcap was recorded without images") == 5
     assert "The recording holds no truth, so nothing is compared with it." in html

@@ -24,6 +24,8 @@ from app.storage.backup import write_backup
 from app.storage.bundle import BackupError, Manifest
 from app.storage.restore import Restored, restore_backup
 
+from ..planted_runs import run_folder
+
 TEXT = "%YAML:1.0\n---\nimage_width: 512 # Größe\n"
 
 
@@ -59,7 +61,7 @@ def fill(storage: Storage) -> str:
     (data / "rig.yaml").write_text("mount: {height_m: 0.5}\n")
     (data / "programmes").mkdir()
     (data / "programmes" / "short.yaml").write_text("name: short\n")
-    folder = storage.folder.make_run(run.id)
+    folder = run_folder(storage, run.id)
     (folder / "recording.mcap").write_bytes(random.Random(1).randbytes(300_000))
     (folder / "truth").mkdir()
     (folder / "truth" / "as uploaded ä.csv").write_text("t\n")
@@ -379,7 +381,7 @@ def test_rows_that_a_server_refuses_change_nothing(
     url, data = new_database(), tmp_path / "data"
     with Storage(url, folder=data) as storage:
         other = storage.create_run(name="other", source="s", parameters={}, versions={})
-        (storage.folder.make_run(other.id) / "recording.mcap").write_bytes(b"x")
+        (run_folder(storage, other.id) / "recording.mcap").write_bytes(b"x")
     copy = copying._copy
 
     def interrupted(*given: Any) -> None:

@@ -9,6 +9,8 @@ import pytest
 from app.storage import RunRecord, Storage, StorageMissing
 from app.storage.comparison import kept_comparison
 
+from ..planted_runs import run_folder
+
 
 def laid(storage: Storage, run: RunRecord, truth_id: str | None, **kept: object) -> RunRecord:
     storage.align_run(run.id, {"time": {}, **kept}, truth_id=truth_id)
@@ -51,7 +53,7 @@ def test_motion_capture_that_was_heard_live_is_in_a_recording(
     record = laid(storage, run, None, heard_by=other.id)
     with pytest.raises(StorageMissing, match=other.id):
         kept_comparison(record, storage)
-    path = storage.folder.make_run(other.id) / "recording.mcap"
+    path = run_folder(storage, other.id) / "recording.mcap"
     path.write_bytes(b"x")
     told = kept_comparison(record, storage)["truth"]
     assert told["path"] == str(path.absolute())

@@ -11,6 +11,8 @@ import pytest
 
 from app.storage import RunRecord, RunState, SpeedRow, Storage, StorageMissing
 
+from ..planted_runs import run_folder
+
 
 def begin(storage: Storage, name: str, **given: object) -> RunRecord:
     return storage.create_run(
@@ -62,8 +64,9 @@ def test_search_by_words_in_name_notes_and_tags(storage: Storage) -> None:
     assert names(storage, "anders vicon") == ["anders"]
 
 
-def test_search_by_tag_and_day_in_pages(storage: Storage) -> None:
-    made = [begin(storage, str(i), tags=["all", "even" if i % 2 == 0 else "odd"]) for i in range(5)]
+def test_search_by_tag_in_pages(storage: Storage) -> None:
+    for i in range(5):
+        begin(storage, str(i), tags=["all", "even" if i % 2 == 0 else "odd"])
     assert names(storage, tags=["even"]) == ["4", "2", "0"]
     assert names(storage, tags=["even", "all"]) == ["4", "2", "0"]
     assert names(storage, tags=["even", "odd"]) == []
@@ -71,13 +74,6 @@ def test_search_by_tag_and_day_in_pages(storage: Storage) -> None:
     assert storage.run_tags() == {"all": 5, "even": 3, "odd": 2}
     page = storage.find_runs(tags=["all"], limit=2, offset=1)
     assert ([run.name for run in page.runs], page.total) == (["3", "2"], 5)
-    at = datetime.fromisoformat(made[2].started_at)
-    assert names(storage, since=at) == ["4", "3", "2"]
-    assert names(storage, until=at) == ["1", "0"]
-    far = timedelta(hours=5)
-    assert names(storage, since=(at + far).astimezone(), until=at + 2 * far) == []
-    with pytest.raises(ValueError, match="needs its zone"):
-        storage.find_runs(since=datetime(2026, 1, 1))  # noqa: DTZ001
 
 
 def test_annotations_are_no_sign_of_life(storage: Storage, run: RunRecord) -> None:
@@ -93,7 +89,7 @@ def test_annotations_are_no_sign_of_life(storage: Storage, run: RunRecord) -> No
 
 def test_a_deleted_run_can_be_had_back_for_a_week(storage: Storage, run: RunRecord) -> None:
     kept = begin(storage, "kept")
-    recording = storage.folder.make_run(run.id) / "recording.mcap"
+    recording = run_folder(storage, run.id) / "recording.mcap"
     recording.write_bytes(b"x")
     gone = storage.discard_run(run.id)
     assert gone.deleted_at is not None
@@ -116,11 +112,10 @@ def test_a_deleted_run_can_be_had_back_for_a_week(storage: Storage, run: RunReco
 def test_deleting_for_good_takes_tags_and_files_with_it(storage: Storage) -> None:
     run = begin(storage, "r", tags=["a"])
     storage.append_speeds([SpeedRow(run.id, 0.0, "obstacle", "estimate", 1, 0.5, 0.1, 0)])
-    (storage.folder.make_run(run.id) / "recording.mcap").write_bytes(b"x" * 10_000)
+    (run_folder(storage, run.id) / "recording.mcap").write_bytes(b"x" * 10_000)
     # A crash in the middle of an earlier deletion.
     left = storage.folder.path / "runs" / ".deleted-other-1"
     left.mkdir()
-    assert storage.folder.run_bytes(run.id) >= 10_000
     assert storage.delete_run(run.id) is True
     assert storage.run_tags() == {}
     assert storage.speeds(run.id) == []
@@ -129,7 +124,7 @@ def test_deleting_for_good_takes_tags_and_files_with_it(storage: Storage) -> Non
 
 
 def test_an_interrupted_run_tells_how_much_was_recorded(storage: Storage, run: RunRecord) -> None:
-    (storage.folder.make_run(run.id) / "recording.mcap").write_bytes(b"x" * 1234)
+    (run_folder(storage, run.id) / "recording.mcap").write_bytes(b"x" * 1234)
     (interrupted,) = storage.mark_interrupted_runs()
     assert (interrupted.state, interrupted.recording_bytes) == (RunState.INTERRUPTED, 1234)
 

@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 from structlog.testing import capture_logs
 
-from app.storage import StorageError, StorageUnreachable
+from app.storage import StorageError
 from app.storage.engines import database_url
+from app.storage.errors import StorageUnreachable
 from app.storage.occupancy import occupied
 from app.storage.server_locks import ServedDatabase
 from observer.errors import InputError

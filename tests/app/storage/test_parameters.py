@@ -5,7 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
-from app.storage import RunRecord, SavedParameters, Storage, StorageExists
+from app.storage import RunRecord, Storage, StorageExists
+from app.storage.records import SavedParameters
 
 
 def test_parameters_are_found_again_as_they_were_left(opened: Callable[[], Storage]) -> None:
@@ -35,10 +36,10 @@ def test_revisions_of_a_run_and_outside_of_any(storage: Storage, run: RunRecord)
 
 def test_presets_have_one_name_each(storage: Storage) -> None:
     made = storage.save_preset("mine", {"a": 1}, help="for the corridor")
-    assert storage.get_preset("mine") == made
+    assert storage.list_presets() == [made]
     with pytest.raises(StorageExists, match='"mine"'):
         storage.save_preset("mine", {"a": 2})
-    assert storage.get_preset("mine") == made
+    assert storage.list_presets() == [made]
     replaced = storage.save_preset("mine", {"a": 2}, replace=True)
     assert replaced.values == {"a": 2}
     assert replaced.created_at == made.created_at
@@ -46,7 +47,7 @@ def test_presets_have_one_name_each(storage: Storage) -> None:
     assert [preset.name for preset in storage.list_presets()] == ["before", "mine"]
     assert storage.delete_preset("mine") is True
     assert storage.delete_preset("mine") is False
-    assert storage.get_preset("mine") is None
+    assert [preset.name for preset in storage.list_presets()] == ["before"]
 
 
 def test_settings(storage: Storage) -> None:
@@ -54,9 +55,8 @@ def test_settings(storage: Storage) -> None:
     storage.set_setting("theme", {"name": "dark"})
     storage.set_setting("theme", {"name": "darker"})
     assert storage.get_setting("theme") == {"name": "darker"}
-    assert storage.list_settings() == {"theme": {"name": "darker"}}
     storage.set_setting("theme", None)
-    assert storage.list_settings() == {}
+    assert storage.get_setting("theme") is None
 
 
 def test_what_was_stored_under_old_names_is_read_under_those_of_today(
@@ -72,9 +72,8 @@ def test_what_was_stored_under_old_names_is_read_under_those_of_today(
     storage.save_preset("mine", old)
     storage.record_parameter_revision(run.id, 10, 1, old)
     kept = storage.create_run(name="old", source="simulated:lab", parameters=old, versions={})
-    found, preset = storage.load_parameters(), storage.get_preset("mine")
+    found, (preset,) = storage.load_parameters(), storage.list_presets()
     assert found is not None
-    assert preset is not None
     assert found.values == preset.values == new
     assert storage.parameter_revisions(run.id)[0].difference == new
     record = storage.get_run(kept.id)

@@ -14,8 +14,9 @@ from alembic.runtime.migration import MigrationContext
 
 from app.doctor.data_folder import examine_data
 from app.settings import Settings
-from app.storage import Storage, StorageBusy, StorageError, StorageMissing, StorageUnreachable
+from app.storage import Storage, StorageBusy, StorageError, StorageMissing
 from app.storage.engines import database_url, make_engine
+from app.storage.errors import StorageUnreachable
 from app.storage.migration import upgrade
 from app.storage.models import Base
 

@@ -1,7 +1,4 @@
-"""Tables of runs, speeds, parameters, presets, calibrations and settings.
-
-Revision: 0001, the first
-"""
+"""Tables of runs, speeds, parameters, presets, calibrations and settings."""
 
 from __future__ import annotations
 
@@ -10,8 +7,6 @@ from alembic import op
 
 revision = "0001"
 down_revision = None
-branch_labels = None
-depends_on = None
 
 
 def upgrade() -> None:

@@ -1,7 +1,4 @@
-"""History of runs: tags, notes, deletion with undo, recordings, truths, alignment.
-
-Revision: 0004, after 0003
-"""
+"""History of runs: tags, notes, deletion with undo, recordings, truths, alignment."""
 
 from __future__ import annotations
 
@@ -12,8 +9,6 @@ from alembic import op
 
 revision = "0004"
 down_revision = "0003"
-branch_labels = None
-depends_on = None
 
 _RUNS = sa.table(
     "runs", sa.column("id", sa.String), sa.column("name", sa.String), sa.column("searched", sa.Text)

@@ -1,7 +1,4 @@
-"""Link from a re-run to its original run.
-
-Revision: 0005, after 0004
-"""
+"""Link from a re-run to its original run."""
 
 from __future__ import annotations
 
@@ -10,8 +7,6 @@ from alembic import op
 
 revision = "0005"
 down_revision = "0004"
-branch_labels = None
-depends_on = None
 
 
 def upgrade() -> None:

@@ -15,6 +15,8 @@ from app.storage import CalibrationRecord, Storage
 from observer.recording.run_folder import RECORDING
 from observer.sources.contract import SourceInfo
 
+from ...planted_runs import run_folder
+
 LEFT, RIGHT = "http://10.0.0.1/v", "http://10.0.0.2/v"
 SOURCE = f"http://me:secret@10.0.0.1/v,{RIGHT}"
 
@@ -84,6 +86,6 @@ def test_a_kept_run_is_a_source_by_its_id(opened: Storage) -> None:
     run = opened.create_run(name="a", source="b", parameters={}, versions={})
     with pytest.raises(FieldError, match=r"was not recorded|no run"):
         make_opening(opened, f"run:{run.id}", None)
-    recording = opened.folder.make_run(run.id) / RECORDING
+    recording = run_folder(opened, run.id) / RECORDING
     recording.touch()
     assert make_opening(opened, f"run:{run.id}", None).source == str(recording.absolute())
