@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.jsonl import line_pose
 from observer.recording import foxglove, topics
+from observer.recording.drawn import drawn_obstacles, drawn_truth
 from observer.recording.payloads import (
     Begins,
     CapturePayload,
@@ -162,7 +163,7 @@ class Encoder:
         messages = [
             self._own(topics.OBSERVATION, line, received),
             self._made(topics.TRANSFORMS, transforms, received),
-            self._made(topics.SCENE, foxglove.obstacle_scene(line, wall), received),
+            self._made(topics.SCENE, foxglove.scene(drawn_obstacles(line), wall), received),
         ]
         if ego_motion is not None:
             values = EgoMotionPayload(
@@ -174,7 +175,7 @@ class Encoder:
             known = MatchedBody.__struct_fields__
             bodies = [MatchedBody(**{name: entry[name] for name in known}) for entry in truth]
             matched = MatchedTruth(frame=line["frame"], time=line["time"], bodies=bodies)
-            scene = foxglove.truth_scene(truth, wall)
+            scene = foxglove.scene(drawn_truth(bodies), wall)
             self._keep(
                 [
                     self._own(topics.MATCHED_TRUTH, matched, received),

@@ -30,11 +30,6 @@ class Ring:
         self._bytes = 0
 
     @property
-    def bytes_held(self) -> int:
-        """Size of all messages, bytes."""
-        return self._bytes
-
-    @property
     def seconds_held(self) -> float:
         """Time that it reaches back, seconds."""
         if not self._messages:

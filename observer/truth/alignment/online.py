@@ -15,7 +15,13 @@ from observer.truth.alignment.alignment import align
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.observed import ObservedRun
 from observer.truth.alignment.result import Alignment
-from observer.truth.motion_capture import BodySample, Capture, Trajectory, trajectory_of
+from observer.truth.motion_capture import (
+    BodySample,
+    Capture,
+    Trajectory,
+    rising_samples,
+    trajectory_of,
+)
 
 WINDOW_S = 180.0
 # Between two solutions, seconds of the source's clock.
@@ -118,22 +124,16 @@ class OnlineAlignment:
 
 def pieces(samples: Iterable[BodySample]) -> list[Trajectory]:
     """Put samples together by body in order of arrival, on the server's own clock."""
-    by_body: dict[str, list[BodySample]] = {}
-    for sample in samples:
-        kept = by_body.setdefault(sample.name, [])
-        if not kept or sample.time > kept[-1].time:
-            kept.append(sample)
-    return [trajectory_of(name, kept) for name, kept in by_body.items()]
+    return [trajectory_of(name, kept) for name, kept in rising_samples(samples).items()]
 
 
 def _joined(parts: list[Trajectory]) -> Trajectory:
     rotations = None
     if any(part.rotations is not None for part in parts):
-        unknown = [np.full((len(part.times), 3, 3), np.nan) for part in parts]
         rotations = np.concatenate(
             [
-                u if part.rotations is None else part.rotations
-                for part, u in zip(parts, unknown, strict=True)
+                np.full((len(p.times), 3, 3), np.nan) if p.rotations is None else p.rotations
+                for p in parts
             ]
         )
     return Trajectory(

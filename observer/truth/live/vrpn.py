@@ -134,11 +134,6 @@ def describe(kind: int, number: int, name: str) -> Message:
     return Message(0, 0, number, kind, _NAME_LENGTH.pack(len(text)) + text)
 
 
-def pose_body(sensor: int, numbers: tuple[float, ...]) -> bytes:
-    """Encode the body of a pose: ``numbers`` are x, y, z, qx, qy, qz, qw."""
-    return _POSE.pack(sensor, 0, *numbers)
-
-
 class MessageParser:
     """Parser of bytes in pieces of any size."""
 
@@ -224,11 +219,11 @@ class Speaker:
         self._types: dict[str, int] = {}
         self._sequence = 0
 
-    def say(self, type_: str, sender: str, time: float = 0.0, body: bytes = b"") -> bytes:
-        """Encode a message, with the descriptions that it needs in front of it.
+    def say(self, type_: str, sender: str) -> bytes:
+        """Encode a message without a body, with the descriptions that it needs in front of it.
 
         Raises:
-            VrpnError: a name or the body is longer than the library takes.
+            VrpnError: a name is longer than the library takes.
         """
         begin = b""
         for kind, names, name in (
@@ -238,16 +233,7 @@ class Speaker:
             if name not in names:
                 begin += self._numbered(describe(kind, len(names), name))
                 names[name] = len(names)
-        seconds = int(time)
-        return begin + self._numbered(
-            Message(
-                seconds % 2**32,
-                min(999_999, round((time - seconds) * 1e6)),
-                self._senders[sender],
-                self._types[type_],
-                body,
-            )
-        )
+        return begin + self._numbered(Message(0, 0, self._senders[sender], self._types[type_], b""))
 
     def _numbered(self, message: Message) -> bytes:
         data = pack(message, self._sequence)

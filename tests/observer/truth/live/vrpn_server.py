@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import struct
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -20,7 +21,6 @@ from observer.truth.live.vrpn import (
     VrpnError,
     describe,
     pack,
-    pose_body,
 )
 
 from .mishaps import Sent
@@ -38,6 +38,11 @@ _TYPES = (
     "vrpn_Tracker Velocity",
 )
 _CONTROL = "VRPN Control"
+
+
+def pose_body(sensor: int, numbers: tuple[float, ...]) -> bytes:
+    """The body of a pose: ``numbers`` are x, y, z, qx, qy, qz, qw."""
+    return struct.pack(">ii7d", sensor, 0, *numbers)
 
 
 class VrpnServer:
