@@ -17,8 +17,7 @@ from observer.exporting.foxglove_messages import RecordedCloud, RecordedLog
 from observer.geometry import Pose
 from observer.recording.camera_frames import CameraModel
 from observer.recording.drawn import VELOCITY, WHITE, DrawnBody, Rgba
-from observer.recording.payloads import OdometryPayload
-from observer.types import Image
+from observer.types import Image, Odometry
 
 # visualization_msgs/msg/Marker.
 _ARROW, _CUBE, _TEXT = 0, 1, 9
@@ -173,7 +172,7 @@ class RosMessages:
             self._pose(T_world_camera.translation, T_world_camera.quaternion_wxyz),
         )
 
-    def odometry(self, told: OdometryPayload, wall_ns: int) -> Any:
+    def odometry(self, told: Odometry, wall_ns: int) -> Any:
         """Return ``nav_msgs/Odometry`` by the robot's wheels; twist and variances are unknown."""
         unknown = np.diag(np.full(6, _UNKNOWN_VARIANCE)).ravel()
         half = told.yaw / 2

@@ -194,8 +194,7 @@ _ODOMETRY_COLUMNS = (
 def _odometry(recording: Recording) -> Iterator[Row]:
     for frame in recording.frames:
         if frame.odometry is not None:
-            told = msgspec.structs.asdict(frame.odometry)
-            yield {"frame": frame.index, "time": frame.time, **told}
+            yield {"frame": frame.index, "time": frame.time, **vars(frame.odometry)}
 
 
 _ROBOT_COLUMNS = (

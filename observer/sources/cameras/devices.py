@@ -104,7 +104,8 @@ def _device(
 ) -> CameraDevice:
     known = replace(
         named,
-        card=_card_in_sysfs(file.name, root),
+        # Its name without opening it.
+        card=text_in(root / "sys/class/video4linux" / file.name / "name") or None,
         usb=usb_place(file.name, root),
         used_by=holders(file, root),
     )
@@ -153,13 +154,12 @@ def _asked(known: CameraDevice, device: V4l2Device, file: Path, root: Path) -> C
 def _use(capabilities: int) -> Use:
     if capabilities & (layout.IS_CODEC | layout.IS_CODEC_MULTIPLANAR):
         return "codec"
-    images = capabilities & (layout.CAN_CAPTURE | layout.CAN_CAPTURE_MULTIPLANAR)
-    output = capabilities & (layout.CAN_OUTPUT | layout.CAN_OUTPUT_MULTIPLANAR)
-    if images:
-        # A loopback device also reports output.
+    # Before output, which a loopback device also reports.
+    if capabilities & (layout.CAN_CAPTURE | layout.CAN_CAPTURE_MULTIPLANAR):
         return "images"
     if capabilities & layout.CAN_CAPTURE_METADATA:
         return "metadata"
+    output = capabilities & (layout.CAN_OUTPUT | layout.CAN_OUTPUT_MULTIPLANAR)
     return "output" if output else "other"
 
 
@@ -177,11 +177,6 @@ def _links(root: Path, kind: str) -> dict[str, str]:
             continue  # its device is gone
         found.setdefault(device, shown_path(link, root))
     return found
-
-
-def _card_in_sysfs(node: str, root: Path) -> str | None:
-    """Return the card's name, found without opening the device."""
-    return text_in(root / "sys/class/video4linux" / node / "name") or None
 
 
 def shared_bus_hints(cameras: Iterable[CameraDevice]) -> tuple[str, ...]:

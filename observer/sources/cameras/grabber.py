@@ -265,7 +265,7 @@ def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
             continue
         _be_ended_after(_LONGEST_CALL_S)
         try:
-            capture = load_opener(command.opener)(command.address, command.camera_settings())
+            capture = load_opener(command.opener)(command.address, command.settings)
         except SourceError as error:
             notices.tell(Failed(str(error), alive=True))
             continue

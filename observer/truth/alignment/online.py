@@ -10,7 +10,6 @@ import numpy as np
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
-from observer.truth.alignment.aligned import AlignedTruth
 from observer.truth.alignment.alignment import align
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.observed import ObservedRun
@@ -40,7 +39,6 @@ class OnlineAlignment:
     Attributes:
         choices: may be others from one solution to the next.
         state: the alignment, or one sentence that begins with "not yet aligned".
-        truth: the last minutes as truth; None as long as nothing is aligned.
     """
 
     def __init__(self, choices: AlignmentChoices | None = None) -> None:
@@ -50,7 +48,6 @@ class OnlineAlignment:
         self._pieces: dict[str, deque[Trajectory]] = {}
         self._solved: float | None = None
         self.state: Alignment | str = _NONE_YET
-        self.truth: AlignedTruth | None = None
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -70,7 +67,7 @@ class OnlineAlignment:
         """Forget the run: the source is another or began again, with another clock and world."""
         self._lines.clear()
         self._solved = None
-        self.state, self.truth = _NONE_YET, None
+        self.state = _NONE_YET
 
     def add_pieces(self, pieces: Iterable[Trajectory]) -> None:
         """Add pieces as of ``pieces``; samples that do not rise in time are dropped."""
@@ -99,19 +96,15 @@ class OnlineAlignment:
         if self._solved is not None and now - self._solved < SOLVE_EVERY_S:
             return False
         self._solved = now
-        capture = self.capture(to_source)
+        capture = self._capture(to_source)
         try:
-            found = align(ObservedRun.of_lines(self._lines), capture, self.choices)
+            self.state = align(ObservedRun.of_lines(self._lines), capture, self.choices)
         except TruthError as error:
             if not isinstance(self.state, Alignment):
                 self.state = f"not yet aligned: {error}"
-                return True
-            found = self.state
-        self.state = found
-        self.truth = AlignedTruth(capture, found, self.choices.sizes)
         return True
 
-    def capture(self, to_source: Callable[[Float64Array], Float64Array] | None = None) -> Capture:
+    def _capture(self, to_source: Callable[[Float64Array], Float64Array] | None) -> Capture:
         """Return the last minutes of all bodies."""
         bodies = {name: _joined(list(kept)) for name, kept in self._pieces.items()}
         if to_source is not None:

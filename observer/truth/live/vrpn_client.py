@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from observer.geometry import Float64Array
-from observer.truth.live.heard import HeardCapture
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.intake import Intake
 from observer.truth.live.vrpn import (
     COOKIE,
@@ -47,8 +47,8 @@ class _Lost(Exception):
     """Connection that failed or was lost; one sentence."""
 
 
-class VrpnCapture(HeardCapture):
-    """Fulfils ``LiveCapture``.
+class VrpnCapture(LiveCapture):
+    """Trackers of a VRPN server.
 
     A body is a sender's sensor: named as the sender, sensors other than 0 as ``SENDER/SENSOR``.
 

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from observer.truth.live import heard, intake, stamps
-from observer.truth.live.contract import LiveCapture, LiveCaptureReport
+from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.opening import open_live_truth
 from observer.truth.live.vicon_stream import ViconObject
 

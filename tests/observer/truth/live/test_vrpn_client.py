@@ -13,7 +13,8 @@ import pytest
 
 from observer.geometry import Pose
 from observer.truth.live import heard, intake, stamps, vrpn_client
-from observer.truth.live.contract import LiveCapture, LiveCaptureReport
+from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.opening import open_live_truth
 from observer.truth.live.vrpn import POSE_TYPE
 from observer.truth.motion_capture import BodySample
