@@ -18,7 +18,7 @@ import lz4.frame  # type: ignore[import-untyped]
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
+from mcap.reader import NonSeekingReader
 from mcap.records import Channel, ChunkIndex, MessageIndex, Schema
 
 from observer.errors import SourceError
@@ -210,12 +210,12 @@ def _by_index(file: BinaryIO) -> Contents | None:
     if not 0 < begin < size - _FOOTER_BYTES:
         return None
     file.seek(begin)
+    records = file.read(size - begin)
     # The CRC covers everything before itself.
-    covered = file.read(size - begin - len(MAGIC) - 4)
-    if crc and zlib.crc32(covered) != crc:
+    if crc and zlib.crc32(records[: -len(MAGIC) - 4]) != crc:
         return None
-    file.seek(0)
-    summary = make_reader(file).get_summary()
+    # Not of the file itself, which the reader would close.
+    summary = NonSeekingReader(io.BytesIO(MAGIC + records)).get_summary()
     assert summary is not None
     chunks = tuple(map(ChunkPlace, summary.chunk_indexes))
     counts = summary.statistics.channel_message_counts if summary.statistics else {}

@@ -16,7 +16,7 @@ from observer.sources.cameras.device_files import (
     shown_path,
     text_in,
 )
-from observer.sources.cameras.usb import USB_2_MBIT, UsbPlace, usb_place
+from observer.sources.cameras.usb import UsbPlace, usb_place
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import Control, DeviceAccess, LinuxAccess, V4l2Device
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
@@ -187,11 +187,11 @@ def shared_bus_hints(cameras: Iterable[CameraDevice]) -> tuple[str, ...]:
     buses: dict[tuple[str, int], dict[str, CameraDevice]] = {}
     for camera in cameras:
         place = camera.usb
-        if camera.can_capture and place and (place.speed_mbit or USB_2_MBIT) <= USB_2_MBIT:
-            buses.setdefault((place.controller, place.bus), {}).setdefault(place.device, camera)
+        if camera.can_capture and place and (bus := place.usb_2_bus):
+            buses.setdefault(bus, {}).setdefault(place.device, camera)
     return tuple(
-        _hint(bus, controller, list(sharing.values()))
-        for (controller, bus), sharing in sorted(buses.items())
+        _hint(number, controller, list(sharing.values()))
+        for (controller, number), sharing in sorted(buses.items())
         if len(sharing) > 1
     )
 

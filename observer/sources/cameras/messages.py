@@ -19,7 +19,7 @@ class Open(msgspec.Struct, frozen=True, tag=True):
     Attributes:
         address: path or URL, password included; it goes through the pipe because anybody on the
             machine can read a command line.
-        opener: ``module:function`` or ``file.py:function`` that makes the ``Capture``.
+        opener: ``module:function`` that makes the ``Capture``.
     """
 
     address: str

@@ -74,16 +74,10 @@ class TrackerPose:
 
 
 @dataclass(frozen=True)
-class Ping:
-    """Question of the other side whether a device of ours lives."""
+class Sign:
+    """``PING_TYPE``: the question whether a device lives, or ``PONG_TYPE``: that it does."""
 
-    sender: str
-
-
-@dataclass(frozen=True)
-class Pong:
-    """Sign of life of the other side's device."""
-
+    type: str
     sender: str
 
 
@@ -180,7 +174,7 @@ class Conversation:
         """Names of senders that were described so far."""
         return tuple(self._senders.values())
 
-    def feed(self, data: bytes) -> list[TrackerPose | Ping | Pong]:
+    def feed(self, data: bytes) -> list[TrackerPose | Sign]:
         """Return the poses, pings and pongs that are complete with these bytes.
 
         Raises:
@@ -189,7 +183,7 @@ class Conversation:
         meanings = map(self._take, self._parser.feed(data))
         return [meaning for meaning in meanings if meaning is not None]
 
-    def _take(self, message: Message) -> TrackerPose | Ping | Pong | None:
+    def _take(self, message: Message) -> TrackerPose | Sign | None:
         if message.type in (SENDER_DESCRIPTION, TYPE_DESCRIPTION):
             names = self._senders if message.type == SENDER_DESCRIPTION else self._types
             if len(names) >= _MOST_DESCRIBED and message.sender not in names:
@@ -206,9 +200,7 @@ class Conversation:
                 raise VrpnError(f"a pose must have {_POSE.size} bytes, not {len(message.body)}")
             sensor, _, x, y, z, qx, qy, qz, qw = _POSE.unpack(message.body)
             return TrackerPose(sender, sensor, message.time, (x, y, z), (qx, qy, qz, qw))
-        if kind == PING_TYPE:
-            return Ping(sender)
-        return Pong(sender) if kind == PONG_TYPE else None
+        return Sign(kind, sender) if kind in (PING_TYPE, PONG_TYPE) else None
 
 
 class Speaker:

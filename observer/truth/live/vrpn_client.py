@@ -25,7 +25,6 @@ from observer.truth.live.vrpn import (
     PING_TYPE,
     PONG_TYPE,
     Conversation,
-    Ping,
     Speaker,
     TrackerPose,
     VrpnError,
@@ -134,7 +133,7 @@ class VrpnCapture(LiveCapture):
             for told in conversation.feed(data):
                 if isinstance(told, TrackerPose):
                     self._pose(told, received)
-                elif isinstance(told, Ping):
+                elif told.type == PING_TYPE:
                     self._send(connection, speaker.say(PONG_TYPE, told.sender))
             if not self._wakeup.wait(_ASK_EVERY_S, connection):
                 data = b""

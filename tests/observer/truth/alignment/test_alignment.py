@@ -20,6 +20,8 @@ from observer.truth.alignment.online import OnlineAlignment, pieces
 from observer.truth.alignment.result import Alignment
 from observer.truth.motion_capture import BodySample, Capture, Trajectory
 
+from .conftest import to_source
+
 Rooms = Callable[..., Any]
 
 
@@ -79,7 +81,7 @@ def test_gaps_of_motion_capture_stay_gaps(room: Any, found: Alignment) -> None:
     truth = AlignedTruth(room.capture, found)
     lost = body.times[~body.seen][5:-5]
     assert len(lost)
-    time = float(found.time.to_source(lost)[3])
+    time = float(to_source(found.time, lost)[3])
     assert "P3DX" not in {b.name for b in truth.bodies(time)}
     assert truth.speed("P3DX", time) is None
     assert truth.bodies(1000.0) == ()

@@ -17,7 +17,7 @@ from observer.truth.live.vrpn import (
     Conversation,
     Message,
     MessageParser,
-    Ping,
+    Sign,
     Speaker,
     TrackerPose,
     VrpnError,
@@ -131,11 +131,11 @@ def test_names_beyond_the_librarys_tables_are_refused() -> None:
 
 def test_what_we_say_is_described_before_it_is_used() -> None:
     speaker, there = Speaker(), Conversation()
-    assert there.feed(speaker.say(PING_TYPE, "Robot")) == [Ping("Robot")]
+    assert there.feed(speaker.say(PING_TYPE, "Robot")) == [Sign(PING_TYPE, "Robot")]
     second = speaker.say(PING_TYPE, "Robot")
     assert len(second) == 24
-    assert there.feed(second) == [Ping("Robot")]
-    assert there.feed(speaker.say(PING_TYPE, "Cart")) == [Ping("Cart")]
+    assert there.feed(second) == [Sign(PING_TYPE, "Robot")]
+    assert there.feed(speaker.say(PING_TYPE, "Cart")) == [Sign(PING_TYPE, "Cart")]
 
 
 def test_cookies_of_version_7_are_taken_others_not() -> None:

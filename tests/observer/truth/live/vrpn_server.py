@@ -16,8 +16,7 @@ from observer.truth.live.vrpn import (
     POSE_TYPE,
     Conversation,
     Message,
-    Ping,
-    Pong,
+    Sign,
     VrpnError,
     describe,
     pack,
@@ -165,14 +164,16 @@ class VrpnServer:
         conversation = Conversation()
         while data := client.recv(4096):
             for told in conversation.feed(data):
-                if isinstance(told, Ping):
+                if not isinstance(told, Sign):
+                    continue
+                if told.type == PING_TYPE:
                     self.pinged.append(told.sender)
                     if self.answers:
                         number = self._senders.index(told.sender)
                         now = int(time.time())
                         pong = Message(now, 0, number, _TYPES.index(PONG_TYPE), b"")
                         self._write(client, pack(pong))
-                elif isinstance(told, Pong):
+                else:
                     self.ponged.append(told.sender)
 
     def _write(self, client: socket.socket, data: bytes) -> None:
