@@ -11,7 +11,8 @@ from collections.abc import Callable
 from app.engine.recording import RunRecorder
 from app.engine.replies import unexpected
 from observer.errors import DynamicObserverError
-from observer.truth.live.contract import LiveCapture, LiveCaptureReport
+from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.opening import open_live_truth
 from observer.truth.motion_capture import BodySample
 

@@ -49,13 +49,10 @@ class BuiltScene:
 
     Attributes:
         robots: paths, the observer first. cameras: paths, left and right.
-        boxes: number of boxes built. loaded: number of robots loaded.
     """
 
     robots: tuple[str, ...]
     cameras: tuple[str, str]
-    boxes: int
-    loaded: int
 
 
 def build_scene(address: Address) -> BuiltScene:
@@ -83,9 +80,7 @@ def _build(connection: Connection) -> BuiltScene:
     for k, (x, y, heading, length, width, height) in enumerate(_BOXES):
         at = (x, y, height / 2, heading)
         _solid(connection, f"Box{k + 1}", (length, width, height), at, 10 + k)
-    robots = find_pioneers(connection)
-    missing = max(0, len(_PLACES) - len(robots))
-    for _ in range(missing):
+    for _ in range(len(_PLACES) - len(find_pioneers(connection))):
         _load_pioneer(connection)
     robots = find_pioneers(connection)[: len(_PLACES)]
     if len(robots) < len(_PLACES):
@@ -97,12 +92,8 @@ def _build(connection: Connection) -> BuiltScene:
     for robot, place in zip(robots, _PLACES, strict=True):
         _place(connection, robot, place)
     sensors = find_sensors(connection) or create_sensors(connection, robots[0])
-    return BuiltScene(
-        tuple(robot.path for robot in robots),
-        (sensors.left.path, sensors.right.path),
-        len(_BOXES),
-        missing,
-    )
+    cameras = sensors.left.path, sensors.right.path
+    return BuiltScene(tuple(robot.path for robot in robots), cameras)
 
 
 def _clear(connection: Connection) -> None:

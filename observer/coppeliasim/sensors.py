@@ -47,14 +47,10 @@ class Sensor:
     view_angle: float
 
     @property
-    def focal_px(self) -> float:
-        """Focal length; the view angle is that of the larger dimension."""
-        return max(self.width, self.height) / 2 / math.tan(self.view_angle / 2)
-
-    @property
     def K(self) -> Float64Array:
         """(3, 3) camera matrix; pixel centres at whole numbers, so the middle of 512 is 255.5."""
-        f = self.focal_px
+        # The view angle is that of the larger dimension.
+        f = max(self.width, self.height) / 2 / math.tan(self.view_angle / 2)
         return np.array([[f, 0, (self.width - 1) / 2], [0, f, (self.height - 1) / 2], [0, 0, 1]])
 
     def T_room_camera(self, connection: Connection) -> Pose:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import time as clock
 from dataclasses import replace
 
-from observer.camera import StereoCalibration
 from observer.coppeliasim.connection import ANSWER_WITHIN_S, Connection, CoppeliaSimError
 from observer.coppeliasim.noise import noisy
 from observer.coppeliasim.pioneers import Pioneer, WheelOdometry
@@ -33,6 +32,9 @@ class CoppeliaSimSource:
         robot: the one that carries the sensors, if any.
         truth: notes the scene's state at every frame.
 
+    Attributes:
+        calibration: exact, from the sensors' resolution, view angle and poses.
+
     Raises:
         CoppeliaSimError: the simulation cannot be started or stepped.
     """
@@ -46,22 +48,14 @@ class CoppeliaSimSource:
     ) -> None:
         self._connection = connection
         self._sensors = sensors
+        self.calibration = sensors.calibration
         self._robot = robot
         self._truth = truth
         self._simulation = Simulation(connection)
         self._odometry = _odometry(robot)
         self._next = 0
-        self._info = self._described()
+        self.info = self._described()
         self._begin()
-
-    @property
-    def info(self) -> SourceInfo:
-        return self._info
-
-    @property
-    def calibration(self) -> StereoCalibration | None:
-        """Exact, from the sensors' resolution, view angle and poses."""
-        return self._sensors.calibration
 
     def read(self) -> StereoFrame:
         """Step, and read the frame; stepping first lets it show what was commanded meanwhile.

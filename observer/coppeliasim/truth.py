@@ -11,14 +11,14 @@ import threading
 from collections import OrderedDict
 from collections.abc import Sequence
 
-import cv2
 import numpy as np
 
 from observer.camera import StereoCalibration
 from observer.coppeliasim.connection import Connection
 from observer.coppeliasim.pioneers import Pioneer
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Pose
 from observer.truth.contract import TrueBody
+from observer.vision.rectification import Rectification
 
 # Several readers ask for the same instant, none for one further back.
 _REMEMBERED_INSTANTS = 256
@@ -35,7 +35,7 @@ class CoppeliaSimTruth:
         self, robots: Sequence[tuple[str, Pioneer]], calibration: StereoCalibration
     ) -> None:
         self._robots = tuple(robots)
-        self._T_left_camera = Pose(_rectifying_rotation(calibration).T, np.zeros(3))
+        self._T_left_camera = Pose(Rectification(calibration).R_rectified_left.T, np.zeros(3))
         self._T_world_room: Pose | None = None
         self._lock = threading.Lock()
         self._instants: OrderedDict[float, tuple[Pose, tuple[TrueBody, ...]]] = OrderedDict()
@@ -107,12 +107,3 @@ def _state(
         visible=None,
         commanded_speed=sum(targets) / 2 * robot.wheel_radius_m,
     )
-
-
-def _rectifying_rotation(c: StereoCalibration) -> Float64Array:
-    """Return the rotation (3, 3) from the left camera's axes to the rectified ones."""
-    if c.is_rectified:
-        return np.eye(3)
-    size = (c.width, c.height)
-    R1 = cv2.stereoRectify(c.K1, c.D1, c.K2, c.D2, size, c.R, c.T, alpha=0)[0]
-    return np.asarray(R1, dtype=np.float64)

@@ -6,7 +6,6 @@ import io
 import json
 import zipfile
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -21,15 +20,6 @@ from observer.exporting.tables import TABLES, Table
 from observer.recording.reader import Recording
 
 TableFormat = Literal["csv", "parquet"]
-
-
-@dataclass
-class _Contents:
-    """Contents of the zip, for its README."""
-
-    files: list[tuple[str, str]] = field(default_factory=list)
-    tables: list[tuple[Table, int]] = field(default_factory=list)
-    absent: list[str] = field(default_factory=list)
 
 
 def write_archive(
@@ -52,107 +42,105 @@ def write_archive(
     """
     if tables == "parquet":
         check_parquet()
-    contents = _Contents()
-    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        for table in TABLES.values():
-            _add_table(archive, recording, table, tables, contents)
-        _add_video(archive, recording, path, contents, progress)
-        _add_cloud(archive, recording, cloud_position, cloud_frame, contents)
-        facts = msgspec.json.format(msgspec.json.encode(recording.facts), indent=2)
-        archive.writestr("run.json", facts)
-        contents.files.append(("run.json", "source, cameras, versions and clocks of the run"))
-        archive.writestr("calibration.yaml", recording.facts.calibration_yaml)
-        contents.files.append(("calibration.yaml", "as the run was observed with, OpenCV's format"))
-        if recording.facts.rig_yaml is not None:
-            archive.writestr("rig.yaml", recording.facts.rig_yaml)
-            contents.files.append(("rig.yaml", "how the camera stood on its robot"))
-        with archive.open("observations.jsonl", "w") as lines:
-            for line in recording.lines():
-                lines.write(json.dumps(line, allow_nan=False).encode() + b"\n")
-        contents.files.append(("observations.jsonl", "one JSON line for each frame, as observe's"))
-        archive.writestr("README.md", _readme(recording, contents))
-
-
-def _add_table(
-    archive: zipfile.ZipFile,
-    recording: Recording,
-    table: Table,
-    format_: TableFormat,
-    contents: _Contents,
-) -> None:
-    if next(table.rows(recording), None) is None:
-        contents.absent.append(f"{table.name}: nothing of it was recorded")
-        return
-    name = f"{table.name}.{format_}"
-    if format_ == "parquet":
-        packed = io.BytesIO()
-        count = write_parquet(table, recording, packed)
-        archive.writestr(name, packed.getvalue())
-    else:
-        with (
-            archive.open(name, "w", force_zip64=True) as raw,
-            io.TextIOWrapper(raw, encoding="utf-8", newline="") as file,
-        ):
-            count = write_csv(table, recording, file)
-    contents.tables.append((table, count))
-
-
-def _add_video(
-    archive: zipfile.ZipFile,
-    recording: Recording,
-    beside: Path,
-    contents: _Contents,
-    progress: Callable[[int, int | None], None] | None,
-) -> None:
-    video = beside.with_name(f"{beside.name}.mp4")
-    try:
-        made = write_run_video(recording, video, progress)
-        # It is packed already.
-        archive.write(video, "overlay.mp4", compress_type=zipfile.ZIP_STORED)
-        contents.files.append(("overlay.mp4", f"what was found, over the left image; {made.codec}"))
-    except ExportError as error:
-        contents.absent.append(f"overlay.mp4: {error}")
-    finally:
-        video.unlink(missing_ok=True)
-
-
-def _add_cloud(
-    archive: zipfile.ZipFile,
-    recording: Recording,
-    position: int,
-    frame: Frame,
-    contents: _Contents,
-) -> None:
-    try:
-        cloud = cloud_at(recording, position, frame)
-    except DynamicObserverError as error:
-        contents.absent.append(f"cloud.ply: {error}")
-        return
-    packed = io.BytesIO()
-    write_ply(cloud, packed)
-    archive.writestr("cloud.ply", packed.getvalue())
-    told = f"{len(cloud.points)} points of frame {cloud.index}, {cloud.frame} frame, {cloud.source}"
-    contents.files.append(("cloud.ply", told))
-
-
-def _readme(recording: Recording, contents: _Contents) -> str:
     facts = recording.facts
-    lines = [
-        f"# {facts.name}",
-        "",
-        f"Run {facts.id} of {facts.source}, {len(recording.frames)} frames"
-        f"{', unfinished' if recording.unfinished else ''}.",
-        "",
-        "SI units, named at the end of each column: _m, _mps (m/s), _s, _rad, _radps (rad/s), _px, "
-        "_m2, _m2ps2. time_s is the source's clock, received_s the host's monotonic one. The world "
-        "is the camera frame at a segment's first pose: x right, y down, z forward. An empty cell "
-        "is what is not known.",
-        "",
-        *(f"- {name}: {help_}" for name, help_ in contents.files),
-    ]
-    if contents.absent:
-        lines += ["", "Not here:", "", *(f"- {sentence}" for sentence in contents.absent)]
-    for table, count in contents.tables:
-        lines += ["", f"## {table.name}", "", f"{table.help}; {count} rows.", ""]
-        lines += [f"- {column.name} ({column.kind}): {column.help}" for column in table.columns]
-    return "\n".join(lines) + "\n"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        archive = _Archive(file, recording)
+        for table in TABLES.values():
+            archive.add_table(table, tables)
+        archive.add_video(path.with_name(f"{path.name}.mp4"), progress)
+        archive.add_cloud(cloud_position, cloud_frame)
+        run = msgspec.json.format(msgspec.json.encode(facts), indent=2)
+        archive.add("run.json", run, "source, cameras, versions and clocks of the run")
+        told = "as the run was observed with, OpenCV's format"
+        archive.add("calibration.yaml", facts.calibration_yaml, told)
+        if facts.rig_yaml is not None:
+            archive.add("rig.yaml", facts.rig_yaml, "how the camera stood on its robot")
+        archive.add_lines()
+        file.writestr("README.md", archive.readme())
+
+
+class _Archive:
+    """The zip, with what its README tells of it."""
+
+    def __init__(self, file: zipfile.ZipFile, recording: Recording) -> None:
+        self._file = file
+        self._recording = recording
+        self._told: list[tuple[str, str]] = []
+        self._tables: list[tuple[Table, int]] = []
+        self._absent: list[str] = []
+
+    def add(self, name: str, content: str | bytes, told: str) -> None:
+        self._file.writestr(name, content)
+        self._told.append((name, told))
+
+    def add_table(self, table: Table, format_: TableFormat) -> None:
+        recording = self._recording
+        if next(table.rows(recording), None) is None:
+            self._absent.append(f"{table.name}: nothing of it was recorded")
+            return
+        name = f"{table.name}.{format_}"
+        if format_ == "parquet":
+            packed = io.BytesIO()
+            count = write_parquet(table, recording, packed)
+            self._file.writestr(name, packed.getvalue())
+        else:
+            with (
+                self._file.open(name, "w", force_zip64=True) as raw,
+                io.TextIOWrapper(raw, encoding="utf-8", newline="") as file,
+            ):
+                count = write_csv(table, recording, file)
+        self._tables.append((table, count))
+
+    def add_video(self, video: Path, progress: Callable[[int, int | None], None] | None) -> None:
+        try:
+            codec = write_run_video(self._recording, video, progress).codec
+            # It is packed already.
+            self._file.write(video, "overlay.mp4", compress_type=zipfile.ZIP_STORED)
+            self._told.append(("overlay.mp4", f"what was found, over the left image; {codec}"))
+        except ExportError as error:
+            self._absent.append(f"overlay.mp4: {error}")
+        finally:
+            video.unlink(missing_ok=True)
+
+    def add_cloud(self, position: int, frame: Frame) -> None:
+        try:
+            cloud = cloud_at(self._recording, position, frame)
+        except DynamicObserverError as error:
+            self._absent.append(f"cloud.ply: {error}")
+            return
+        packed = io.BytesIO()
+        write_ply(cloud, packed)
+        self.add(
+            "cloud.ply",
+            packed.getvalue(),
+            f"{len(cloud.points)} points of frame {cloud.index}, {cloud.frame} frame, "
+            f"{cloud.source}",
+        )
+
+    def add_lines(self) -> None:
+        with self._file.open("observations.jsonl", "w") as lines:
+            for line in self._recording.lines():
+                lines.write(json.dumps(line, allow_nan=False).encode() + b"\n")
+        self._told.append(("observations.jsonl", "one JSON line for each frame, as observe's"))
+
+    def readme(self) -> str:
+        facts = self._recording.facts
+        lines = [
+            f"# {facts.name}",
+            "",
+            f"Run {facts.id} of {facts.source}, {len(self._recording.frames)} frames"
+            f"{', unfinished' if self._recording.unfinished else ''}.",
+            "",
+            "SI units, named at the end of each column: _m, _mps (m/s), _s, _rad, _radps (rad/s), "
+            "_px, _m2, _m2ps2. time_s is the source's clock, received_s the host's monotonic one. "
+            "The world is the camera frame at a segment's first pose: x right, y down, z forward. "
+            "An empty cell is what is not known.",
+            "",
+            *(f"- {name}: {help_}" for name, help_ in self._told),
+        ]
+        if self._absent:
+            lines += ["", "Not here:", "", *(f"- {sentence}" for sentence in self._absent)]
+        for table, count in self._tables:
+            lines += ["", f"## {table.name}", "", f"{table.help}; {count} rows.", ""]
+            lines += [f"- {column.name} ({column.kind}): {column.help}" for column in table.columns]
+        return "\n".join(lines) + "\n"

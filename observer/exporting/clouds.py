@@ -116,7 +116,7 @@ def _recorded(
 
 
 def _computed(recording: Recording, position: int) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
-    rectified = recorded_rectification(recording)
+    rectified = Rectification(recording.calibration())
     left, right = recording.pair(position)
     left, right = rectified.apply(left, right)
     parameters = _stereo_parameters(recording, position)
@@ -130,12 +130,3 @@ def _stereo_parameters(recording: Recording, position: int) -> StereoParameters:
         if begin <= position:
             values = revision.values
     return Parameters().changed(Parameters.own(values)).stereo
-
-
-def recorded_rectification(recording: Recording) -> Rectification:
-    """Return the rectification that the run was observed with.
-
-    Raises:
-        CalibrationError: the calibration cannot be used.
-    """
-    return Rectification(recording.calibration())

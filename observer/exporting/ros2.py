@@ -24,6 +24,7 @@ from observer.jsonl import line_pose
 from observer.recording import topics
 from observer.recording.camera_frames import camera_model, fixed_frames
 from observer.recording.contents import Message
+from observer.recording.drawn import drawn_obstacles, drawn_truth
 from observer.recording.images import jpeg_data, raw_pixels
 from observer.recording.payloads import MatchedTruth, RecordedFrame
 from observer.recording.reader import Recording
@@ -36,8 +37,7 @@ _SIDES: dict[str, Literal["left", "right"]] = {
     topics.RIGHT_RAW.name: "right",
 }
 
-_TF, _STATIC = "tf2_msgs/msg/TFMessage", "/tf_static"
-_MARKERS = "visualization_msgs/msg/MarkerArray"
+_STATIC = "/tf_static"
 _SECOND_NS = 1_000_000_000
 
 
@@ -45,7 +45,6 @@ class _Told(NamedTuple):
     """Message of the bag."""
 
     topic: str
-    kind: str
     wall_ns: int
     message: Any
 
@@ -80,14 +79,15 @@ def write_ros2_bag(
     try:
         with Writer(folder, version=BAG_VERSION, storage_plugin=plugin) as writer:
             for told in run.messages():
+                kind = told.message.__msgtype__
                 if told.topic not in connections:
                     connections[told.topic] = writer.add_connection(
                         told.topic,
-                        told.kind,
+                        kind,
                         typestore=run.ros.store,
                         offered_qos_profiles=_latched() if told.topic == _STATIC else (),
                     )
-                data = run.ros.store.serialize_cdr(told.message, told.kind)
+                data = run.ros.store.serialize_cdr(told.message, kind)
                 writer.write(connections[told.topic], told.wall_ns, data)
                 counts[told.topic] = counts.get(told.topic, 0) + 1
                 if progress is not None and told.topic == "/observation":
@@ -114,7 +114,7 @@ class _Run:
     def messages(self) -> Iterator[_Told]:
         begin = self._clock.begin_ns
         fixed = fixed_frames(self._rectified, self._recording.facts.camera_mount())
-        yield _Told(_STATIC, _TF, begin, self.ros.transforms(fixed, begin))
+        yield _Told(_STATIC, begin, self.ros.transforms(fixed, begin))
         read: dict[str, Callable[[Message, str], Iterator[_Told]]] = {
             **dict.fromkeys(_SIDES, self._image),
             topics.FRAME.name: self._frame,
@@ -134,51 +134,47 @@ class _Run:
         side, at = _SIDES[topic], self._clock.of_wall(read_stamp(message.data))
         if self._recording.facts.images == "lossless":
             image = self.ros.image(raw_pixels(message.data), side, at)
-            yield _Told(f"/camera/{side}/image_raw", "sensor_msgs/msg/Image", at, image)
+            yield _Told(f"/camera/{side}/image_raw", at, image)
         else:
             jpeg = self.ros.compressed(jpeg_data(message.data), side, at)
-            name, kind = f"/camera/{side}/image_raw/compressed", "sensor_msgs/msg/CompressedImage"
-            yield _Told(name, kind, at, jpeg)
+            yield _Told(f"/camera/{side}/image_raw/compressed", at, jpeg)
         # With exactly the stamp of its image, by which ROS pairs them.
         given = self._calibration
         model = camera_model(given, self._rectified, side)
         info = self.ros.camera_info(model, given.width, given.height, side, at)
-        yield _Told(f"/camera/{side}/camera_info", "sensor_msgs/msg/CameraInfo", at, info)
+        yield _Told(f"/camera/{side}/camera_info", at, info)
 
     def _frame(self, message: Message, _: str) -> Iterator[_Told]:
         frame = msgspec.json.decode(message.data, type=RecordedFrame)
         if frame.odometry is not None:
             at = self._clock.of_frame(frame.index, frame.time)
-            odometry = self.ros.odometry(frame.odometry, at)
-            yield _Told("/odom", "nav_msgs/msg/Odometry", at, odometry)
+            yield _Told("/odom", at, self.ros.odometry(frame.odometry, at))
 
     def _observation(self, message: Message, _: str) -> Iterator[_Told]:
         line = msgspec.json.decode(message.data)
         at = self._clock.of_frame(line["frame"], line["time"])
-        text = self.ros.text(json.dumps(line))
-        yield _Told("/observation", "std_msgs/msg/String", at, text)
-        yield _Told("/obstacles", _MARKERS, at, self.ros.obstacles(line, at))
+        yield _Told("/observation", at, self.ros.text(json.dumps(line)))
+        yield _Told("/obstacles", at, self.ros.bodies(drawn_obstacles(line), at))
         T_world_camera = line_pose(line)
         if T_world_camera is not None:
             moving = self.ros.transforms([("world", "camera", T_world_camera)], at)
-            yield _Told("/tf", _TF, at, moving)
-            pose = self.ros.pose(T_world_camera, at)
-            yield _Told("/camera/pose", "geometry_msgs/msg/PoseStamped", at, pose)
+            yield _Told("/tf", at, moving)
+            yield _Told("/camera/pose", at, self.ros.pose(T_world_camera, at))
 
     def _truth(self, message: Message, _: str) -> Iterator[_Told]:
         matched = msgspec.json.decode(message.data, type=MatchedTruth)
         at = self._clock.of_frame(matched.frame, matched.time)
-        yield _Told("/truth", _MARKERS, at, self.ros.true_bodies(matched.bodies, at))
+        yield _Told("/truth", at, self.ros.bodies(drawn_truth(matched.bodies), at))
 
     def _cloud(self, message: Message, _: str) -> Iterator[_Told]:
         told = read_cloud(message.data)
         at = self._clock.of_wall(told.stamp_ns)
-        yield _Told("/cloud", "sensor_msgs/msg/PointCloud2", at, self.ros.cloud(told, at))
+        yield _Told("/cloud", at, self.ros.cloud(told, at))
 
     def _log(self, message: Message, _: str) -> Iterator[_Told]:
         told = read_log(message.data)
         at = self._clock.of_wall(told.stamp_ns)
-        yield _Told("/dynamic_observer/log", "rcl_interfaces/msg/Log", at, self.ros.log(told, at))
+        yield _Told("/dynamic_observer/log", at, self.ros.log(told, at))
 
 
 def _latched() -> list[Any]:

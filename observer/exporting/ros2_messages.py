@@ -6,7 +6,7 @@ Frames are those of ``observer.recording.camera_frames``; times are those of ``E
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -16,12 +16,13 @@ from observer.exporting.errors import missing_extra
 from observer.exporting.foxglove_messages import RecordedCloud, RecordedLog
 from observer.geometry import Pose
 from observer.recording.camera_frames import CameraModel
-from observer.recording.payloads import MatchedBody, OdometryPayload
-from observer.types import Image
+from observer.recording.drawn import VELOCITY, WHITE, DrawnBody, Rgba
+from observer.types import Image, Odometry
 
 # visualization_msgs/msg/Marker.
 _ARROW, _CUBE, _TEXT = 0, 1, 9
 _ADD, _DELETE_ALL = 0, 3
+_UNTURNED = (1, 0, 0, 0)
 # sensor_msgs/msg/PointField.
 _FLOAT32 = 7
 # rcl_interfaces/msg/Log, by Foxglove's level.
@@ -30,13 +31,10 @@ _LEVELS = {1: 10, 2: 20, 3: 30, 4: 40, 5: 50}
 # so large a variance as that.
 _UNKNOWN_VARIANCE = 1e6
 
-_MOVING, _STOPPED = (1.0, 0.85, 0.0, 0.45), (0.3, 0.6, 1.0, 0.45)
-_COASTING, _VELOCITY = (0.6, 0.6, 0.6, 0.3), (1.0, 0.3, 0.0, 0.9)
-_TRUE, _WHITE = (0.1, 0.9, 0.3, 0.35), (1.0, 1.0, 1.0, 1.0)
-_SHORTEST_ARROW_MPS = 0.02
+# A cube with no extent is not drawn.
 _LEAST_EXTENT_M = 0.01
-
-Rgba = tuple[float, float, float, float]
+# Of a true body's box, which is solid here.
+_TRUE_ALPHA = 0.35
 
 
 class RosMessages:
@@ -174,7 +172,7 @@ class RosMessages:
             self._pose(T_world_camera.translation, T_world_camera.quaternion_wxyz),
         )
 
-    def odometry(self, told: OdometryPayload, wall_ns: int) -> Any:
+    def odometry(self, told: Odometry, wall_ns: int) -> Any:
         """Return ``nav_msgs/Odometry`` by the robot's wheels; twist and variances are unknown."""
         unknown = np.diag(np.full(6, _UNKNOWN_VARIANCE)).ravel()
         half = told.yaw / 2
@@ -197,49 +195,15 @@ class RosMessages:
 
     # --- what was seen, as text and boxes ----------------------------------------------------
 
-    def obstacles(self, line: Mapping[str, Any], wall_ns: int) -> Any:
+    def bodies(self, bodies: Sequence[DrawnBody], wall_ns: int) -> Any:
         """Return a ``visualization_msgs/MarkerArray``: box, velocity and label of each."""
-        markers = [self._clearing(wall_ns)]
-        for entry in line["obstacles"]:
-            if entry["position"] is None or entry["orientation_wxyz"] is None:
-                continue
-            color = _MOVING if entry["motion"] == "moving" else _STOPPED
-            if entry["state"] == "coasting":
-                color = _COASTING
-            std = entry["speed_std"]
-            sure = "" if std is None else f" ± {std:.2f}"
-            markers += self._body(
-                "obstacle",
-                entry["id"],
-                wall_ns,
-                position=entry["position"],
-                wxyz=entry["orientation_wxyz"],
-                size=entry["size"],
-                velocity=entry["velocity"],
-                color=color,
-                text=f"{entry['id']}: {entry['speed']:.2f}{sure} m/s",
-            )
-        return self._make("visualization_msgs/msg/MarkerArray", markers)
-
-    def true_bodies(self, bodies: Sequence[MatchedBody], wall_ns: int) -> Any:
-        """Return a ``MarkerArray`` of true bodies in the world of the obstacles."""
-        markers = [self._clearing(wall_ns)]
-        for body in bodies:
-            length, width, height = body.size
-            half = body.yaw / 2
-            markers += self._body(
-                body.role,
-                body.id,
-                wall_ns,
-                position=body.position,
-                # The world's y points down; see foxglove.truth_scene.
-                wxyz=(math.cos(half), 0.0, math.sin(half), 0.0),
-                size=(width, height, length),
-                velocity=body.velocity,
-                color=_TRUE,
-                text=f"{body.name}: {body.speed:.2f} m/s",
-            )
-        return self._make("visualization_msgs/msg/MarkerArray", markers)
+        nowhere = self._pose((0, 0, 0), _UNTURNED)
+        # It deletes what was drawn before and is no longer seen.
+        clearing = self._marker(
+            wall_ns, "", 0, 0, WHITE, nowhere, (0.0, 0.0, 0.0), action=_DELETE_ALL
+        )
+        markers = [marker for body in bodies for marker in self._body(body, wall_ns)]
+        return self._make("visualization_msgs/msg/MarkerArray", [clearing, *markers])
 
     def text(self, text: str) -> Any:
         """Return a ``std_msgs/String``."""
@@ -251,44 +215,29 @@ class RosMessages:
         at = self._time(wall_ns)
         return self._make("rcl_interfaces/msg/Log", at, level, told.name, told.text, "", "", 0)
 
-    def _body(
-        self,
-        ns: str,
-        id_: int,
-        wall_ns: int,
-        *,
-        position: Sequence[float],
-        wxyz: Sequence[float],
-        size: Sequence[float],
-        velocity: Sequence[float] | None,
-        color: Rgba,
-        text: str,
-    ) -> list[Any]:
-        extent = [max(_LEAST_EXTENT_M, s) if math.isfinite(s) else _LEAST_EXTENT_M for s in size]
-        pose, still = self._pose(position, wxyz), (1, 0, 0, 0)
-        found = [self._marker(wall_ns, ns, id_, _CUBE, color, pose, extent)]
-        if velocity is not None and math.hypot(*velocity) >= _SHORTEST_ARROW_MPS:
-            tip = np.add(position, velocity)
-            ends = [self._xyz("Point", position), self._xyz("Point", tip)]
-            origin = self._pose((0, 0, 0), still)
-            arrow = (0.04, 0.1, 0.0)
-            found.append(
-                self._marker(wall_ns, f"{ns} velocity", id_, _ARROW, _VELOCITY, origin, arrow, ends)
+    def _body(self, body: DrawnBody, wall_ns: int) -> Iterator[Any]:
+        size = [s if math.isfinite(s) else 0.0 for s in body.size]
+        extent = [max(_LEAST_EXTENT_M, s) for s in size]
+        color = (*body.color[:3], _TRUE_ALPHA) if body.true else body.color
+        box = self._pose(body.position, body.wxyz)
+        yield self._marker(wall_ns, body.kind, body.id, _CUBE, color, box, extent)
+        if body.arrow_m:
+            tip = np.add(body.position, body.velocity)
+            yield self._marker(
+                wall_ns,
+                f"{body.kind} velocity",
+                body.id,
+                _ARROW,
+                VELOCITY,
+                self._pose((0, 0, 0), _UNTURNED),
+                (0.04, 0.1, 0.0),
+                points=[self._xyz("Point", end) for end in (body.position, tip)],
             )
-        x, y, z = position
-        # y points down.
-        above = self._pose((x, y - extent[1] / 2 - 0.15, z), still)
-        found.append(
-            self._marker(
-                wall_ns, f"{ns} label", id_, _TEXT, _WHITE, above, (0.0, 0.0, 0.12), (), text
-            )
+        above = self._pose(body.label_position(extent[1]), _UNTURNED)
+        scale = (0.0, 0.0, 0.12)
+        yield self._marker(
+            wall_ns, f"{body.kind} label", body.id, _TEXT, WHITE, above, scale, text=body.text
         )
-        return found
-
-    def _clearing(self, wall_ns: int) -> Any:
-        """Return a marker that deletes what was drawn before and is no longer seen."""
-        nowhere = self._pose((0, 0, 0), (1, 0, 0, 0))
-        return self._marker(wall_ns, "", 0, 0, _WHITE, nowhere, (0.0, 0.0, 0.0), action=_DELETE_ALL)
 
     def _marker(
         self,

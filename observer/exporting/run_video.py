@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from observer.errors import SourceError
-from observer.exporting.clouds import recorded_rectification
 from observer.exporting.errors import ExportError
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.video import OverlayVideo
 from observer.recording.reader import Recording
+from observer.vision.rectification import Rectification
 
 _FALLBACK_RATE = 15.0
 # Players and encoders refuse others.
@@ -40,7 +40,7 @@ def write_run_video(
             f"{recording.path.name} was recorded without images, so there is no video of it; "
             f"record with jpeg or lossless images"
         )
-    rectified = recorded_rectification(recording)
+    rectified = Rectification(recording.calibration())
     positions = {
         (frame.index, frame.time): position for position, frame in enumerate(recording.frames)
     }

@@ -8,14 +8,14 @@ one. An empty cell (null in Parquet) is what is not known.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import msgspec
+
 from observer.exporting.errors import ExportError
-from observer.recording.payloads import MatchedBody
 from observer.recording.reader import Recording
-from observer.truth.contract import TrueBody
 
 Kind = Literal["int", "float", "text"]
 Row = Mapping[str, Any]
@@ -27,49 +27,67 @@ class Column:
 
     Attributes:
         name: ends with the unit. kind: of its values. help: what it is, for the README.
+        key: of its value in a record; empty where that is the name.
+        place: indices within the value, where that is a vector or a matrix.
     """
 
     name: str
     kind: Kind
     help: str
+    key: str = ""
+    place: tuple[int, ...] = ()
+
+    def cell(self, record: Mapping[str, Any]) -> Any:
+        """Return its value in a record; None is not known."""
+        value = record[self.key or self.name]
+        for index in self.place:
+            value = None if value is None else value[index]
+        return value
 
 
 @dataclass(frozen=True)
 class Table:
-    """Table with its columns, and the reader of its rows, one by one.
-
-    Attributes:
-        rows: values by column; None is not known.
-    """
+    """Table with its columns, and the reader of what its rows are made of, one by one."""
 
     name: str
     help: str
     columns: tuple[Column, ...]
-    rows: Callable[[Recording], Iterator[Row]]
+    records: Callable[[Recording], Iterator[Mapping[str, Any]]]
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the columns."""
         return tuple(column.name for column in self.columns)
 
+    def rows(self, recording: Recording) -> Iterator[Row]:
+        """Yield the rows: values by column; None is not known."""
+        for record in self.records(recording):
+            yield {column.name: column.cell(record) for column in self.columns}
 
-def _columns(kind: Kind, help_: str, *names: str) -> tuple[Column, ...]:
-    return tuple(Column(name, kind, help_) for name in names)
+
+def _vector(help_: str, key: str, *names: str) -> tuple[Column, ...]:
+    return tuple(Column(name, "float", help_, key, (k,)) for k, name in enumerate(names))
+
+
+def _covariance(help_: str, key: str, name: str) -> tuple[Column, ...]:
+    """Return the upper triangle of a matrix; ``name`` has places for two axes."""
+    return tuple(
+        Column(name.format(_AXES[i], _AXES[j]), "float", help_, key, (i, j))
+        for i in range(3)
+        for j in range(i, 3)
+    )
 
 
 _AXES = ("x", "y", "z")
-_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _POSITION = tuple(f"{axis}_m" for axis in _AXES)
 _VELOCITY = tuple(f"v{axis}_mps" for axis in _AXES)
 _SIZE = tuple(f"size_{axis}_m" for axis in _AXES)
 _TURN = ("qw", "qx", "qy", "qz")
-_POSITION_COV = tuple(f"cov_{_AXES[i]}{_AXES[j]}_m2" for i, j in _UPPER)
-_VELOCITY_COV = tuple(f"cov_v{_AXES[i]}v{_AXES[j]}_m2ps2" for i, j in _UPPER)
 _BOX = ("box_u0_px", "box_v0_px", "box_u1_px", "box_v1_px")
 
 _INSTANT = (
     Column("frame", "int", "number of the frame in its source"),
-    Column("time_s", "float", "exposure of the left image, the source's clock"),
+    Column("time_s", "float", "exposure of the left image, the source's clock", "time"),
 )
 _SEGMENT = Column("segment", "int", "number of the stretch that shares one world frame")
 
@@ -80,65 +98,29 @@ _OBSTACLE_COLUMNS = (
     Column("id", "int", "of the track, lasting within its segment"),
     Column("state", "text", "confirmed or coasting (not seen in this frame); tentative if asked"),
     Column("motion", "text", "moving or stopped"),
-    *_columns("float", "centre of the obstacle in the world", *_POSITION),
-    *_columns("float", "its velocity in the world", *_VELOCITY),
-    Column("speed_mps", "float", "length of the velocity"),
-    Column("speed_std_mps", "float", "one standard deviation of the speed"),
-    Column("velocity_time_s", "float", "the instant that the velocity belongs to"),
-    *_columns("float", "covariance of the position, world axes", *_POSITION_COV),
-    *_columns("float", "covariance of the velocity, world axes", *_VELOCITY_COV),
-    *_columns("float", "extent along the box's own axes", *_SIZE),
-    *_columns("float", "the box's attitude in the world, a unit quaternion", *_TURN),
-    Column("range_m", "float", "distance from the camera"),
-    Column("bearing_rad", "float", "angle to the right of the optical axis"),
-    Column("closing_speed_mps", "float", "positive while the range shrinks"),
+    *_vector("centre of the obstacle in the world", "position", *_POSITION),
+    *_vector("its velocity in the world", "velocity", *_VELOCITY),
+    Column("speed_mps", "float", "length of the velocity", "speed"),
+    Column("speed_std_mps", "float", "one standard deviation of the speed", "speed_std"),
+    Column("velocity_time_s", "float", "the instant that the velocity belongs to", "velocity_time"),
+    *_covariance("covariance of the position, world axes", "position_cov", "cov_{}{}_m2"),
+    *_covariance("covariance of the velocity, world axes", "velocity_cov", "cov_v{}v{}_m2ps2"),
+    *_vector("extent along the box's own axes", "size", *_SIZE),
+    *_vector("the box's attitude in the world, a unit quaternion", "orientation_wxyz", *_TURN),
+    Column("range_m", "float", "distance from the camera", "range"),
+    Column("bearing_rad", "float", "angle to the right of the optical axis", "bearing"),
+    Column("closing_speed_mps", "float", "positive while the range shrinks", "closing_speed"),
     Column("points", "int", "feature points that support it in this frame"),
     Column("significance", "float", "how far its motion stands out, standard deviations"),
-    *_columns("float", "rectangle in the rectified left image", *_BOX),
+    *_vector("rectangle in the rectified left image", "box_px", *_BOX),
     Column("why", "text", "why it counts as dynamic"),
 )
 
 
-def _at(frame: int, time: float) -> dict[str, Any]:
-    return {"frame": frame, "time_s": time}
-
-
-def _spread(names: Sequence[str], values: Sequence[Any] | None) -> dict[str, Any]:
-    return dict.fromkeys(names) if values is None else dict(zip(names, values, strict=True))
-
-
-def _covariance(names: Sequence[str], matrix: Sequence[Sequence[float]] | None) -> dict[str, Any]:
-    return _spread(names, None if matrix is None else [matrix[i][j] for i, j in _UPPER])
-
-
-def _obstacle_rows(recording: Recording) -> Iterator[Row]:
+def _obstacles(recording: Recording) -> Iterator[Row]:
     for line in recording.lines():
         for entry in line["obstacles"]:
-            yield obstacle_row(line, entry)
-
-
-def obstacle_row(line: Mapping[str, Any], entry: Mapping[str, Any]) -> Row:
-    """Return an obstacle of a JSON line as a row of the table ``obstacles``."""
-    return {
-        **_at(line["frame"], line["time"]),
-        "segment": line["segment"],
-        "status": line["status"],
-        **{name: entry[name] for name in ("id", "state", "motion", "points", "significance")},
-        **_spread(_POSITION, entry["position"]),
-        **_spread(_VELOCITY, entry["velocity"]),
-        "speed_mps": entry["speed"],
-        "speed_std_mps": entry["speed_std"],
-        "velocity_time_s": entry["velocity_time"],
-        **_covariance(_POSITION_COV, entry["position_cov"]),
-        **_covariance(_VELOCITY_COV, entry["velocity_cov"]),
-        **_spread(_SIZE, entry["size"]),
-        **_spread(_TURN, entry["orientation_wxyz"]),
-        "range_m": entry["range"],
-        "bearing_rad": entry["bearing"],
-        "closing_speed_mps": entry["closing_speed"],
-        **_spread(_BOX, entry["box_px"]),
-        "why": entry.get("why"),
-    }
+            yield {**line, "why": None, **entry}
 
 
 _FRAME_COLUMNS = (
@@ -147,118 +129,90 @@ _FRAME_COLUMNS = (
     Column("status", "text", "how far the frame may be trusted: ok, degraded or lost"),
     Column("reasons", "text", "why not further, sentences with ; between them"),
     Column("parameters_revision", "int", "of the parameters in force, see the table parameters"),
-    *_columns("float", "the camera's place in the world", *(f"camera_{n}" for n in _POSITION)),
-    *_columns("float", "its attitude, a unit quaternion", *(f"camera_{n}" for n in _TURN)),
+    *_vector(
+        "the camera's place in the world", "position", *(f"camera_{name}" for name in _POSITION)
+    ),
+    *_vector(
+        "its attitude, a unit quaternion", "orientation_wxyz", *(f"camera_{n}" for n in _TURN)
+    ),
     Column("obstacles", "int", "how many were reported"),
 )
 
 
-def _frame_rows(recording: Recording) -> Iterator[Row]:
+def _frames(recording: Recording) -> Iterator[Row]:
+    lost = {"position": None, "orientation_wxyz": None}
     for line in recording.lines():
-        pose = line["pose"]
-        yield {
-            **_at(line["frame"], line["time"]),
-            "segment": line["segment"],
-            "status": line["status"],
-            "reasons": "; ".join(line["reasons"]),
-            "parameters_revision": line["parameters_revision"],
-            **_spread([f"camera_{n}" for n in _POSITION], pose and pose["position"]),
-            **_spread([f"camera_{n}" for n in _TURN], pose and pose["orientation_wxyz"]),
-            "obstacles": len(line["obstacles"]),
-        }
+        told = {"reasons": "; ".join(line["reasons"]), "obstacles": len(line["obstacles"])}
+        yield {**line, **(line["pose"] or lost), **told}
 
 
-_BODY_COLUMNS = (
+_TRUTH_COLUMNS = (
+    *_INSTANT,
     Column("id", "int", "of the true body"),
     Column("name", "text", "of the true body"),
     Column("role", "text", "obstacle or observer"),
-    *_columns("float", "its centre", *_POSITION),
-    *_columns("float", "its velocity", *_VELOCITY),
-    Column("speed_mps", "float", "length of the velocity"),
-    Column("commanded_speed_mps", "float", "as commanded, where that is known"),
-    *_columns("float", "length, width and height", "length_m", "width_m", "height_m"),
-    Column("yaw_rad", "float", "its heading"),
+    *_vector("its centre", "position", *_POSITION),
+    *_vector("its velocity", "velocity", *_VELOCITY),
+    Column("speed_mps", "float", "length of the velocity", "speed"),
+    Column("commanded_speed_mps", "float", "as commanded, where that is known", "commanded_speed"),
+    *_vector("length, width and height", "size", "length_m", "width_m", "height_m"),
+    Column("yaw_rad", "float", "its heading", "yaw"),
     Column("visible", "float", "share of it that the camera can see, 0 to 1"),
 )
-_TRUTH_COLUMNS = (*_INSTANT, *_BODY_COLUMNS)
 _MATCHED_COLUMNS = (
-    *_INSTANT,
-    *_BODY_COLUMNS,
+    *_TRUTH_COLUMNS,
     Column("track_id", "int", "of the obstacle that it was taken for, as in obstacles"),
 )
 
 
-def _body_cells(body: TrueBody | MatchedBody, speed: float) -> dict[str, Any]:
-    return {
-        "id": body.id,
-        "name": body.name,
-        "role": body.role,
-        **_spread(_POSITION, [float(value) for value in body.position]),
-        **_spread(_VELOCITY, [float(value) for value in body.velocity]),
-        "speed_mps": speed,
-        "commanded_speed_mps": body.commanded_speed,
-        **_spread(("length_m", "width_m", "height_m"), [float(value) for value in body.size]),
-        "yaw_rad": body.yaw,
-        "visible": body.visible,
-    }
+_BODY_VECTORS = ("position", "velocity", "size")
 
 
-def _truth_rows(recording: Recording) -> Iterator[Row]:
+def _truth(recording: Recording) -> Iterator[Row]:
     for sample in recording.truth_samples():
+        instant = {"frame": sample.frame, "time": sample.time}
         for body in sample.bodies:
-            cells = _body_cells(body, float(sum(value * value for value in body.velocity)) ** 0.5)
-            yield {**_at(sample.frame, sample.time), **cells}
+            vectors = {name: getattr(body, name).tolist() for name in _BODY_VECTORS}
+            speed = sum(value * value for value in vectors["velocity"]) ** 0.5
+            yield {**vars(body), **vectors, "speed": speed, **instant}
 
 
-def _matched_rows(recording: Recording) -> Iterator[Row]:
+def _matched(recording: Recording) -> Iterator[Row]:
     for matched in recording.matched_truth():
         for body in matched.bodies:
-            cells = _body_cells(body, body.speed)
-            yield {**_at(matched.frame, matched.time), **cells, "track_id": body.track_id}
+            yield {**msgspec.structs.asdict(body), "frame": matched.frame, "time": matched.time}
 
 
 _ODOMETRY_COLUMNS = (
     *_INSTANT,
-    *_columns("float", "the robot's place by its wheels since its start", "x_m", "y_m"),
-    Column("yaw_rad", "float", "its heading by its wheels, positive to the left"),
+    Column("x_m", "float", "the robot's place by its wheels since its start", "x"),
+    Column("y_m", "float", "the robot's place by its wheels since its start", "y"),
+    Column("yaw_rad", "float", "its heading by its wheels, positive to the left", "yaw"),
 )
 
 
-def _odometry_rows(recording: Recording) -> Iterator[Row]:
+def _odometry(recording: Recording) -> Iterator[Row]:
     for frame in recording.frames:
-        told = frame.odometry
-        if told is not None:
-            instant = _at(frame.index, frame.time)
-            yield {**instant, "x_m": told.x, "y_m": told.y, "yaw_rad": told.yaw}
+        if frame.odometry is not None:
+            yield {"frame": frame.index, "time": frame.time, **vars(frame.odometry)}
 
 
 _ROBOT_COLUMNS = (
-    Column("received_s", "float", "the host's monotonic clock"),
-    Column("time_s", "float", "the source's clock, where known"),
+    Column("received_s", "float", "the host's monotonic clock", "received"),
+    Column("time_s", "float", "the source's clock, where known", "time"),
     Column("role", "text", "observer or obstacle"),
-    Column("sent_speed_mps", "float", "as really sent"),
-    Column("sent_turn_rate_radps", "float", "as really sent"),
-    Column("encoder_speed_mps", "float", "as the robot told"),
-    Column("encoder_turn_rate_radps", "float", "as the robot told"),
-    *_columns("float", "its place by its wheels", "x_m", "y_m"),
-    Column("yaw_rad", "float", "its heading by its wheels"),
+    Column("sent_speed_mps", "float", "as really sent", "sent_speed"),
+    Column("sent_turn_rate_radps", "float", "as really sent", "sent_turn_rate"),
+    Column("encoder_speed_mps", "float", "as the robot told", "encoder_speed"),
+    Column("encoder_turn_rate_radps", "float", "as the robot told", "encoder_turn_rate"),
+    Column("x_m", "float", "its place by its wheels", "x"),
+    Column("y_m", "float", "its place by its wheels", "y"),
+    Column("yaw_rad", "float", "its heading by its wheels", "yaw"),
 )
 
 
-def _robot_rows(recording: Recording) -> Iterator[Row]:
-    for row in recording.robot_rows():
-        yield {
-            "received_s": row.received,
-            "time_s": row.time,
-            "role": row.role,
-            "sent_speed_mps": row.sent_speed,
-            "sent_turn_rate_radps": row.sent_turn_rate,
-            "encoder_speed_mps": row.encoder_speed,
-            "encoder_turn_rate_radps": row.encoder_turn_rate,
-            "x_m": row.x,
-            "y_m": row.y,
-            "yaw_rad": row.yaw,
-        }
+def _robots(recording: Recording) -> Iterator[Row]:
+    return map(msgspec.structs.asdict, recording.robot_rows())
 
 
 _PARAMETER_COLUMNS = (
@@ -269,7 +223,7 @@ _PARAMETER_COLUMNS = (
 )
 
 
-def _parameter_rows(recording: Recording) -> Iterator[Row]:
+def _parameters(recording: Recording) -> Iterator[Row]:
     for position, revision in recording.positioned_revisions:
         for name, value in revision.values.items():
             instant = {"revision": revision.revision, "from_position": position}
@@ -283,38 +237,38 @@ TABLES: Mapping[str, Table] = {
             "obstacles",
             "one row for each obstacle at each frame, tracks by segment and id",
             _OBSTACLE_COLUMNS,
-            _obstacle_rows,
+            _obstacles,
         ),
-        Table("frames", "one row for each observed frame", _FRAME_COLUMNS, _frame_rows),
+        Table("frames", "one row for each observed frame", _FRAME_COLUMNS, _frames),
         Table(
             "truth",
             "one row for each true body at each frame, in the truth's own world",
             _TRUTH_COLUMNS,
-            _truth_rows,
+            _truth,
         ),
         Table(
             "matched_truth",
             "the same in the world of the obstacles, with the track it was taken for",
             _MATCHED_COLUMNS,
-            _matched_rows,
+            _matched,
         ),
         Table(
             "odometry",
             "one row for each frame at which the robot's wheels told something",
             _ODOMETRY_COLUMNS,
-            _odometry_rows,
+            _odometry,
         ),
         Table(
             "robots",
             "one row for each robot at each instant it was heard",
             _ROBOT_COLUMNS,
-            _robot_rows,
+            _robots,
         ),
         Table(
             "parameters",
             "all parameters that were in force, by revision",
             _PARAMETER_COLUMNS,
-            _parameter_rows,
+            _parameters,
         ),
     )
 }

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.errors import SourceError
-from observer.exporting.clouds import Cloud, Frame, cloud_at, recorded_rectification
+from observer.exporting.clouds import Cloud, Frame, cloud_at
 from observer.exporting.errors import ExportError
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.tables import TABLES, find_table
@@ -25,6 +25,7 @@ from observer.recording.replay import replay, replay_revisions
 from observer.recording.source import RecordingSource
 from observer.truth.csv_file import SampledTruth
 from observer.types import Image
+from observer.vision.rectification import Rectification
 
 _UNKNOWN3 = (np.nan, np.nan, np.nan)
 
@@ -242,7 +243,7 @@ class LoadedRun:
         )
         if line is None:
             raise SourceError(f"what was found in frame {at.index} was not recorded")
-        rectified, _ = recorded_rectification(self.recording).apply(left, right)
+        rectified, _ = Rectification(self.recording.calibration()).apply(left, right)
         return np.ascontiguousarray(draw_overlay(rectified, line)[:, :, ::-1])
 
     def cloud(self, position: int, frame: Frame = "camera") -> Cloud:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import contextlib
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import BinaryIO
 
 import lz4.frame  # type: ignore[import-untyped]
@@ -37,8 +37,7 @@ from observer.recording.contents import (
     RECORD,
     Contents,
     Entry,
-    chunk_records,
-    entries_of,
+    chunk_index,
     find_contents,
 )
 from observer.recording.errors import RecordingError
@@ -222,43 +221,31 @@ class Container:
         chunk.pieces.clear()
         packed_size = sum(map(len, packed))
         times = [entry.log_time_ns for entries in chunk.index.values() for entry in entries]
-        body = CHUNK.pack(min(times), max(times), chunk.size, checksum)
-        body += struct.pack("<I", len(COMPRESSION)) + COMPRESSION + struct.pack("<Q", packed_size)
+        name = len(COMPRESSION), COMPRESSION
+        body = CHUNK.pack(min(times), max(times), chunk.size, checksum, *name, packed_size)
         head = RECORD.pack(Opcode.CHUNK, len(body) + packed_size) + body
-        place = self._end
-        length = len(head) + packed_size
-        indexes, offsets = self._index_records(chunk.index, place + length)
-        self._write(head, *packed, indexes)
-        self._remember(
-            ChunkIndex(
-                message_start_time=min(times),
-                message_end_time=max(times),
-                chunk_start_offset=place,
-                chunk_length=length,
-                message_index_offsets=offsets,
-                message_index_length=len(indexes),
-                compression=COMPRESSION.decode(),
-                compressed_size=packed_size,
-                uncompressed_size=chunk.size,
-            ),
-            {id_: len(entries) for id_, entries in chunk.index.items()},
-        )
+        index = chunk_index(self._end, head)
+        records = self._index_messages(index, chunk.index)
+        self._write(head, *packed, records)
+        self._remember(index)
+        for id_, entries in chunk.index.items():
+            self._counts[id_] = self._counts.get(id_, 0) + len(entries)
         return _Chunk()
 
     @staticmethod
-    def _index_records(index: dict[int, list[Entry]], begin: int) -> tuple[bytes, dict[int, int]]:
-        records, offsets = b"", {}
-        for id_, entries in index.items():
-            offsets[id_] = begin + len(records)
-            records += _bytes_of(MessageIndex(channel_id=id_, records=list(entries)))
-        return records, offsets
+    def _index_messages(index: ChunkIndex, entries: Mapping[int, Sequence[Entry]]) -> bytes:
+        """Return the records that follow the chunk, and have its index tell where they are."""
+        records, begin = b"", index.chunk_start_offset + index.chunk_length
+        for id_, found in entries.items():
+            index.message_index_offsets[id_] = begin + len(records)
+            records += _bytes_of(MessageIndex(channel_id=id_, records=list(found)))
+        index.message_index_length = len(records)
+        return records
 
-    def _remember(self, index: ChunkIndex, counts: dict[int, int]) -> None:
+    def _remember(self, index: ChunkIndex) -> None:
         # As bytes: a run of hours has very many of them.
         self._chunk_indexes += _bytes_of(index)
         self._chunk_count += 1
-        for id_, count in counts.items():
-            self._counts[id_] = self._counts.get(id_, 0) + count
         start, end = self._span or (index.message_start_time, index.message_end_time)
         self._span = min(start, index.message_start_time), max(end, index.message_end_time)
 
@@ -304,32 +291,12 @@ class Container:
             (channel.topic, contents.schemas[channel.schema_id].name): channel
             for channel in contents.channels.values()
         }
-        for place in contents.chunks:
-            index = dict(place.indexes)
-            self._end = place.end
-            length = place.end - place.offset - place.length
-            records = b""
-            if place.rebuilt is not None:
-                entries = entries_of(chunk_records(self._file, place, self._name))
-                records, index = self._index_records(entries, self._end)
+        for chunk in contents.chunks:
+            self._end = chunk.end
+            if chunk.rebuilt is not None:
                 self._cut()
-                self._write(records)
-                length = len(records)
-            unpacked_size, packed_size = self._sizes(place.offset)
-            self._remember(
-                ChunkIndex(
-                    message_start_time=place.start_ns,
-                    message_end_time=place.end_ns,
-                    chunk_start_offset=place.offset,
-                    chunk_length=place.length,
-                    message_index_offsets=index,
-                    message_index_length=length,
-                    compression=COMPRESSION.decode(),
-                    compressed_size=packed_size,
-                    uncompressed_size=unpacked_size,
-                ),
-                {},
-            )
+                self._write(self._index_messages(chunk.index, chunk.rebuilt))
+            self._remember(chunk.index)
         self._counts = dict(contents.counts)
         if not contents.chunks:
             self._end = contents.end
@@ -337,13 +304,6 @@ class Container:
         # Some may have stood behind the last whole chunk; repetition is allowed.
         known = (*self._schemas.values(), *self._channels.values())
         self._write(*map(_bytes_of, known))
-
-    def _sizes(self, offset: int) -> tuple[int, int]:
-        """Return the unpacked and packed size of a chunk's records."""
-        self._file.seek(offset + RECORD.size)
-        head = self._file.read(CHUNK.size + 4 + len(COMPRESSION) + 8)
-        unpacked = CHUNK.unpack_from(head)[2]
-        return unpacked, struct.unpack_from("<Q", head, len(head) - 8)[0]
 
 
 def _packed(pieces: Sequence[bytes], level: int) -> tuple[list[bytes], int]:

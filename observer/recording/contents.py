@@ -10,25 +10,29 @@ import io
 import os
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
 from typing import BinaryIO, NamedTuple
 
 import lz4.frame  # type: ignore[import-untyped]
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Channel, ChunkIndex, Footer, MessageIndex, Schema, Statistics
+from mcap.reader import NonSeekingReader
+from mcap.records import Channel, ChunkIndex, MessageIndex, Schema
 
 from observer.errors import SourceError
 
 MAGIC = b"\x89MCAP0\r\n"
 RECORD = struct.Struct("<BQ")
 MESSAGE = struct.Struct("<HIQQ")
-# Start, end, uncompressed size and CRC-32, then the compression's name and the records.
-CHUNK = struct.Struct("<QQQI")
+# Start, end, uncompressed size and CRC-32; length of the compression's name, that name, and size of
+# the packed records, which follow.
+CHUNK = struct.Struct("<QQQII3sQ")
 COMPRESSION = b"lz4"
-_FOOTER_BYTES = RECORD.size + 20 + len(MAGIC)
+# Where the summary begins, where its offsets do, and its CRC-32.
+_FOOTER = struct.Struct("<QQI")
+_FOOTER_BYTES = RECORD.size + _FOOTER.size + len(MAGIC)
 # A record that claims to be larger is no record.
 _LARGEST = 1 << 32
 
@@ -54,22 +58,27 @@ class ChunkPlace:
     """A whole chunk.
 
     Attributes:
-        offset, length: of its record in the file, bytes. indexes: where the record of the
-            ``MessageIndex`` of each channel in it begins. end: behind the last of those.
-        rebuilt: the indexes themselves where those in the file may be cut off.
+        index: where it is in the file, and where the ``MessageIndex`` of each channel in it.
+        rebuilt: the entries of each channel where those in the file may be cut off.
     """
 
-    offset: int
-    length: int
-    start_ns: int
-    end_ns: int
-    indexes: Mapping[int, int]
-    end: int
+    index: ChunkIndex
     rebuilt: Mapping[int, tuple[Entry, ...]] | None = None
 
-    def holds(self, channels: frozenset[int]) -> bool:
-        """Tell whether it has a message of one of these channels."""
-        return not channels.isdisjoint(self.indexes if self.rebuilt is None else self.rebuilt)
+    @property
+    def offset(self) -> int:
+        """Place of its record in the file, bytes."""
+        return self.index.chunk_start_offset
+
+    @property
+    def end(self) -> int:
+        """Place behind it and its message indexes, bytes."""
+        return self.offset + self.index.chunk_length + self.index.message_index_length
+
+    @property
+    def channels(self) -> Collection[int]:
+        """Ids of the channels of its messages."""
+        return self.index.message_index_offsets if self.rebuilt is None else self.rebuilt
 
 
 @dataclass(frozen=True)
@@ -115,8 +124,7 @@ def chunk_records(file: BinaryIO, chunk: ChunkPlace, name: str) -> bytes:
     Raises:
         SourceError: they are not those that were written.
     """
-    file.seek(chunk.offset)
-    records = _unpacked(file.read(chunk.length))
+    records = _unpacked(file, chunk)
     if records is None:
         raise SourceError(
             f"{name} is damaged at byte {chunk.offset}: what was recorded there is lost"
@@ -132,11 +140,32 @@ def messages_of(records: bytes, offset: int = 0) -> Iterator[Message]:
             yield Message(channel, sequence, log_time, body[MESSAGE.size :])
 
 
+def chunk_index(offset: int, head: bytes) -> ChunkIndex:
+    """Return the index of a chunk without its messages.
+
+    Args:
+        offset: of its record in the file, bytes. head: the record up to the chunk's own records.
+    """
+    _, length = RECORD.unpack_from(head)
+    start_ns, end_ns, size, _, _, _, packed_size = CHUNK.unpack_from(head, RECORD.size)
+    return ChunkIndex(
+        message_start_time=start_ns,
+        message_end_time=end_ns,
+        chunk_start_offset=offset,
+        chunk_length=RECORD.size + length,
+        message_index_offsets={},
+        message_index_length=0,
+        compression=COMPRESSION.decode(),
+        compressed_size=packed_size,
+        uncompressed_size=size,
+    )
+
+
 def message_entries(file: BinaryIO, chunk: ChunkPlace, channel: int) -> tuple[Entry, ...]:
     """Return the entries of one channel's messages in a chunk, in order."""
     if chunk.rebuilt is not None:
         return chunk.rebuilt.get(channel, ())
-    place = chunk.indexes.get(channel)
+    place = chunk.index.message_index_offsets.get(channel)
     if place is None:
         return ()
     file.seek(place)
@@ -155,15 +184,14 @@ def entries_of(records: bytes) -> dict[int, list[Entry]]:
     return found
 
 
-def _unpacked(record: bytes) -> bytes | None:
+def _unpacked(file: BinaryIO, chunk: ChunkPlace) -> bytes | None:
+    file.seek(chunk.offset)
+    record = file.read(chunk.index.chunk_length)
     try:
-        _, _, size, crc = CHUNK.unpack_from(record, RECORD.size)
-        at = RECORD.size + CHUNK.size
-        (name_length,) = struct.unpack_from("<I", record, at)
-        compression = record[at + 4 : at + 4 + name_length]
-        packed = memoryview(record)[at + 4 + name_length + 8 :]
+        _, _, size, crc, _, compression, _ = CHUNK.unpack_from(record, RECORD.size)
         if compression != COMPRESSION:
             return None
+        packed = memoryview(record)[RECORD.size + CHUNK.size :]
         records = bytes(lz4.frame.decompress(packed))
     except (struct.error, RuntimeError, ValueError):
         return None
@@ -176,44 +204,23 @@ def _by_index(file: BinaryIO) -> Contents | None:
         return None
     file.seek(size - _FOOTER_BYTES)
     tail = file.read(_FOOTER_BYTES)
-    opcode, length = RECORD.unpack_from(tail)
-    if opcode != Opcode.FOOTER or length != 20 or not tail.endswith(MAGIC):
+    if RECORD.unpack_from(tail) != (Opcode.FOOTER, _FOOTER.size) or not tail.endswith(MAGIC):
         return None
-    footer = Footer.read(ReadDataStream(io.BytesIO(tail[RECORD.size :])))
-    if not 0 < footer.summary_start < size - _FOOTER_BYTES:
+    begin, _, crc = _FOOTER.unpack_from(tail, RECORD.size)
+    if not 0 < begin < size - _FOOTER_BYTES:
         return None
-    file.seek(footer.summary_start)
-    summary = file.read(size - _FOOTER_BYTES - footer.summary_start)
-    covered = summary + tail[: RECORD.size + 16]
-    if footer.summary_crc and zlib.crc32(covered) != footer.summary_crc:
+    file.seek(begin)
+    records = file.read(size - begin)
+    # The CRC covers everything before itself.
+    if crc and zlib.crc32(records[: -len(MAGIC) - 4]) != crc:
         return None
-    channels, schemas, chunks = {}, {}, []
-    counts: dict[int, int] = {}
-    end = len(MAGIC)
-    for _, opcode, body in _records(summary):
-        stream = ReadDataStream(io.BytesIO(body))
-        if opcode == Opcode.SCHEMA:
-            schema = Schema.read(stream)
-            schemas[schema.id] = schema
-        elif opcode == Opcode.CHANNEL:
-            channel = Channel.read(stream)
-            channels[channel.id] = channel
-        elif opcode == Opcode.STATISTICS:
-            counts = dict(Statistics.read(stream).channel_message_counts)
-        elif opcode == Opcode.CHUNK_INDEX:
-            index = ChunkIndex.read(stream)
-            end = index.chunk_start_offset + index.chunk_length + index.message_index_length
-            chunks.append(
-                ChunkPlace(
-                    index.chunk_start_offset,
-                    index.chunk_length,
-                    index.message_start_time,
-                    index.message_end_time,
-                    index.message_index_offsets,
-                    end,
-                )
-            )
-    return Contents(channels, schemas, tuple(chunks), counts, True, end)
+    # Not of the file itself, which the reader would close.
+    summary = NonSeekingReader(io.BytesIO(MAGIC + records)).get_summary()
+    assert summary is not None
+    chunks = tuple(map(ChunkPlace, summary.chunk_indexes))
+    counts = summary.statistics.channel_message_counts if summary.statistics else {}
+    end = chunks[-1].end if chunks else len(MAGIC)
+    return Contents(summary.channels, summary.schemas, chunks, counts, True, end)
 
 
 def _by_scanning(file: BinaryIO) -> Contents:
@@ -229,12 +236,13 @@ def _by_scanning(file: BinaryIO) -> Contents:
         if length > _LARGEST or behind > size or opcode in (Opcode.DATA_END, 0):
             break
         if opcode == Opcode.CHUNK:
-            start, last, _, _ = CHUNK.unpack(_exactly(file, CHUNK.size))
-            chunks.append(ChunkPlace(at, behind - at, start, last, {}, behind))
+            file.seek(at)
+            chunks.append(ChunkPlace(chunk_index(at, _exactly(file, RECORD.size + CHUNK.size))))
         elif opcode == Opcode.MESSAGE_INDEX and chunks:
             (channel,) = struct.unpack("<H", _exactly(file, 2))
-            indexes = {**chunks[-1].indexes, channel: at}
-            chunks[-1] = replace(chunks[-1], indexes=indexes, end=behind)
+            index = chunks[-1].index
+            index.message_index_offsets[channel] = at
+            index.message_index_length += behind - at
         elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             stream = ReadDataStream(io.BytesIO(_exactly(file, length)))
             if opcode == Opcode.SCHEMA:
@@ -247,18 +255,17 @@ def _by_scanning(file: BinaryIO) -> Contents:
     while chunks:
         # Behind the last chunk some of its indexes may be missing, or, after the machine itself
         # went down, the chunk may be empty space.
-        last_chunk = chunks.pop()
-        file.seek(last_chunk.offset)
-        records = _unpacked(file.read(last_chunk.length))
+        last = chunks.pop()
+        records = _unpacked(file, last)
         if records is not None:
             rebuilt = {id_: tuple(found) for id_, found in entries_of(records).items()}
-            whole = last_chunk.offset + last_chunk.length
-            chunks.append(replace(last_chunk, indexes={}, end=whole, rebuilt=rebuilt))
+            last.index.message_index_length = 0
+            chunks.append(ChunkPlace(last.index, rebuilt))
             break
-        end = last_chunk.offset
+        end = last.offset
     counts: dict[int, int] = {}
     for chunk in chunks:
-        for id_ in chunk.indexes if chunk.rebuilt is None else chunk.rebuilt:
+        for id_ in chunk.channels:
             counts[id_] = counts.get(id_, 0) + len(message_entries(file, chunk, id_))
     return Contents(channels, schemas, tuple(chunks), counts, False, end)
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.jsonl import line_pose
 from observer.recording import foxglove, topics
+from observer.recording.drawn import drawn_obstacles, drawn_truth
 from observer.recording.payloads import (
     Begins,
     CapturePayload,
@@ -20,13 +21,11 @@ from observer.recording.payloads import (
     Incident,
     MatchedBody,
     MatchedTruth,
-    OdometryPayload,
     ParameterRevision,
     RecordedFrame,
     RobotRow,
     RunFacts,
     SamplePayload,
-    SkippedPayload,
 )
 from observer.recording.topics import Topic
 from observer.sources.contract import SkippedFrame
@@ -124,13 +123,12 @@ class Encoder:
             for side, pixels in (("left", frame.left), ("right", frame.right)):
                 topic, data = self._packed(side, pixels, self._wall(at))
                 messages.append(Encoded(topic, image, self._log_time(at), data))
-        told = frame.odometry
         recorded = RecordedFrame(
             index=frame.index,
             time=frame.time,
             received=frame.received,
             right_time=frame.right_time,
-            odometry=None if told is None else OdometryPayload(told.x, told.y, told.yaw),
+            odometry=frame.odometry,
             source_position=source_position,
             source_time=source_time,
             image=image,
@@ -138,8 +136,8 @@ class Encoder:
         )
         self._begins = None
         messages.append(self._own(topics.FRAME, recorded, at))
-        if told is not None:
-            data = foxglove.odometry(told, self._wall(at))
+        if frame.odometry is not None:
+            data = foxglove.odometry(frame.odometry, self._wall(at))
             messages.append(self._made(topics.ODOMETRY, data, at))
         self._keep(messages)
 
@@ -162,7 +160,7 @@ class Encoder:
         messages = [
             self._own(topics.OBSERVATION, line, received),
             self._made(topics.TRANSFORMS, transforms, received),
-            self._made(topics.SCENE, foxglove.obstacle_scene(line, wall), received),
+            self._made(topics.SCENE, foxglove.scene(drawn_obstacles(line), wall), received),
         ]
         if ego_motion is not None:
             values = EgoMotionPayload(
@@ -174,7 +172,7 @@ class Encoder:
             known = MatchedBody.__struct_fields__
             bodies = [MatchedBody(**{name: entry[name] for name in known}) for entry in truth]
             matched = MatchedTruth(frame=line["frame"], time=line["time"], bodies=bodies)
-            scene = foxglove.truth_scene(truth, wall)
+            scene = foxglove.scene(drawn_truth(bodies), wall)
             self._keep(
                 [
                     self._own(topics.MATCHED_TRUTH, matched, received),
@@ -226,10 +224,9 @@ class Encoder:
 
     def skipped(self, skipped: SkippedFrame, received: float) -> None:
         """Keep the number of a frame that the source could not read."""
-        payload = SkippedPayload(skipped.index, skipped.reason)
         self._keep(
             [
-                self._own(topics.SKIPPED, payload, received),
+                self._own(topics.SKIPPED, skipped, received),
                 self._log("warning", "source", skipped.reason, received),
             ]
         )

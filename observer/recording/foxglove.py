@@ -6,8 +6,8 @@ Frames are those of ``observer.recording.camera_frames``.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from collections.abc import Sequence
+from typing import Literal
 
 import numpy as np
 from foxglove import messages as fox
@@ -17,19 +17,13 @@ from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
 from observer.recording.camera_frames import camera_model, fixed_frames
+from observer.recording.drawn import VELOCITY, WHITE, DrawnBody, Rgba
 from observer.recording.images import RAW_DATA, field_head
 from observer.types import Image, Odometry
 from observer.vision.rectification import Rectification
 
-_MOVING = fox.Color(r=1.0, g=0.85, b=0.0, a=0.45)
-_STOPPED = fox.Color(r=0.3, g=0.6, b=1.0, a=0.45)
-_COASTING = fox.Color(r=0.6, g=0.6, b=0.6, a=0.3)
-_ARROW = fox.Color(r=1.0, g=0.3, b=0.0, a=0.9)
-_TEXT = fox.Color(r=1.0, g=1.0, b=1.0, a=1.0)
-_TRUE = fox.Color(r=0.1, g=0.9, b=0.3, a=1.0)
+# Along each edge of a true body's box.
 _DASHES = 5
-# An arrow is as long as the way of one second.
-_SHORTEST_ARROW_MPS = 0.02
 LogLevel = Literal["debug", "info", "warning", "error"]
 _LEVELS = {
     "debug": fox.LogLevel.Debug,
@@ -114,71 +108,14 @@ class Cameras:
         ).encode()
 
 
-def obstacle_scene(line: Mapping[str, Any], wall_ns: int) -> bytes:
-    """Return a ``SceneUpdate`` of a line's obstacles: box, velocity arrow and label, world."""
-    entities = []
-    for obstacle in line["obstacles"]:
-        if obstacle["position"] is None or obstacle["orientation_wxyz"] is None:
-            continue
-        std = obstacle["speed_std"]
-        sure = "" if std is None else f" ± {std:.2f}"
-        entities.append(
-            _entity(
-                f"obstacle {obstacle['id']}",
-                wall_ns,
-                position=obstacle["position"],
-                height_m=_height(obstacle["size"][1]),
-                text=f"{obstacle['id']}: {obstacle['speed']:.2f}{sure} m/s",
-                velocity=obstacle["velocity"],
-                color=_ARROW,
-                cubes=[
-                    fox.CubePrimitive(
-                        pose=_pose(obstacle["position"], obstacle["orientation_wxyz"]),
-                        size=_vector(obstacle["size"]),
-                        color=_color(obstacle),
-                    )
-                ],
-            )
-        )
-    return _scene(entities, wall_ns)
-
-
-def truth_scene(bodies: Sequence[Mapping[str, Any]], wall_ns: int) -> bytes:
-    """Return a ``SceneUpdate`` of true bodies in the observation's world: dashed box, arrow, label.
-
-    Args:
-        bodies: fields of ``MatchedBody`` by name.
-    """
-    entities = []
-    for body in bodies:
-        half_yaw = body["yaw"] / 2
-        pose = _pose(body["position"], (math.cos(half_yaw), 0.0, math.sin(half_yaw), 0.0))
-        length, width, height = body["size"]
-        entities.append(
-            _entity(
-                f"{body['role']} {body['name']}",
-                wall_ns,
-                position=body["position"],
-                height_m=_height(height),
-                text=f"{body['name']}: {body['speed']:.2f} m/s",
-                velocity=body["velocity"],
-                color=_TRUE,
-                lines=[
-                    fox.LinePrimitive(
-                        type=fox.LinePrimitiveLineType.LineList,
-                        pose=pose,
-                        thickness=2.0,
-                        scale_invariant=True,
-                        points=[
-                            fox.Point3(x=x, y=y, z=z)
-                            for x, y, z in _dashed_box((width, height, length)).tolist()
-                        ],
-                        color=_TRUE,
-                    )
-                ],
-            )
-        )
-    return _scene(entities, wall_ns)
+def scene(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
+    """Return a ``SceneUpdate`` of boxes, dashed for true bodies, velocity arrows and labels."""
+    # Delete what was drawn before, so that nothing stays that is no longer seen.
+    gone = fox.SceneEntityDeletion(
+        timestamp=stamp(wall_ns), type=fox.SceneEntityDeletionType.All, id=""
+    )
+    entities = [_entity(body, wall_ns) for body in bodies]
+    return fox.SceneUpdate(deletions=[gone], entities=entities).encode()
 
 
 def point_cloud(points: NDArray[np.float32], colors: NDArray[np.uint8], wall_ns: int) -> bytes:
@@ -224,69 +161,59 @@ def log(level: LogLevel, name: str, message: str, wall_ns: int) -> bytes:
     ).encode()
 
 
-def _scene(entities: list[fox.SceneEntity], wall_ns: int) -> bytes:
-    # Delete what was drawn before, so that nothing stays that is no longer seen.
-    gone = fox.SceneEntityDeletion(
-        timestamp=stamp(wall_ns), type=fox.SceneEntityDeletionType.All, id=""
-    )
-    return fox.SceneUpdate(deletions=[gone], entities=entities).encode()
-
-
-def _entity(
-    id_: str,
-    wall_ns: int,
-    *,
-    position: Sequence[float],
-    height_m: float,
-    text: str,
-    velocity: Sequence[float],
-    color: fox.Color,
-    cubes: list[fox.CubePrimitive] | None = None,
-    lines: list[fox.LinePrimitive] | None = None,
-) -> fox.SceneEntity:
-    speed = math.hypot(*velocity)
-    arrows = []
-    if speed >= _SHORTEST_ARROW_MPS:
-        head = min(0.15, speed / 2)
-        arrows.append(
-            fox.ArrowPrimitive(
-                pose=_pose(position, _turn_from_x(velocity)),
-                shaft_length=speed - head,
-                shaft_diameter=0.04,
-                head_length=head,
-                head_diameter=0.1,
+def _entity(body: DrawnBody, wall_ns: int) -> fox.SceneEntity:
+    color, pose = _color(body.color), _pose(body.position, body.wxyz)
+    cubes, lines, arrows = [], [], []
+    if body.true:
+        ends = _dashed_box(body.size).tolist()
+        lines.append(
+            fox.LinePrimitive(
+                type=fox.LinePrimitiveLineType.LineList,
+                pose=pose,
+                thickness=2.0,
+                scale_invariant=True,
+                points=[fox.Point3(x=x, y=y, z=z) for x, y, z in ends],
                 color=color,
             )
         )
-    x, y, z = position
+    else:
+        cubes.append(fox.CubePrimitive(pose=pose, size=_vector(body.size), color=color))
+    if body.arrow_m:
+        head = min(0.15, body.arrow_m / 2)
+        arrows.append(
+            fox.ArrowPrimitive(
+                pose=_pose(body.position, _turn_from_x(body.velocity)),
+                shaft_length=body.arrow_m - head,
+                shaft_diameter=0.04,
+                head_length=head,
+                head_diameter=0.1,
+                color=color if body.true else _color(VELOCITY),
+            )
+        )
+    height = body.size[1]
+    above = body.label_position(height if math.isfinite(height) else 0.0)
     label = fox.TextPrimitive(
-        # y points down.
-        pose=_pose((x, y - height_m / 2 - 0.15, z), (1, 0, 0, 0)),
+        pose=_pose(above, (1, 0, 0, 0)),
         billboard=True,
         font_size=14.0,
         scale_invariant=True,
-        color=_TEXT if color is not _TRUE else _TRUE,
-        text=text,
+        color=color if body.true else _color(WHITE),
+        text=body.text,
     )
     return fox.SceneEntity(
         timestamp=stamp(wall_ns),
         frame_id="world",
-        id=id_,
+        id=f"{body.kind} {body.name}",
         arrows=arrows,
-        cubes=cubes or [],
-        lines=lines or [],
+        cubes=cubes,
+        lines=lines,
         texts=[label],
     )
 
 
-def _color(obstacle: Mapping[str, Any]) -> fox.Color:
-    if obstacle["state"] == "coasting":
-        return _COASTING
-    return _MOVING if obstacle["motion"] == "moving" else _STOPPED
-
-
-def _height(size: float) -> float:
-    return float(size) if math.isfinite(size) else 0.0
+def _color(rgba: Rgba) -> fox.Color:
+    r, g, b, a = rgba
+    return fox.Color(r=r, g=g, b=b, a=a)
 
 
 def _dashed_box(size: ArrayLike) -> Float64Array:

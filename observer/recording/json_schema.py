@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec import inspect
 
-_Object = inspect.StructType | inspect.TypedDictType
+_Object = inspect.StructType | inspect.TypedDictType | inspect.DataclassType
 _PLAIN: dict[type[inspect.Type], str] = {
     inspect.BoolType: "boolean",
     inspect.IntType: "integer",
@@ -44,7 +44,7 @@ def _of(kind: inspect.Type) -> dict[str, Any]:
     return {"type": _PLAIN[type(kind)]}
 
 
-def _object(kind: inspect.StructType | inspect.TypedDictType) -> dict[str, Any]:
+def _object(kind: _Object) -> dict[str, Any]:
     properties, nested, required = {}, {}, []
     for field in kind.fields:
         name = getattr(field, "encode_name", field.name)

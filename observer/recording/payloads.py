@@ -12,6 +12,7 @@ from typing import Any, Literal
 import msgspec
 
 from observer.mount import CameraMount
+from observer.types import Odometry
 
 Images = Literal["none", "jpeg", "lossless"]
 # ``observer``: a new observer began with this frame; ``segment``: the same one began a new world.
@@ -74,14 +75,6 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
         return CameraMount(**known)
 
 
-class OdometryPayload(msgspec.Struct, frozen=True):
-    """``Odometry``: metres and radians."""
-
-    x: float
-    y: float
-    yaw: float
-
-
 class RecordedFrame(msgspec.Struct, frozen=True, kw_only=True):
     """One frame as it was observed.
 
@@ -97,7 +90,7 @@ class RecordedFrame(msgspec.Struct, frozen=True, kw_only=True):
     time: float
     received: float
     right_time: float | None = None
-    odometry: OdometryPayload | None = None
+    odometry: Odometry | None = None
     source_position: int | None = None
     source_time: float | None = None
     image: int | None = None

@@ -28,7 +28,6 @@ from observer.recording.contents import (
 from observer.recording.images import jpeg_pixels, raw_pixels
 from observer.recording.payloads import (
     CapturePayload,
-    EgoMotionPayload,
     Incident,
     MatchedTruth,
     ParameterRevision,
@@ -41,7 +40,13 @@ from observer.recording.payloads import (
 from observer.recording.topics import Topic
 from observer.truth.contract import TrueBody
 from observer.truth.csv_file import SampledTruth, TruthSample
-from observer.truth.motion_capture import BodySample, Capture, Trajectory, trajectory_of
+from observer.truth.motion_capture import (
+    BodySample,
+    Capture,
+    Trajectory,
+    rising_samples,
+    trajectory_of,
+)
 from observer.types import Image
 
 _Payload = TypeVar("_Payload", bound=msgspec.Struct)
@@ -109,10 +114,6 @@ class Recording:
         for _, message in self.messages(topics.OBSERVATION.name):
             yield msgspec.json.decode(message.data)
 
-    def ego_motions(self) -> Iterator[EgoMotionPayload]:
-        """Yield the camera's motions, in order."""
-        return self._payloads(topics.EGO_MOTION, EgoMotionPayload)
-
     @cached_property
     def positioned_revisions(self) -> tuple[tuple[int, ParameterRevision], ...]:
         """Revisions of parameters, each with the position of the first frame that it acts on."""
@@ -172,16 +173,11 @@ class Recording:
 
         Samples whose stamp is not above the one before are left out.
         """
-        bodies: dict[str, list[BodySample]] = {}
-        dropped = 0
-        for sample in self.capture_samples():
-            kept = bodies.setdefault(sample.name, [])
-            if kept and sample.time <= kept[-1].time:
-                dropped += 1
-            else:
-                kept.append(sample)
-        if not bodies:
+        samples = tuple(self.capture_samples())
+        if not samples:
             return None
+        bodies = rising_samples(samples)
+        dropped = len(samples) - sum(map(len, bodies.values()))
         notes = [f"{dropped} samples with a stamp that did not rise were left out"]
         trajectories = {name: _trajectory(name, kept) for name, kept in bodies.items()}
         return Capture("recorded live", None, trajectories, tuple(notes if dropped else ()))
@@ -231,7 +227,7 @@ class Recording:
     @property
     def end_ns(self) -> int:
         """Newest log time, nanoseconds since 1970."""
-        return max((chunk.end_ns for chunk in self._contents.chunks), default=0)
+        return max((c.index.message_end_time for c in self._contents.chunks), default=0)
 
     def _image(self, side: str, number: int) -> Image:
         places = self._image_places[side]
@@ -278,7 +274,7 @@ class Recording:
         """
         channels = self._contents.channel_ids(*names)
         for chunk in self._contents.chunks:
-            if not chunk.holds(channels):
+            if channels.isdisjoint(chunk.channels):
                 continue
             try:
                 records = chunk_records(self._file, chunk, self.path.name)

@@ -30,11 +30,6 @@ class Ring:
         self._bytes = 0
 
     @property
-    def bytes_held(self) -> int:
-        """Size of all messages, bytes."""
-        return self._bytes
-
-    @property
     def seconds_held(self) -> float:
         """Time that it reaches back, seconds."""
         if not self._messages:
@@ -64,29 +59,20 @@ class Ring:
         return [old._replace(log_time_ns=begin) for old in self._latched.values()] + kept
 
     def save(self, path: Path) -> None:
-        """Write what is held at this moment.
+        """Write what is held at this moment as a recording, whole or not at all.
 
         Raises:
             RecordingError: it cannot be written.
         """
-        save_messages(self.messages(), path)
-
-
-def save_messages(messages: Sequence[Encoded], path: Path) -> None:
-    """Write messages as a recording, whole or not at all.
-
-    Raises:
-        RecordingError: it cannot be written.
-    """
-    part = path.with_name(f".{path.name}.part")
-    try:
-        with part.open("wb", buffering=0) as file:
-            container = Container(file, path.name)
-            for message in messages:
-                container.add(*message)
-                container.write_large()
-            container.finish()
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise RecordingError.of(error, path.name) from None
+        part = path.with_name(f".{path.name}.part")
+        try:
+            with part.open("wb", buffering=0) as file:
+                container = Container(file, path.name)
+                for message in self.messages():
+                    container.add(*message)
+                    container.write_large()
+                container.finish()
+            part.replace(path)
+        except OSError as error:
+            part.unlink(missing_ok=True)
+            raise RecordingError.of(error, path.name) from None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from glob import escape
 from pathlib import Path
 
 from observer.errors import SourceError
@@ -33,7 +34,7 @@ def find_recording(run: Path | str, data: Path | None = None) -> Path:
             f"there is no recording {run}; give the file, the folder or the id of a run"
         )
     runs = data / RUNS
-    found = [runs / name] if (runs / name).is_dir() else sorted(runs.glob(f"{_literal(name)}*"))
+    found = [runs / name] if (runs / name).is_dir() else sorted(runs.glob(f"{escape(name)}*"))
     if len(found) > 1:
         names = ", ".join(each.name for each in found[:5])
         raise SourceError(f"{name} is the beginning of several runs ({names}); give more of the id")
@@ -45,8 +46,3 @@ def find_recording(run: Path | str, data: Path | None = None) -> Path:
     if not recording.is_file():
         raise SourceError(f"the run {found[0].name} was not recorded, so there is nothing to read")
     return recording
-
-
-def _literal(name: str) -> str:
-    """Escape a name for ``glob``."""
-    return "".join(f"[{c}]" if c in "*?[" else c for c in name)

@@ -12,7 +12,7 @@ from observer.errors import SourceError
 from observer.recording.payloads import Begins, RunFacts
 from observer.recording.reader import Recording
 from observer.sources.contract import SkippedFrame, SourceInfo
-from observer.types import Odometry, StereoFrame
+from observer.types import StereoFrame
 
 KIND = "recording"
 
@@ -28,6 +28,7 @@ class RecordingSource:
 
     Attributes:
         recording: that is played. calibration: that the run was observed with.
+        position, begins: as in ``SeekableSource``.
 
     Raises:
         SourceError: the file is no recording, or it holds no images.
@@ -42,7 +43,7 @@ class RecordingSource:
         except BaseException:
             self.recording.close()
             raise
-        self._next = 0
+        self.position = 0
 
     def _check(self) -> None:
         frames, name = self.recording.frames, self.recording.path.name
@@ -55,28 +56,20 @@ class RecordingSource:
             )
 
     @property
-    def position(self) -> int:
-        """Position of the frame that ``read`` gives next, from 0; drops are not counted."""
-        return self._next
-
-    @property
     def begins(self) -> Begins | None:
-        """Mark of what the observer began anew with the frame that was read last, or None."""
-        return self.recording.frames[self._next - 1].begins if self._next else None
+        return self.recording.frames[self.position - 1].begins if self.position else None
 
     def read(self) -> StereoFrame | SkippedFrame | None:
         """Return the next frame, a frame whose images are lost, or None after the last one."""
         frames = self.recording.frames
-        if self._next >= len(frames):
+        if self.position >= len(frames):
             return None
-        position = self._next
-        self._next += 1
-        recorded = frames[position]
+        recorded = frames[self.position]
+        self.position += 1
         try:
-            left, right = self.recording.pair(position)
+            left, right = self.recording.pair(self.position - 1)
         except SourceError as error:
             return SkippedFrame(recorded.index, str(error))
-        told = recorded.odometry
         return StereoFrame(
             index=recorded.index,
             time=recorded.time,
@@ -84,7 +77,7 @@ class RecordingSource:
             right=right,
             received=time.monotonic(),
             right_time=recorded.right_time,
-            odometry=None if told is None else Odometry(told.x, told.y, told.yaw),
+            odometry=recorded.odometry,
         )
 
     def seek(self, position: int) -> None:
@@ -98,11 +91,11 @@ class RecordingSource:
             raise SourceError(
                 f"there is no frame {position} in {self.info.spec}; it has 0 to {count - 1}"
             )
-        self._next = position
+        self.position = position
 
     def rewind(self) -> None:
         """Go back to the first frame."""
-        self._next = 0
+        self.position = 0
 
     def close(self) -> None:
         """Close the file; safe to call twice."""

@@ -31,6 +31,9 @@ class FilePairSource:
         entries: one for each frame, in order.
         calibrate: asked once, with the images' size.
 
+    Attributes:
+        calibration: that lay beside the images; None where there was none.
+
     Raises:
         SourceError: fewer than two pairs can be played, or the times make no sequence.
         CalibrationError: the calibration that lies beside the images cannot be used with them.
@@ -54,10 +57,12 @@ class FilePairSource:
                 f"at least two are needed to see motion"
             )
         width, height = _first_size(pairs, spec)
-        self._calibration = calibrate(width, height)
-        _check_size(self._calibration, width, height, spec)
+        self.calibration = calibrate(width, height)
+        if self.calibration is not None:
+            name = f"the calibration in {spec}"
+            check_size(self.calibration, width, height, name=name, images="these")
         intervals = [b.time - a.time for a, b in pairwise(pairs)]
-        self._info = SourceInfo(
+        self.info = SourceInfo(
             spec=spec,
             kind=kind,
             width=width,
@@ -66,15 +71,6 @@ class FilePairSource:
             frame_count=len(self._entries),
         )
         self._next = 0
-
-    @property
-    def info(self) -> SourceInfo:
-        return self._info
-
-    @property
-    def calibration(self) -> StereoCalibration | None:
-        """The calibration that lay beside the images; None where there was none."""
-        return self._calibration
 
     def read(self) -> StereoFrame | SkippedFrame | None:
         """Return the next frame, a skipped frame with the reason, or None after the last one."""
@@ -108,10 +104,10 @@ class FilePairSource:
     def _image(self, path: Path) -> Image:
         image = read_image(path)
         height, width = image.shape[:2]
-        if (width, height) != (self._info.width, self._info.height):
+        if (width, height) != (self.info.width, self.info.height):
             raise SourceError(
                 f"{path.parent.name}/{path.name} is {width}x{height} pixels where the sequence "
-                f"has {self._info.width}x{self._info.height}"
+                f"has {self.info.width}x{self.info.height}"
             )
         return image
 
@@ -133,11 +129,21 @@ def _first_size(pairs: Sequence[FilePair], spec: str) -> tuple[int, int]:
     raise SourceError(f"{spec} holds no pair of images that can be used: {first_problem}")
 
 
-def _check_size(calibration: StereoCalibration | None, width: int, height: int, spec: str) -> None:
-    if calibration is not None and (calibration.width, calibration.height) != (width, height):
+def check_size(
+    calibration: StereoCalibration, width: int, height: int, *, name: str, images: str
+) -> None:
+    """Check that a calibration is for images of this size, pixels.
+
+    Args:
+        name, images: what the calibration and the images are called in the message.
+
+    Raises:
+        CalibrationError: it is not.
+    """
+    if (calibration.width, calibration.height) != (width, height):
         raise CalibrationError(
-            f"the calibration in {spec} is for images of {calibration.width}x{calibration.height} "
-            f"pixels, but these are {width}x{height}"
+            f"{name} is for images of {calibration.width}x{calibration.height} pixels, but "
+            f"{images} are {width}x{height}"
         )
 
 

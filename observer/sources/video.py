@@ -12,8 +12,9 @@ import numpy as np
 
 from observer.calibration.formats.opencv_file import read_calibration_file
 from observer.camera import StereoCalibration
-from observer.errors import CalibrationError, SourceError
+from observer.errors import SourceError
 from observer.sources.contract import SkippedFrame, SourceInfo
+from observer.sources.file_pairs import check_size
 from observer.types import Image, StereoFrame
 
 # Frames read at opening to see whether the container's time stamps can be used.
@@ -51,6 +52,9 @@ class VideoSource:
         paths: the left and right file, or one side-by-side file.
         spec: the text it was opened by.
 
+    Attributes:
+        calibration: in a ``calibration.yaml`` beside the (left) file; None without one.
+
     Raises:
         SourceError, CalibrationError: as ``open_video``.
     """
@@ -70,7 +74,7 @@ class VideoSource:
         self._rate = first.rate
         counts = [probe.count for probe in probes]
         self._announced = max(counts) if all(counts) else None
-        self._info = SourceInfo(
+        self.info = SourceInfo(
             spec=spec,
             kind="video",
             width=first.width // 2 if len(paths) == 1 else first.width,
@@ -78,21 +82,10 @@ class VideoSource:
             frame_rate=first.rate,
             frame_count=self._announced,
         )
-        self._calibration = _calibration_beside(paths[0], self._info)
+        self.calibration = _calibration_beside(paths[0], self.info)
         self._captures: list[cv2.VideoCapture] = []
-        self._index = 0
-        self._last_time = -math.inf
-        self._ended = False
+        self._last_time, self._ended = -math.inf, False
         self.rewind()
-
-    @property
-    def info(self) -> SourceInfo:
-        return self._info
-
-    @property
-    def calibration(self) -> StereoCalibration | None:
-        """Calibration in a ``calibration.yaml`` beside the file; None without one."""
-        return self._calibration
 
     def read(self) -> StereoFrame | SkippedFrame | None:
         """Return the next frame, a skipped frame with the reason, or None after the last one."""
@@ -111,11 +104,11 @@ class VideoSource:
         present = [image for image in images if image is not None]
         left, right = present if len(present) == 2 else _halves(present[0])
         for image, side in ((left, "left"), (right, "right")):
-            if image.shape[:2] != (self._info.height, self._info.width):
+            if image.shape[:2] != (self.info.height, self.info.width):
                 return SkippedFrame(
                     index,
                     f"frame {index} is {image.shape[1]}x{image.shape[0]} pixels on the {side} "
-                    f"where the video began with {self._info.width}x{self._info.height}",
+                    f"where the video began with {self.info.width}x{self.info.height}",
                 )
         now = self._time(index)
         if now <= self._last_time:
@@ -247,9 +240,5 @@ def _calibration_beside(path: Path, info: SourceInfo) -> StereoCalibration | Non
     if not file.is_file():
         return None
     calibration = read_calibration_file(file)
-    if (calibration.width, calibration.height) != (info.width, info.height):
-        raise CalibrationError(
-            f"{file} is for images of {calibration.width}x{calibration.height} pixels, but the "
-            f"video's are {info.width}x{info.height}"
-        )
+    check_size(calibration, info.width, info.height, name=str(file), images="the video's")
     return calibration

@@ -7,7 +7,7 @@ The room frame is whatever the system was set up with; Vicon's and VRPN's have z
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -108,6 +108,16 @@ class Capture:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "bodies", MappingProxyType(dict(self.bodies)))
+
+
+def rising_samples(samples: Iterable[BodySample]) -> dict[str, list[BodySample]]:
+    """Return samples by body in order of arrival, without those whose stamp did not rise."""
+    bodies: dict[str, list[BodySample]] = {}
+    for sample in samples:
+        kept = bodies.setdefault(sample.name, [])
+        if not kept or sample.time > kept[-1].time:
+            kept.append(sample)
+    return bodies
 
 
 def trajectory_of(name: str, kept: Sequence[BodySample]) -> Trajectory:

@@ -138,7 +138,7 @@ class DeviceCapture(_OpenCvCapture):
 
     def settle(self) -> AppliedSettings:
         # Loaded here because its ioctls exist on Linux only.
-        from observer.sources.cameras.v4l2 import apply_settings
+        from observer.sources.cameras.v4l2.applying import apply_settings
 
         return apply_settings(os.path.realpath(self._path), self._wanted)
 

@@ -92,7 +92,7 @@ def holders(path: Path, root: Path = _MACHINE) -> tuple[Holder, ...]:
     found = []
     for folder in sorted(root.glob("proc/[0-9]*"), key=lambda folder: int(folder.name)):
         if wanted in _open_files(folder) and not _is_ours(int(folder.name), root):
-            found.append(Holder(int(folder.name), _process_name(folder)))
+            found.append(Holder(int(folder.name), text_in(folder / "comm") or "a process"))
     return tuple(found)
 
 
@@ -138,10 +138,6 @@ def _is_ours(process: int, root: Path) -> bool:
             return False
         process = int(words[1])
     return False
-
-
-def _process_name(folder: Path) -> str:
-    return text_in(folder / "comm") or "a process"
 
 
 def _groups(root: Path) -> dict[int, tuple[str, tuple[str, ...]]]:

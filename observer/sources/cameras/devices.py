@@ -16,7 +16,7 @@ from observer.sources.cameras.device_files import (
     shown_path,
     text_in,
 )
-from observer.sources.cameras.usb import USB_2_MBIT, UsbPlace, usb_place
+from observer.sources.cameras.usb import UsbPlace, usb_place
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import Control, DeviceAccess, LinuxAccess, V4l2Device
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
@@ -104,7 +104,8 @@ def _device(
 ) -> CameraDevice:
     known = replace(
         named,
-        card=_card_in_sysfs(file.name, root),
+        # Its name without opening it.
+        card=text_in(root / "sys/class/video4linux" / file.name / "name") or None,
         usb=usb_place(file.name, root),
         used_by=holders(file, root),
     )
@@ -153,13 +154,12 @@ def _asked(known: CameraDevice, device: V4l2Device, file: Path, root: Path) -> C
 def _use(capabilities: int) -> Use:
     if capabilities & (layout.IS_CODEC | layout.IS_CODEC_MULTIPLANAR):
         return "codec"
-    images = capabilities & (layout.CAN_CAPTURE | layout.CAN_CAPTURE_MULTIPLANAR)
-    output = capabilities & (layout.CAN_OUTPUT | layout.CAN_OUTPUT_MULTIPLANAR)
-    if images:
-        # A loopback device also reports output.
+    # Before output, which a loopback device also reports.
+    if capabilities & (layout.CAN_CAPTURE | layout.CAN_CAPTURE_MULTIPLANAR):
         return "images"
     if capabilities & layout.CAN_CAPTURE_METADATA:
         return "metadata"
+    output = capabilities & (layout.CAN_OUTPUT | layout.CAN_OUTPUT_MULTIPLANAR)
     return "output" if output else "other"
 
 
@@ -179,11 +179,6 @@ def _links(root: Path, kind: str) -> dict[str, str]:
     return found
 
 
-def _card_in_sysfs(node: str, root: Path) -> str | None:
-    """Return the card's name, found without opening the device."""
-    return text_in(root / "sys/class/video4linux" / node / "name") or None
-
-
 def shared_bus_hints(cameras: Iterable[CameraDevice]) -> tuple[str, ...]:
     """Return one sentence for each USB 2 bus that several cameras share.
 
@@ -192,11 +187,11 @@ def shared_bus_hints(cameras: Iterable[CameraDevice]) -> tuple[str, ...]:
     buses: dict[tuple[str, int], dict[str, CameraDevice]] = {}
     for camera in cameras:
         place = camera.usb
-        if camera.can_capture and place and (place.speed_mbit or USB_2_MBIT) <= USB_2_MBIT:
-            buses.setdefault((place.controller, place.bus), {}).setdefault(place.device, camera)
+        if camera.can_capture and place and (bus := place.usb_2_bus):
+            buses.setdefault(bus, {}).setdefault(place.device, camera)
     return tuple(
-        _hint(bus, controller, list(sharing.values()))
-        for (controller, bus), sharing in sorted(buses.items())
+        _hint(number, controller, list(sharing.values()))
+        for (controller, number), sharing in sorted(buses.items())
         if len(sharing) > 1
     )
 

@@ -7,16 +7,14 @@ decoded. Nothing is held back: a frame for which no decision comes gives way to 
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 import mmap
 import os
+import pkgutil
 import select
 import signal
 import sys
 import threading
 import time
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -240,22 +238,6 @@ def _be_ended_after(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
-def load_opener(name: str) -> Opener:
-    """Return the function that opens a camera, by ``module:function`` or ``file.py:function``."""
-    place, _, function = name.rpartition(":")
-    if place.endswith(".py"):
-        spec = importlib.util.spec_from_file_location(Path(place).stem, place)
-        if spec is None or spec.loader is None:
-            raise ImportError(f"{place} is no Python file")
-        module = importlib.util.module_from_spec(spec)
-        sys.modules[spec.name] = module
-        spec.loader.exec_module(module)
-    else:
-        module = importlib.import_module(place)
-    opener: Opener = getattr(module, function)
-    return opener
-
-
 def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
     """Open the camera when told, again and again where it cannot be opened; then deliver."""
     while True:
@@ -265,7 +247,8 @@ def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
             continue
         _be_ended_after(_LONGEST_CALL_S)
         try:
-            capture = load_opener(command.opener)(command.address, command.camera_settings())
+            opener: Opener = pkgutil.resolve_name(command.opener)
+            capture = opener(command.address, command.settings)
         except SourceError as error:
             notices.tell(Failed(str(error), alive=True))
             continue

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import subprocess
 from collections import deque
-from dataclasses import asdict
 from pathlib import Path
 from typing import Literal
 
@@ -78,7 +77,7 @@ class LiveCamera:
     ) -> None:
         self.side = side
         self.target = target
-        self._command = Open(target.address, asdict(settings), opener)
+        self._command = Open(target.address, settings, opener)
         self._process: GrabberProcess | None = None
         self._dying: list[subprocess.Popen[bytes]] = []
         self._state: Literal["starting", "delivering", "pausing"] = "pausing"
@@ -114,9 +113,8 @@ class LiveCamera:
 
     @property
     def image(self) -> Image:
-        """Image decoded last: a view that changes with the next ``decode``."""
-        if self._process is None:
-            raise RuntimeError("a camera that is not open has no image")
+        """Image decoded last, of an open camera: a view that changes with the next ``decode``."""
+        assert self._process is not None
         return self._process.image
 
     @property

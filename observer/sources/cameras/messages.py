@@ -6,54 +6,40 @@ a whole or, where nobody reads, not at all.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any, TypeAlias
+from typing import TypeAlias
+
+import msgspec
 
 from observer.sources.cameras.settings import CameraSettings
 
 
-@dataclass(frozen=True)
-class Open:
+class Open(msgspec.Struct, frozen=True, tag=True):
     """Command to open the camera.
 
     Attributes:
         address: path or URL, password included; it goes through the pipe because anybody on the
             machine can read a command line.
-        settings: the fields of ``CameraSettings``.
-        opener: ``module:function`` or ``file.py:function`` that makes the ``Capture``.
+        opener: ``module:function`` that makes the ``Capture``.
     """
 
     address: str
-    settings: Mapping[str, Any]
+    settings: CameraSettings
     opener: str
 
-    def camera_settings(self) -> CameraSettings:
-        """Return the settings, with JSON's list made the pair it was."""
-        values = dict(self.settings)
-        if values.get("size") is not None:
-            width, height = values["size"]
-            values["size"] = (width, height)
-        return CameraSettings(**values)
 
-
-@dataclass(frozen=True)
-class Decode:
+class Decode(msgspec.Struct, frozen=True, tag=True):
     """Command to decode this frame into the shared memory."""
 
     seq: int
 
 
-@dataclass(frozen=True)
-class Drop:
+class Drop(msgspec.Struct, frozen=True, tag=True):
     """Command to drop this frame."""
 
     seq: int
 
 
-@dataclass(frozen=True)
-class Opened:
+class Opened(msgspec.Struct, frozen=True, tag=True):
     """Notice: the camera delivers; the shared memory has the size of its images.
 
     Attributes:
@@ -66,12 +52,11 @@ class Opened:
     height: int
     channels: int
     rate: float | None
-    settings: Mapping[str, str]
+    settings: dict[str, str]
     refused: tuple[str, ...]
 
 
-@dataclass(frozen=True)
-class Grabbed:
+class Grabbed(msgspec.Struct, frozen=True, tag=True):
     """Notice: a frame is there, not yet decoded.
 
     Attributes:
@@ -87,8 +72,7 @@ class Grabbed:
     until: float
 
 
-@dataclass(frozen=True)
-class Ready:
+class Ready(msgspec.Struct, frozen=True, tag=True):
     """Notice: the frame lies decoded in the shared memory.
 
     Attributes:
@@ -99,28 +83,24 @@ class Ready:
     repeats: int
 
 
-@dataclass(frozen=True)
-class Missed:
+class Missed(msgspec.Struct, frozen=True, tag=True):
     """Notice: what was to be decoded had already given way to the next frame."""
 
     seq: int
 
 
-@dataclass(frozen=True)
-class Undecodable:
+class Undecodable(msgspec.Struct, frozen=True, tag=True):
     """Notice: what came is no image."""
 
 
-@dataclass(frozen=True)
-class Resized:
+class Resized(msgspec.Struct, frozen=True, tag=True):
     """Notice: images have another size than at opening; it ends."""
 
     width: int
     height: int
 
 
-@dataclass(frozen=True)
-class Failed:
+class Failed(msgspec.Struct, frozen=True, tag=True):
     """Notice: the camera cannot be opened or delivers no more.
 
     Attributes:
@@ -134,26 +114,20 @@ class Failed:
 
 Command: TypeAlias = Open | Decode | Drop
 Notice: TypeAlias = Opened | Grabbed | Ready | Missed | Undecodable | Resized | Failed
-_COMMANDS: Mapping[str, type[Command]] = {each.__name__: each for each in (Open, Decode, Drop)}
-_NOTICES: Mapping[str, type[Notice]] = {
-    each.__name__: each for each in (Opened, Grabbed, Ready, Missed, Undecodable, Resized, Failed)
-}
+_COMMANDS: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Command)
+_NOTICES: msgspec.json.Decoder[Notice] = msgspec.json.Decoder(Notice)
 
 
 def encode(message: Command | Notice) -> bytes:
     """Encode a message as a line."""
-    return json.dumps([type(message).__name__, vars(message)]).encode() + b"\n"
+    return msgspec.json.encode(message) + b"\n"
 
 
 def decode_command(line: bytes) -> Command:
     """Decode the command in a line without its end; both sides are of one version."""
-    kind, values = json.loads(line)
-    return _COMMANDS[kind](**values)
+    return _COMMANDS.decode(line)
 
 
 def decode_notice(line: bytes) -> Notice:
     """Decode the notice in a line without its end; both sides are of one version."""
-    kind, values = json.loads(line)
-    if kind == Opened.__name__:
-        values["refused"] = tuple(values["refused"])
-    return _NOTICES[kind](**values)
+    return _NOTICES.decode(line)

@@ -52,7 +52,8 @@ class GrabberProcess:
         os.set_blocking(self._commands, False)
         os.set_blocking(self.notices, False)
         self._rest = b""
-        self._image: Image | None = None
+        # Decoded last, once ``map`` was called: a view that changes with the next ``Decode``.
+        self.image: Image
         self.ended = False
 
     def send(self, command: Command) -> None:
@@ -82,14 +83,7 @@ class GrabberProcess:
         depth = (opened.channels,) if opened.channels > 1 else ()
         shape = (opened.height, opened.width, *depth)
         memory = mmap.mmap(self._memory, int(np.prod(shape)), prot=mmap.PROT_READ)
-        self._image = np.frombuffer(memory, np.uint8).reshape(shape)
-
-    @property
-    def image(self) -> Image:
-        """Image decoded last: a view that changes with the next ``Decode``."""
-        if self._image is None:
-            raise RuntimeError("no image is there before the camera was opened")
-        return self._image
+        self.image = np.frombuffer(memory, np.uint8).reshape(shape)
 
     def kill(self) -> subprocess.Popen[bytes]:
         """End it and release all it used; return the process to wait for."""
@@ -97,5 +91,4 @@ class GrabberProcess:
         self.ended = True
         for fd in (self._commands, self.notices, self._memory):
             os.close(fd)
-        self._image = None
         return self.child

@@ -51,6 +51,9 @@ class CameraSource:
             that names the camera.
     """
 
+    # Cameras bring none.
+    calibration: StereoCalibration | None = None
+
     def __init__(self, spec: CamerasSpec, *, opener: str = OPENER) -> None:
         self._spec = spec
         self._skews = Skews()
@@ -73,21 +76,12 @@ class CameraSource:
             )
         ]
         try:
-            self._info = self._open()
+            self.info = self._open()
         except BaseException:
             self.close()
             raise
         self._hints = () if spec.network else self._bandwidth_hints()
         self._index = self._pairs = self._dropped = 0
-
-    @property
-    def info(self) -> SourceInfo:
-        return self._info
-
-    @property
-    def calibration(self) -> StereoCalibration | None:
-        """Always None: cameras bring no calibration."""
-        return None
 
     def read(self) -> StereoFrame | NoFrame:
         """Return the next pair, or what keeps it from coming.
@@ -362,8 +356,8 @@ class CameraSource:
         opened = self._cameras[0].opened
         return bandwidth_hints(
             [camera.target.address for camera in self._cameras],
-            width=self._info.width,
-            height=self._info.height,
-            rate=self._info.frame_rate,
+            width=self.info.width,
+            height=self.info.height,
+            rate=self.info.frame_rate,
             pixel_format=None if opened is None else opened.settings.get("pixel format"),
         )

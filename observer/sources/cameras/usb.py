@@ -9,8 +9,7 @@ from pathlib import Path
 
 from observer.sources.cameras.device_files import text_in
 
-# Speed of USB 2.
-USB_2_MBIT = 480.0
+_USB_2_MBIT = 480.0
 # A USB 2 bus carries 60 MB/s, of which 80 % may be reserved for cameras, and each reserves more
 # than it sends: the next larger step of those that it offers.
 _TOO_MUCH_BYTES_PER_S = 30e6
@@ -35,6 +34,11 @@ class UsbPlace:
     port: str
     speed_mbit: float | None
     device: str
+
+    @property
+    def usb_2_bus(self) -> tuple[str, int] | None:
+        """Controller and bus, where the device is on USB 2, or may be."""
+        return None if (self.speed_mbit or 0) > _USB_2_MBIT else (self.controller, self.bus)
 
 
 def usb_place(node: str, root: Path) -> UsbPlace | None:
@@ -79,10 +83,8 @@ def bandwidth_hints(
         usb_place(Path(os.path.realpath(root / device.lstrip("/"))).name, root)
         for device in devices
     ]
-    buses = {None if place is None else (place.controller, place.bus) for place in places}
+    buses = {place and place.usb_2_bus for place in places}
     if len(buses) != 1 or None in buses:
-        return ()
-    if any(place and place.speed_mbit and place.speed_mbit > USB_2_MBIT for place in places):
         return ()
     total = len(devices) * 2.0 * width * height * rate
     is_compressed = pixel_format in _COMPRESSED

@@ -56,10 +56,8 @@ class AlignedTruth:
     """Fulfils ``observer.truth.contract.Truth``; the world is that of the segment at each time.
 
     Args:
-        capture: as it was aligned. alignment: of it. sizes: of bodies by name, (3,) metres.
-
-    Attributes:
-        notes: what was taken for granted, one sentence each.
+        capture: as it was aligned. alignment: of it. sizes: of bodies by name, (3,) metres; one
+            that is not known is taken to be that of a Pioneer P3-DX.
     """
 
     def __init__(
@@ -73,19 +71,10 @@ class AlignedTruth:
         self._starts = [start for _, start in alignment.segments]
         sizes = sizes or {}
         self._bodies: list[tuple[int, Trajectory, Float64Array, Float64Array]] = []
-        unknown = []
         for number, name in numbered(capture.bodies, alignment.roles):
             body = capture.bodies[name]
             size = np.asarray(sizes.get(name, DEFAULT_SIZE), np.float64)
             self._bodies.append((number, body, _centre_velocities(body, alignment), size))
-            if name not in sizes and alignment.roles[name] == "obstacle":
-                unknown.append(name)
-        self.notes: tuple[str, ...] = ()
-        if unknown:
-            self.notes = (
-                f"The size of {', '.join(unknown)} is not known and was taken to be that of a "
-                f"Pioneer P3-DX, {DEFAULT_SIZE[0]:.2f} x {DEFAULT_SIZE[1]:.2f} m.",
-            )
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """Return every body known at ``time`` (source clock), in the world of its segment.

@@ -57,19 +57,16 @@ class BodyCamera:
 
     Attributes:
         T_body_camera, T_world_room: as found.
-        sigmas: (6,) of ``T_body_camera``: x, y, z in metres, then turns about x, y, z in radians.
-        observed: (6,) True where the drive determined one of these; the others are as assumed.
+        observed: (6,) True where the drive determined x, y, z or the turns about x, y, z of
+            ``T_body_camera``; the others are as assumed.
         residual_m: root mean square distance of the camera from where motion capture puts it.
-        poses: number of those compared.
         notes: what was not observable, a sentence each.
     """
 
     T_body_camera: Pose
     T_world_room: Pose
-    sigmas: Float64Array
     observed: tuple[bool, ...]
     residual_m: float
-    poses: int
     notes: tuple[str, ...]
 
 
@@ -212,7 +209,6 @@ class _Problem:
         self._R0, self._X0 = solved[12:21].reshape(3, 3), solved[21:30].reshape(3, 3)
         Rw, tw, Rx, tx = self._poses(x)
         T_world_room = Pose(Rw, tw)
-        T_body_camera = Pose(Rx, tx)
         place = self._pc - T_world_room.apply(self._pb + self._Rb @ tx)
         residual = float(np.sqrt((place**2).sum(axis=1).mean()))
         scale = max(1.0, residual / (_POSITION_M * np.sqrt(3)))
@@ -220,9 +216,7 @@ class _Problem:
         data = len(self._data(x))
         # Errors of consecutive poses are correlated, so they count as fewer than they are.
         information = J[:data].T @ J[:data] / (5 * scale**2)
-        prior = J[data:].T @ J[data:]
         wanted = [9, 10, 11, 6, 7, 8]
-        sigmas = np.sqrt(np.maximum(np.diag(np.linalg.pinv(information + prior))[wanted], 0))
         before = np.r_[[_OFFSET_M] * 3, [_FREE_RAD] * 3]
         free = np.r_[[_FREE_RAD] * 3, [10.0] * 3, [_FREE_RAD] * 3, [_OFFSET_M] * 3]
         weak = np.diag(free**-2)
@@ -231,12 +225,10 @@ class _Problem:
         good = np.r_[[_GOOD_M] * 3, [_GOOD_RAD] * 3]
         observed = tuple(bool(v) for v in (alone < _SHARE * before) & (alone < 5 * good))
         return BodyCamera(
-            T_body_camera=T_body_camera,
+            T_body_camera=Pose(Rx, tx),
             T_world_room=T_world_room,
-            sigmas=sigmas,
             observed=observed,
             residual_m=residual,
-            poses=len(self._pc),
             notes=self._notes(observed),
         )
 

@@ -8,7 +8,6 @@ width shrinks to the noise (graduated non-convexity, Blake and Zisserman, 1987).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,30 +20,19 @@ _LEAST_SCALE_M = 0.002
 _ROUNDS = 25
 
 
-@dataclass(frozen=True, eq=False)
-class FrameAlignment:
-    """Yaw and translation about a known vertical.
-
-    Attributes:
-        T_target_source: the motion.
-        residual_m: root mean square distance of the inliers in the ground plane.
-        inliers: number of points that fit.
-    """
-
-    T_target_source: Pose
-    residual_m: float
-    inliers: int
-
-
 def align_planar(
     source: Float64Array, target: Float64Array, up_source: Float64Array, up_target: Float64Array
-) -> FrameAlignment:
+) -> tuple[Pose, float]:
     """Find yaw and translation, where the vertical (3,) is known in both frames.
 
     Heights are matched by their median difference: motion on the ground tells no more.
 
     Args:
         source, target: (N, 3) metres, the same points; rows with NaN are left out.
+
+    Returns:
+        ``T_target_source``, and the root mean square distance of the inliers in the ground plane,
+        metres.
 
     Raises:
         NotObservable: the points lie too close together.
@@ -66,9 +54,8 @@ def align_planar(
     level, weights = _robust(fit, a, b)
     T = Pose(to_target.T, np.zeros(3)) @ level @ Pose(to_source, np.zeros(3))
     # Weight one quarter: the error is the function's width, three times the median error.
-    fits = weights > 0.25
-    apart = (b - level.apply(a))[fits, :2]
-    return FrameAlignment(T, float(np.sqrt((apart**2).sum(axis=1).mean())), int(fits.sum()))
+    apart = (b - level.apply(a))[weights > 0.25, :2]
+    return T, float(np.sqrt((apart**2).sum(axis=1).mean()))
 
 
 def upright(up: Float64Array) -> Float64Array:

@@ -10,12 +10,17 @@ import numpy as np
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
-from observer.truth.alignment.aligned import AlignedTruth
 from observer.truth.alignment.alignment import align
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.observed import ObservedRun
 from observer.truth.alignment.result import Alignment
-from observer.truth.motion_capture import BodySample, Capture, Trajectory, trajectory_of
+from observer.truth.motion_capture import (
+    BodySample,
+    Capture,
+    Trajectory,
+    rising_samples,
+    trajectory_of,
+)
 
 WINDOW_S = 180.0
 # Between two solutions, seconds of the source's clock.
@@ -34,7 +39,6 @@ class OnlineAlignment:
     Attributes:
         choices: may be others from one solution to the next.
         state: the alignment, or one sentence that begins with "not yet aligned".
-        truth: the last minutes as truth; None as long as nothing is aligned.
     """
 
     def __init__(self, choices: AlignmentChoices | None = None) -> None:
@@ -44,7 +48,6 @@ class OnlineAlignment:
         self._pieces: dict[str, deque[Trajectory]] = {}
         self._solved: float | None = None
         self.state: Alignment | str = _NONE_YET
-        self.truth: AlignedTruth | None = None
 
     @property
     def bodies(self) -> tuple[str, ...]:
@@ -64,7 +67,7 @@ class OnlineAlignment:
         """Forget the run: the source is another or began again, with another clock and world."""
         self._lines.clear()
         self._solved = None
-        self.state, self.truth = _NONE_YET, None
+        self.state = _NONE_YET
 
     def add_pieces(self, pieces: Iterable[Trajectory]) -> None:
         """Add pieces as of ``pieces``; samples that do not rise in time are dropped."""
@@ -93,19 +96,15 @@ class OnlineAlignment:
         if self._solved is not None and now - self._solved < SOLVE_EVERY_S:
             return False
         self._solved = now
-        capture = self.capture(to_source)
+        capture = self._capture(to_source)
         try:
-            found = align(ObservedRun.of_lines(self._lines), capture, self.choices)
+            self.state = align(ObservedRun.of_lines(self._lines), capture, self.choices)
         except TruthError as error:
             if not isinstance(self.state, Alignment):
                 self.state = f"not yet aligned: {error}"
-                return True
-            found = self.state
-        self.state = found
-        self.truth = AlignedTruth(capture, found, self.choices.sizes)
         return True
 
-    def capture(self, to_source: Callable[[Float64Array], Float64Array] | None = None) -> Capture:
+    def _capture(self, to_source: Callable[[Float64Array], Float64Array] | None) -> Capture:
         """Return the last minutes of all bodies."""
         bodies = {name: _joined(list(kept)) for name, kept in self._pieces.items()}
         if to_source is not None:
@@ -118,22 +117,16 @@ class OnlineAlignment:
 
 def pieces(samples: Iterable[BodySample]) -> list[Trajectory]:
     """Put samples together by body in order of arrival, on the server's own clock."""
-    by_body: dict[str, list[BodySample]] = {}
-    for sample in samples:
-        kept = by_body.setdefault(sample.name, [])
-        if not kept or sample.time > kept[-1].time:
-            kept.append(sample)
-    return [trajectory_of(name, kept) for name, kept in by_body.items()]
+    return [trajectory_of(name, kept) for name, kept in rising_samples(samples).items()]
 
 
 def _joined(parts: list[Trajectory]) -> Trajectory:
     rotations = None
     if any(part.rotations is not None for part in parts):
-        unknown = [np.full((len(part.times), 3, 3), np.nan) for part in parts]
         rotations = np.concatenate(
             [
-                u if part.rotations is None else part.rotations
-                for part, u in zip(parts, unknown, strict=True)
+                np.full((len(p.times), 3, 3), np.nan) if p.rotations is None else p.rotations
+                for p in parts
             ]
         )
     return Trajectory(

@@ -139,16 +139,17 @@ def _by_points(
 ) -> Pose:
     up = choices.assumed.up_world
     seen, true = points
-    found = align_planar(true, seen, _UP_ROOM, np.array([0.0, -1.0, 0.0]) if up is None else up)
+    up_world = np.array([0.0, -1.0, 0.0]) if up is None else up
+    T_world_room, residual_m = align_planar(true, seen, _UP_ROOM, up_world)
     if rooms.residual_m is None:
-        rooms.residual_m = found.residual_m
+        rooms.residual_m = residual_m
         rooms.notes.append(
             "The room was aligned by the obstacles alone: yaw and translation over the floor; "
             "their height is that of what was seen of them."
         )
         if up is None:
             rooms.notes.append("The mount's tilt is unknown, so the camera was taken to be level.")
-    return found.T_target_source
+    return T_world_room
 
 
 def _points(

@@ -66,11 +66,6 @@ class TimeOffset:
     residual_mps: float
     samples: int
 
-    def to_source(self, times: Float64Array) -> Float64Array:
-        """Convert truth's times to the source's clock."""
-        times = np.asarray(times, np.float64)
-        return times + self.offset_s + 1e-6 * self.drift_ppm * (times - self.reference_s)
-
     def to_truth(self, times: Float64Array) -> Float64Array:
         """Convert the source's times to truth's clock."""
         slope = 1 + 1e-6 * self.drift_ppm

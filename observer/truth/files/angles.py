@@ -57,14 +57,6 @@ class AnglesUnclear(TruthError):
         )
 
 
-@dataclass(frozen=True)
-class FoundReading:
-    """Reading of angles, and one sentence that says why."""
-
-    reading: AngleReading
-    why: str
-
-
 def rotations(angles: Float64Array, reading: AngleReading) -> Float64Array:
     """Return ``R_room_body`` (N, 3, 3) of angles (N, 3) in radians; NaN where an angle is.
 
@@ -99,11 +91,14 @@ def quaternion_rotations(xyzw: Float64Array) -> tuple[Float64Array, NDArray[np.b
     return matrices, np.asarray(known & ~unit)
 
 
-def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> FoundReading:
+def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> tuple[AngleReading, str]:
     """Find the reading of all bodies' angles (N, 3) in radians, NaN in gaps.
 
     Args:
         name: the file's, for messages.
+
+    Returns:
+        The reading, and one sentence that says why.
 
     Raises:
         AnglesUnclear: both readings are possible, and they differ.
@@ -113,39 +108,32 @@ def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> FoundReading:
     for body, angles in some.items():
         if _beyond_euler(angles).any():
             most = float(np.linalg.norm(angles, axis=1).max())
-            return FoundReading(
-                "helical",
+            return "helical", (
                 f"angles are helical (rotation vectors): those of {body} reach {most:.2f} rad, "
-                f"which Euler angles do not",
+                f"which Euler angles do not"
             )
     # For what hardly turns another reading is another constant rotation, which nothing reveals.
     readings = [r for r in map(_Readings.of, some.values()) if r.turned_deg > _SAME_DEG]
+    usual = "angles are read as helical (rotation vectors), which is Tracker's default"
     if some and not readings:
-        return FoundReading(
-            "helical",
-            "angles are read as helical (rotation vectors), which is Tracker's default; no body "
-            "turns enough to tell them from Euler angles XYZ",
-        )
+        return "helical", f"{usual}; no body turns enough to tell them from Euler angles XYZ"
     helical = max((r.helical_tilt_deg for r in readings), default=0.0)
     euler = max((r.euler_tilt_deg for r in readings), default=0.0)
     votes = {r.vote for r in readings if r.vote is not None}
-    if len(votes) == 1:
-        vote = votes.pop()
-        right, wrong = (helical, euler) if vote == "helical" else (euler, helical)
-        said = "helical (rotation vectors)" if vote == "helical" else "Euler angles XYZ"
-        other = "Euler angles XYZ" if vote == "helical" else "helical"
-        return FoundReading(
-            vote,
-            f"angles are {said}: so read the bodies tilt by at most {right:.1f} deg, as {other} "
-            f"by {wrong:.1f} deg",
+    if votes == {"helical"}:
+        return "helical", (
+            f"angles are helical (rotation vectors): so read the bodies tilt by at most "
+            f"{helical:.1f} deg, as Euler angles XYZ by {euler:.1f} deg"
+        )
+    if votes == {"euler_xyz"}:
+        return "euler_xyz", (
+            f"angles are Euler angles XYZ: so read the bodies tilt by at most {euler:.1f} deg, as "
+            f"helical by {helical:.1f} deg"
         )
     if not votes and all(r.differ_deg <= _SAME_DEG for r in readings):
         most = max((r.differ_deg for r in readings), default=0.0)
-        return FoundReading(
-            "helical",
-            f"angles are read as helical (rotation vectors), which is Tracker's default; as Euler "
-            f"angles XYZ they would differ by at most {most:.1f} deg",
-        )
+        why = f"{usual}; as Euler angles XYZ they would differ by at most {most:.1f} deg"
+        return "helical", why
     raise AnglesUnclear(name, helical_tilt_deg=helical, euler_xyz_tilt_deg=euler)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,10 +27,13 @@ class NumberRows:
 
     Attributes:
         count: of rows. names: the texts of the column of names, in the order they appear; that
-        column's numbers are indices of it.
+            column's numbers are indices of it.
     """
 
-    def __init__(self, chunks: list[Float64Array], lines: list[int], names: list[str]) -> None:
+    def __init__(
+        self, file: TextLines, chunks: list[Float64Array], lines: list[int], names: list[str]
+    ) -> None:
+        self._file = file
         self._chunks = chunks
         self._lines = np.array(lines, dtype=np.int64)
         self.names = names
@@ -43,14 +47,21 @@ class NumberRows:
         """Return a column (N,) as a new array."""
         return self.columns([wanted])[:, 0]
 
-    def line(self, row: int) -> int:
-        """Return the number of a row's line, from 1."""
-        return int(self._lines[row])
+    def refuse(
+        self, wrong: NDArray[np.intp], why: str | Callable[[int], str], cell: int | None = None
+    ) -> None:
+        """Refuse the first of these rows, if there are any.
 
-    def first(self, wrong: NDArray[np.bool_]) -> tuple[int, int]:
-        """Return row and line of the first True of (N,)."""
-        row = int(np.argmax(wrong))
-        return row, self.line(row)
+        Args:
+            why: the reason, or what tells it of a row. cell: that is to be named, from 1.
+
+        Raises:
+            TruthError: one sentence naming the line, the cell and the reason.
+        """
+        if len(wrong):
+            row = int(wrong[0])
+            told = why if isinstance(why, str) else why(row)
+            raise TruthError(f"{self._file.where(int(self._lines[row]), cell)}: {told}")
 
 
 def read_numbers(
@@ -99,39 +110,33 @@ def read_numbers(
                 )
     if rows or not chunks:
         chunks.append(reader.chunk(rows, numbers))
-    return NumberRows(chunks, numbers, list(reader.names))
+    return NumberRows(lines, chunks, numbers, list(reader.names))
 
 
+@dataclass(eq=False)
 class _Reader:
-    def __init__(
-        self,
-        lines: TextLines,
-        labels: Sequence[str],
-        separator: str | None,
-        names_in: int | None,
-        unused: Sequence[int],
-        short: bool,
-    ) -> None:
-        self._lines = lines
-        self._labels = labels
-        self._separator = separator
-        self._names_in = names_in
-        self._unused = unused
-        self._short = short
-        self.names: dict[str, int] = {}
+    """Parser of rows; the arguments are those of ``read_numbers``."""
+
+    lines: TextLines
+    labels: Sequence[str]
+    separator: str | None
+    names_in: int | None
+    unused: Sequence[int]
+    short: bool
+    names: dict[str, int] = field(default_factory=dict)
 
     def row(self, line: str) -> list[float]:
         """Parse a line into one number for each label."""
         if '"' in line:
-            cells = cells_of(self._lines, line, self._separator)
+            cells = cells_of(self.lines, line, self.separator)
         else:
-            if self._separator == ";":
+            if self.separator == ";":
                 # Where semicolons separate cells, a comma is the decimal point.
                 line = line.replace(",", ".")
-            cells = line.split(self._separator)
-        if self._names_in is not None and self._names_in < len(cells):
-            cells[self._names_in] = self._name(cells[self._names_in])
-        for column in self._unused:
+            cells = line.split(self.separator)
+        if self.names_in is not None and self.names_in < len(cells):
+            cells[self.names_in] = self._name(cells[self.names_in])
+        for column in self.unused:
             if column < len(cells):
                 cells[column] = ""
         try:
@@ -142,31 +147,31 @@ class _Reader:
             slow = True
         if slow:
             row = [self._number(cell, index) for index, cell in enumerate(cells)]
-        width = len(self._labels)
+        width = len(self.labels)
         if len(row) > width:
             if any(not math.isnan(value) for value in row[width:]):
                 raise TruthError(
-                    f"{self._lines.where()}: the row has {len(row)} cells, but the header names "
+                    f"{self.lines.where()}: the row has {len(row)} cells, but the header names "
                     f"{width}"
                 )
             del row[width:]
         elif len(row) < width:
-            if not self._short:
+            if not self.short:
                 raise TruthError(
-                    f"{self._lines.where()}: the row has only {len(row)} cells, but there must be "
-                    f"{width}: {', '.join(self._labels)[:120]}"
+                    f"{self.lines.where()}: the row has only {len(row)} cells, but there must be "
+                    f"{width}: {', '.join(self.labels)[:120]}"
                 )
             row += [_NAN] * (width - len(row))
         return row
 
     def chunk(self, rows: list[list[float]], numbers: list[int]) -> Float64Array:
         """Return the rows read last as an array, checked."""
-        values = np.array(rows, dtype=np.float64).reshape(len(rows), len(self._labels))
+        values = np.array(rows, dtype=np.float64).reshape(len(rows), len(self.labels))
         wrong = np.isinf(values)
         if wrong.any():
             row, column = np.argwhere(wrong)[0].tolist()
-            where = self._lines.where(numbers[len(numbers) - len(rows) + row], column + 1)
-            raise TruthError(f"{where}: {self._labels[column]} must be a finite number")
+            where = self.lines.where(numbers[len(numbers) - len(rows) + row], column + 1)
+            raise TruthError(f"{where}: {self.labels[column]} must be a finite number")
         return values
 
     def _number(self, cell: str, index: int) -> float:
@@ -174,16 +179,16 @@ class _Reader:
         try:
             return float(text.replace("_", "?")) if text else _NAN
         except ValueError:
-            label = self._labels[index] if index < len(self._labels) else "what the header lacks"
+            label = self.labels[index] if index < len(self.labels) else "what the header lacks"
             raise TruthError(
-                f"{self._lines.where(cell=index + 1)}: {label} must be a number, not {text[:40]!r}"
+                f"{self.lines.where(cell=index + 1)}: {label} must be a number, not {text[:40]!r}"
             ) from None
 
     def _name(self, cell: str) -> str:
         number = self.names.setdefault(cell.strip(), len(self.names))
         if number >= _MOST_NAMES:
             raise TruthError(
-                f"{self._lines.where()}: there are more than {_MOST_NAMES} names of bodies"
+                f"{self.lines.where()}: there are more than {_MOST_NAMES} names of bodies"
             )
         return str(number)
 

@@ -27,10 +27,6 @@ _MOST_COMMENTS = 100
 _HEAD_BYTES = 1024
 
 
-class IsAlignedTruth(TruthError):
-    """File that is the project's own ``truth.csv``: aligned truth, no motion capture."""
-
-
 def file_kind(path: Path | str) -> FileKind:
     """Recognise a file; ``truth.csv`` is for ``CsvTruth``, all others for ``read_capture``.
 
@@ -61,9 +57,9 @@ def read_capture(
         angles: reading of Vicon's three angles; None finds out.
 
     Raises:
-        TruthError: one sentence naming the file, the line, the cell and the reason.
+        TruthError: one sentence naming the file, the line, the cell and the reason, or the file
+            is the project's own ``truth.csv``.
         AnglesUnclear: the angles can be read in two ways, and only a person can tell.
-        IsAlignedTruth: the file is the project's own ``truth.csv``.
     """
     path = Path(path)
     try:
@@ -96,7 +92,7 @@ def _read(
         return read_plain_csv(lines)
     if kind == "tum":
         return read_tum(lines)
-    raise IsAlignedTruth(
+    raise TruthError(
         f"{path.name}: this is truth in the observer's own world and on its clock, as simulate "
         f"writes it; it needs no alignment, so give it as truth and not as motion capture"
     )

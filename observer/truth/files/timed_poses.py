@@ -73,12 +73,11 @@ def read_plain_csv(lines: TextLines) -> Capture:
     turn = [columns[title] for title in _TURN if title in columns]
     bodies = rows.column(columns["body"]) if "body" in columns else np.zeros(rows.count)
     table = _Table(
-        lines,
+        lines.name,
         rows,
         rows.column(columns["t"]) * scales[columns["t"]],
         rows.columns([columns[axis] for axis in _POSITION]) * scales[columns["x"]],
         rows.columns(turn) if turn else None,
-        labels,
     )
     found = {}
     names = BodyNames(lines.name)
@@ -95,9 +94,8 @@ def read_tum(lines: TextLines) -> Capture:
         TruthError: one sentence naming the line, the cell and the reason.
     """
     rows = read_numbers(lines, _TUM, separator=None)
-    table = _Table(
-        lines, rows, rows.column(0), rows.columns((1, 2, 3)), rows.columns((4, 5, 6, 7)), _TUM
-    )
+    places, turns = rows.columns((1, 2, 3)), rows.columns((4, 5, 6, 7))
+    table = _Table(lines.name, rows, rows.column(0), places, turns)
     body = table.trajectory(_ONLY_BODY, np.ones(rows.count, dtype=np.bool_))
     return Capture("TUM trajectory", None, {_ONLY_BODY: body}, ("places are read in metres",))
 
@@ -106,12 +104,11 @@ def read_tum(lines: TextLines) -> Capture:
 class _Table:
     """Rows of a file: times (N,) s, positions (N, 3) m, quaternions (N, 4) or None."""
 
-    lines: TextLines
+    file: str
     rows: NumberRows
     times: Float64Array
     positions: Float64Array
     turns: Float64Array | None
-    labels: Sequence[str]
 
     def trajectory(self, name: str, its: NDArray[np.bool_]) -> Trajectory:
         """Return the trajectory of one body's rows.
@@ -120,30 +117,25 @@ class _Table:
             TruthError: there are none, times do not rise, or numbers are no pose.
         """
         if not its.any():
-            raise TruthError(f"{self.lines.name}: there are no rows of numbers in it")
+            raise TruthError(f"{self.file}: there are no rows of numbers in it")
         at = np.flatnonzero(its)
         times, positions = self.times[at], self.positions[at]
         lost = ~(np.abs(times) <= _MOST_SECONDS)
-        self._refuse(at, lost, f"the time must be known, and within {_MOST_SECONDS:g} s")
+        self.rows.refuse(at[lost], f"the time must be known, and within {_MOST_SECONDS:g} s")
         late = np.append(False, np.diff(times) <= 0)
-        self._refuse(at, late, f"the time is not later than that of {name} before it")
+        self.rows.refuse(at[late], f"the time is not later than that of {name} before it")
         known = np.isfinite(positions)
         partial = known.any(axis=1) & ~known.all(axis=1)
-        self._refuse(at, partial, "x, y and z must all be known, or none of them")
+        self.rows.refuse(at[partial], "x, y and z must all be known, or none of them")
         far = (np.abs(positions) > MOST_METRES).any(axis=1)
-        self._refuse(at, far, f"x, y and z must lie within {MOST_METRES:g} m")
+        self.rows.refuse(at[far], f"x, y and z must lie within {MOST_METRES:g} m")
         matrices = None
         if self.turns is not None:
             turns = self.turns[at]
             turns[~known.all(axis=1)] = np.nan
             matrices, wrong = quaternion_rotations(turns)
-            self._refuse(at, wrong, "qx, qy, qz, qw must be a unit quaternion")
+            self.rows.refuse(at[wrong], "qx, qy, qz, qw must be a unit quaternion")
         return Trajectory(name, times, positions, matrices)
-
-    def _refuse(self, at: NDArray[np.intp], wrong: NDArray[np.bool_] | np.bool_, why: str) -> None:
-        if wrong.any():
-            line = self.rows.line(int(at[int(np.argmax(wrong))]))
-            raise TruthError(f"{self.lines.where(line)}: {why}")
 
 
 def _columns(lines: TextLines, titles: Sequence[tuple[str, str | None]]) -> dict[str, int]:

@@ -76,17 +76,15 @@ def read_vicon_csv(
     if found.skipped:
         notes.append(f"left out, because it tells no places: {', '.join(found.skipped)}")
     if found.angles:
-        reading = angles
-        if reading is None:
-            decided = find_reading(lines.name, found.angles)
-            reading = decided.reading
-            notes.append(decided.why)
+        if angles is None:
+            angles, why = find_reading(lines.name, found.angles)
+            notes.append(why)
         else:
-            notes.append(f"angles are read as {reading.replace('_', ' ')}, as was asked for")
+            notes.append(f"angles are read as {angles.replace('_', ' ')}, as was asked for")
         for name, turned in found.angles.items():
             body = found.bodies[name]
             found.bodies[name] = Trajectory(
-                name, body.times, body.positions, rotations(turned, reading)
+                name, body.times, body.positions, rotations(turned, angles)
             )
     rate = found.rates.pop() if len(found.rates) == 1 else None
     words = " and ".join(dict.fromkeys(found.sections))
@@ -140,7 +138,7 @@ def _read_section(first: str, found: _Found) -> None:
     rows = read_numbers(lines, labels, separator=found.separator, short=True)
     if not rows.count:
         raise TruthError(f"{lines.name}: the section {title.capitalize()[:40]} holds no samples")
-    times = _times(rows, rate, lines)
+    times = _times(rows, rate)
     found.sections.append(_READ.get(title, "table"))
     found.rates.add(rate)
     for body in columns:
@@ -175,29 +173,25 @@ def _rate(rows: Sequence[Sequence[str]], bodies: int, found: _Found) -> float:
     return told
 
 
-def _times(rows: NumberRows, rate: float, lines: TextLines) -> Float64Array:
+def _times(rows: NumberRows, rate: float) -> Float64Array:
     frames = rows.column(0)
     wrong = ~((frames >= 0) & (frames <= _MOST_FRAME) & (frames == np.floor(frames)))
-    if wrong.any():
-        row, line = rows.first(wrong)
-        raise TruthError(
-            f"{lines.where(line, 1)}: Frame must be a whole number of at least 0, "
-            f"not {frames[row]:g}"
-        )
-    wrong = np.nan_to_num(rows.column(1)) != 0
-    if wrong.any():
-        _, line = rows.first(wrong)
-        raise TruthError(
-            f"{lines.where(line, 2)}: Sub Frame must be 0, for places are known once a frame"
-        )
+    rows.refuse(
+        np.flatnonzero(wrong),
+        lambda row: f"Frame must be a whole number of at least 0, not {frames[row]:g}",
+        cell=1,
+    )
+    divided = np.flatnonzero(np.nan_to_num(rows.column(1)))
+    rows.refuse(divided, "Sub Frame must be 0, for places are known once a frame", cell=2)
     times = (frames - 1) / rate
-    wrong = np.diff(times) <= 0
-    if wrong.any():
-        row, line = rows.first(np.append(False, wrong))
-        raise TruthError(
-            f"{lines.where(line, 1)}: frame {frames[row]:.0f} does not come after frame "
-            f"{frames[row - 1]:.0f} of the line before; export one trial at a time"
-        )
+    rows.refuse(
+        np.flatnonzero(np.diff(times) <= 0) + 1,
+        lambda row: (
+            f"frame {frames[row]:.0f} does not come after frame {frames[row - 1]:.0f} of the line "
+            f"before; export one trial at a time"
+        ),
+        cell=1,
+    )
     return np.asarray(times)
 
 
@@ -209,10 +203,8 @@ def _add_body(body: BodyColumns, rows: NumberRows, times: Float64Array, found: _
     known = np.isfinite(positions)
 
     def refuse(wrong: NDArray[np.bool_] | np.bool_, why: str) -> None:
-        if wrong.any():
-            _, line = rows.first(np.asarray(wrong))
-            cell = (body.rotation or body.position)[0] + 1
-            raise TruthError(f"{found.lines.where(line, cell)}: of {body.name}, {why}")
+        cell = (body.rotation or body.position)[0] + 1
+        rows.refuse(np.flatnonzero(wrong), f"of {body.name}, {why}", cell)
 
     partial = known.any(axis=1) & ~known.all(axis=1)
     refuse(partial, "its place must be known in all three axes or in none")

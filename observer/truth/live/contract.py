@@ -1,13 +1,12 @@
-"""Contract of a live motion-capture connection, whatever its protocol."""
+"""State of a live motion-capture connection, whatever its protocol."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal
 
 from observer.truth.live.clock import ClockFit
-from observer.truth.motion_capture import BodySample
 
 LiveState = Literal["connecting", "receiving", "waiting"]
 
@@ -39,30 +38,3 @@ class LiveCaptureReport:
     malformed: int
     connections: int
     clock: ClockFit | None
-
-
-class LiveCapture(Protocol):
-    """A connection that reconnects by itself. No call waits for the network.
-
-    Any thread may call; no sample is returned by two calls of ``drain``.
-    """
-
-    @property
-    def spec(self) -> str:
-        """Spec as it was opened, for people and records."""
-        ...
-
-    def drain(self) -> tuple[BodySample, ...]:
-        """Return the samples since the last call in order of arrival, at most ``MOST_KEPT``.
-
-        Each body's times rise. A sample without a position says that the body was not seen then.
-        """
-        ...
-
-    def report(self) -> LiveCaptureReport:
-        """Return the state of the connection."""
-        ...
-
-    def close(self) -> None:
-        """End the connection; safe to call twice."""
-        ...

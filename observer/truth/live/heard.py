@@ -53,12 +53,15 @@ class Wakeup:
         self._waker.close()
 
 
-class HeardCapture:
-    """Fulfils ``LiveCapture`` by a thread of its own that runs a subclass's ``_listened``.
+class LiveCapture:
+    """A connection that reconnects by itself. No call waits for the network.
+
+    Any thread may call; no sample is returned by two calls of ``drain``. A thread of its own runs
+    a subclass's ``_listened``.
 
     Args:
-        intake: where samples go. spec: as it was opened. name: of the thread.
-        clock: host's monotonic clock.
+        intake: where samples go. spec: as it was opened, for people and records.
+        name: of the thread. clock: host's monotonic clock.
     """
 
     def __init__(self, intake: Intake, *, spec: str, name: str, clock: Callable[[], float]) -> None:
@@ -70,12 +73,18 @@ class HeardCapture:
         self._thread.start()
 
     def drain(self) -> tuple[BodySample, ...]:
+        """Return the samples since the last call in order of arrival, at most ``MOST_KEPT``.
+
+        Each body's times rise. A sample without a position says that the body was not seen then.
+        """
         return self._intake.drain()
 
     def report(self) -> LiveCaptureReport:
+        """Return the state of the connection."""
         return self._intake.report()
 
     def close(self) -> None:
+        """End the connection; safe to call twice."""
         self._wakeup.end()
         # Resolving a host's name cannot be ended; nobody waits for that.
         self._thread.join(_CLOSE_WITHIN_S)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from observer.errors import TruthError
-from observer.truth.live.contract import LiveCapture
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.vicon_stream import DEFAULT_PORT as VICON_PORT
 from observer.truth.live.vrpn import DEFAULT_PORT as VRPN_PORT
 

@@ -8,7 +8,6 @@ Little-endian and packed: number of the frame (u32), number of items (u8); each 
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 DEFAULT_PORT = 51001
@@ -71,18 +70,3 @@ def unpack_frame(data: bytes) -> ViconFrame:
             objects.append(ViconObject(text, (x, y, z), (rx, ry, rz)))
         begin += size
     return ViconFrame(frame, tuple(objects))
-
-
-def pack_frame(frame: int, objects: Sequence[ViconObject], filling: int = 0) -> bytes:
-    """Encode a datagram, padded with zeros to ``filling`` bytes as Vicon's fixed-size buffers are.
-
-    Raises:
-        ViconStreamError: there are more objects than fit.
-    """
-    if len(objects) > 255:
-        raise ViconStreamError("a datagram holds 255 objects at most")
-    data = _FRAME.pack(frame % 2**32, len(objects))
-    for each in objects:
-        data += _ITEM.pack(_OBJECT_ID, _OBJECT.size)
-        data += _OBJECT.pack(each.name.encode(), *each.translation_mm, *each.rotation_rad)
-    return data.ljust(filling, b"\0")

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from observer.truth.live.heard import HeardCapture
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.intake import Intake
 from observer.truth.live.vicon_stream import ViconObject, ViconStreamError, unpack_frame
 
@@ -19,8 +19,8 @@ _LOOK_EVERY_S = 1.0
 _SILENT_S = 2.0
 
 
-class ViconUdpCapture(HeardCapture):
-    """Fulfils ``LiveCapture``. The frame's number is the clock: its rate is found from arrivals.
+class ViconUdpCapture(LiveCapture):
+    """Objects of Vicon Tracker. The frame's number is the clock: its rate is found from arrivals.
 
     Args:
         port: that Tracker sends to. spec: as it was opened. clock: host's monotonic clock.

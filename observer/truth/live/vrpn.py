@@ -74,16 +74,10 @@ class TrackerPose:
 
 
 @dataclass(frozen=True)
-class Ping:
-    """Question of the other side whether a device of ours lives."""
+class Sign:
+    """``PING_TYPE``: the question whether a device lives, or ``PONG_TYPE``: that it does."""
 
-    sender: str
-
-
-@dataclass(frozen=True)
-class Pong:
-    """Sign of life of the other side's device."""
-
+    type: str
     sender: str
 
 
@@ -134,11 +128,6 @@ def describe(kind: int, number: int, name: str) -> Message:
     return Message(0, 0, number, kind, _NAME_LENGTH.pack(len(text)) + text)
 
 
-def pose_body(sensor: int, numbers: tuple[float, ...]) -> bytes:
-    """Encode the body of a pose: ``numbers`` are x, y, z, qx, qy, qz, qw."""
-    return _POSE.pack(sensor, 0, *numbers)
-
-
 class MessageParser:
     """Parser of bytes in pieces of any size."""
 
@@ -185,7 +174,7 @@ class Conversation:
         """Names of senders that were described so far."""
         return tuple(self._senders.values())
 
-    def feed(self, data: bytes) -> list[TrackerPose | Ping | Pong]:
+    def feed(self, data: bytes) -> list[TrackerPose | Sign]:
         """Return the poses, pings and pongs that are complete with these bytes.
 
         Raises:
@@ -194,7 +183,7 @@ class Conversation:
         meanings = map(self._take, self._parser.feed(data))
         return [meaning for meaning in meanings if meaning is not None]
 
-    def _take(self, message: Message) -> TrackerPose | Ping | Pong | None:
+    def _take(self, message: Message) -> TrackerPose | Sign | None:
         if message.type in (SENDER_DESCRIPTION, TYPE_DESCRIPTION):
             names = self._senders if message.type == SENDER_DESCRIPTION else self._types
             if len(names) >= _MOST_DESCRIBED and message.sender not in names:
@@ -211,9 +200,7 @@ class Conversation:
                 raise VrpnError(f"a pose must have {_POSE.size} bytes, not {len(message.body)}")
             sensor, _, x, y, z, qx, qy, qz, qw = _POSE.unpack(message.body)
             return TrackerPose(sender, sensor, message.time, (x, y, z), (qx, qy, qz, qw))
-        if kind == PING_TYPE:
-            return Ping(sender)
-        return Pong(sender) if kind == PONG_TYPE else None
+        return Sign(kind, sender) if kind in (PING_TYPE, PONG_TYPE) else None
 
 
 class Speaker:
@@ -224,11 +211,11 @@ class Speaker:
         self._types: dict[str, int] = {}
         self._sequence = 0
 
-    def say(self, type_: str, sender: str, time: float = 0.0, body: bytes = b"") -> bytes:
-        """Encode a message, with the descriptions that it needs in front of it.
+    def say(self, type_: str, sender: str) -> bytes:
+        """Encode a message without a body, with the descriptions that it needs in front of it.
 
         Raises:
-            VrpnError: a name or the body is longer than the library takes.
+            VrpnError: a name is longer than the library takes.
         """
         begin = b""
         for kind, names, name in (
@@ -238,16 +225,7 @@ class Speaker:
             if name not in names:
                 begin += self._numbered(describe(kind, len(names), name))
                 names[name] = len(names)
-        seconds = int(time)
-        return begin + self._numbered(
-            Message(
-                seconds % 2**32,
-                min(999_999, round((time - seconds) * 1e6)),
-                self._senders[sender],
-                self._types[type_],
-                body,
-            )
-        )
+        return begin + self._numbered(Message(0, 0, self._senders[sender], self._types[type_], b""))
 
     def _numbered(self, message: Message) -> bytes:
         data = pack(message, self._sequence)

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from observer.geometry import Float64Array
-from observer.truth.live.heard import HeardCapture
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.intake import Intake
 from observer.truth.live.vrpn import (
     COOKIE,
@@ -25,7 +25,6 @@ from observer.truth.live.vrpn import (
     PING_TYPE,
     PONG_TYPE,
     Conversation,
-    Ping,
     Speaker,
     TrackerPose,
     VrpnError,
@@ -47,8 +46,8 @@ class _Lost(Exception):
     """Connection that failed or was lost; one sentence."""
 
 
-class VrpnCapture(HeardCapture):
-    """Fulfils ``LiveCapture``.
+class VrpnCapture(LiveCapture):
+    """Trackers of a VRPN server.
 
     A body is a sender's sensor: named as the sender, sensors other than 0 as ``SENDER/SENSOR``.
 
@@ -134,7 +133,7 @@ class VrpnCapture(HeardCapture):
             for told in conversation.feed(data):
                 if isinstance(told, TrackerPose):
                     self._pose(told, received)
-                elif isinstance(told, Ping):
+                elif told.type == PING_TYPE:
                     self._send(connection, speaker.say(PONG_TYPE, told.sender))
             if not self._wakeup.wait(_ASK_EVERY_S, connection):
                 data = b""

@@ -12,6 +12,8 @@ from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.opening import open_source
 from observer.recording import foxglove, topics
+from observer.recording.drawn import drawn_truth
+from observer.recording.payloads import MatchedBody
 from observer.recording.topics import Topic
 from observer.vision.rectification import Rectification
 
@@ -92,11 +94,11 @@ def test_the_level_frame_has_the_floor_at_zero_and_the_base_on_it() -> None:
 
 
 def test_a_dashed_box_has_the_truths_size_and_heads_where_it_drives() -> None:
-    body = {
-        "id": 1, "name": "cart", "role": "obstacle", "position": [1.0, 0.0, 4.0],
-        "velocity": [0.5, 0.0, 0.0], "speed": 0.5, "size": [2.0, 0.4, 1.0], "yaw": np.pi / 2,
-    }  # fmt: skip
-    scene = decoded(topics.TRUE_SCENE, foxglove.truth_scene([body], 7))
+    body = MatchedBody(
+        id=1, name="cart", role="obstacle", position=[1.0, 0.0, 4.0],
+        velocity=[0.5, 0.0, 0.0], speed=0.5, size=[2.0, 0.4, 1.0], yaw=np.pi / 2,
+    )  # fmt: skip
+    scene = decoded(topics.TRUE_SCENE, foxglove.scene(drawn_truth([body]), 7))
     line = scene.entities[0].lines[0]
     turn = line.pose.orientation
     pose = Pose.from_quaternion((turn.w, turn.x, turn.y, turn.z), (1.0, 0.0, 4.0))

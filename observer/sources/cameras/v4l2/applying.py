@@ -6,15 +6,21 @@ import errno
 import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 from observer.errors import SourceError
 from observer.sources.cameras.settings import AppliedSettings, Auto, CameraSettings
 from observer.sources.cameras.v4l2 import layout
-from observer.sources.cameras.v4l2.device import Control, DeviceAccess, V4l2Device, is_gone
+from observer.sources.cameras.v4l2.device import (
+    Control,
+    DeviceAccess,
+    LinuxAccess,
+    V4l2Device,
+    is_gone,
+)
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
-from observer.sources.cameras.v4l2.opening import open_device, why_not
+from observer.sources.cameras.v4l2.opening import why_not
 from observer.sources.cameras.v4l2.readback import Readback, in_words, rate_text, read_back
 
 _MACHINE = Path("/")
@@ -70,20 +76,22 @@ def apply_settings(
     camera over USB: milliseconds, and seconds where the camera is broken.
 
     Args:
-        path: as in ``/dev/video0`` or a link to it. settings: what is asked.
+        path: as it is called on the machine, ``/dev/video0`` or a link to it.
+        settings: what is asked.
         root: the machine's file system. access: its kernel; None for this one.
 
     Raises:
         SourceError: the device cannot be opened or went away.
     """
-    with open_device(path, root=root, access=access) as device:
-        try:
+    file = root / str(path).lstrip("/")
+    try:
+        with V4l2Device(file, access or LinuxAccess()) as device:
             device.identity()
             refused = [sentence for sentence in _set_all(device, settings) if sentence]
             now = read_back(device)
             refused += _not_in_force(device, settings, now)
-        except OSError as error:
-            raise SourceError(why_not(root / str(path).lstrip("/"), error, root)) from error
+    except OSError as error:
+        raise SourceError(why_not(file, error, root)) from error
     return AppliedSettings(in_words(now), tuple(refused))
 
 
@@ -217,35 +225,28 @@ def _not_in_force(device: V4l2Device, settings: CameraSettings, now: Readback) -
     if now.size is None or now.pixel_format is None:
         return
     size = f"{now.size[0]}x{now.size[1]}"
-    modes = camera_modes(device) if _differs(settings, now) else ()
+    # Asked for only where something differs: it takes a camera hundreds of answers.
+    modes = cache(partial(camera_modes, device))
     if settings.pixel_format not in (None, now.pixel_format):
-        offered = ", ".join(dict.fromkeys(mode.pixel_format for mode in modes))
+        offered = ", ".join(dict.fromkeys(mode.pixel_format for mode in modes()))
         yield (
             f"format {settings.pixel_format}: this camera delivers {now.pixel_format}"
             f"{f'; it offers {offered}' if offered else ''}"
         )
     if settings.size not in (None, now.size):
         asked = f"{settings.size[0]}x{settings.size[1]}" if settings.size else ""
-        offered = _sizes_offered(modes, now.pixel_format)
+        offered = _sizes_offered(modes(), now.pixel_format)
         yield (
             f"size {asked}: this camera delivers {size}"
             f"{f'; in {now.pixel_format} it offers {offered}' if offered else ''}"
         )
     if settings.rate is not None and _other_rate(settings.rate, now.rate):
-        offered = _rates_offered(modes, now.pixel_format, now.size)
+        offered = _rates_offered(modes(), now.pixel_format, now.size)
         yield (
             f"rate {rate_text(settings.rate)}/s: this camera delivers "
             f"{rate_text(now.rate or 0.0)}/s"
             f"{f'; at {size} in {now.pixel_format} it offers {offered}' if offered else ''}"
         )
-
-
-def _differs(settings: CameraSettings, now: Readback) -> bool:
-    return (
-        settings.pixel_format not in (None, now.pixel_format)
-        or settings.size not in (None, now.size)
-        or (settings.rate is not None and _other_rate(settings.rate, now.rate))
-    )
 
 
 def _other_rate(asked: float, now: float | None) -> bool:

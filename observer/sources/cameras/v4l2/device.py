@@ -9,13 +9,15 @@ from __future__ import annotations
 import ctypes
 import errno
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol, Self
+from typing import Protocol, Self, TypeVar
 
 from observer.sources.cameras.v4l2 import layout
+
+_Answer = TypeVar("_Answer", bound=ctypes.Structure)
 
 # More than any device has; some drivers never report the end of a list.
 _MOST_ITEMS = 512
@@ -164,12 +166,7 @@ class V4l2Device:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -217,31 +214,28 @@ class V4l2Device:
             return None
         return rate_of(answer.parm.capture.timeperframe)
 
-    def formats(self) -> Iterator[tuple[int, str]]:
-        """Yield pixel formats: their codes and the driver's words for them."""
-        for index in range(_MOST_ITEMS):
-            answer = layout.FormatDescription(index=index, type=self.buffer_type)
-            if not self._answers(layout.ENUMERATE_FORMATS, answer):
-                return
-            yield answer.pixelformat, layout.text_of(answer.description)
+    def formats(self) -> Iterator[int]:
+        """Yield the codes of the pixel formats."""
+        asked = partial(layout.FormatDescription, type=self.buffer_type)
+        for answer in self._listed(layout.ENUMERATE_FORMATS, asked):
+            yield answer.pixelformat
 
     def sizes(self, pixel_format: int) -> Iterator[layout.FrameSize]:
         """Yield the sizes of a format, one by one or as ranges."""
-        for index in range(_MOST_ITEMS):
-            answer = layout.FrameSize(index=index, pixel_format=pixel_format)
-            if not self._answers(layout.ENUMERATE_SIZES, answer):
-                return
-            yield answer
+        asked = partial(layout.FrameSize, pixel_format=pixel_format)
+        return self._listed(layout.ENUMERATE_SIZES, asked)
 
     def intervals(
         self, pixel_format: int, width: int, height: int
     ) -> Iterator[layout.FrameInterval]:
         """Yield the frame intervals of a size, one by one or as ranges."""
+        asked = partial(layout.FrameInterval, pixel_format=pixel_format, width=width, height=height)
+        return self._listed(layout.ENUMERATE_INTERVALS, asked)
+
+    def _listed(self, request: int, asked: Callable[..., _Answer]) -> Iterator[_Answer]:
         for index in range(_MOST_ITEMS):
-            answer = layout.FrameInterval(
-                index=index, pixel_format=pixel_format, width=width, height=height
-            )
-            if not self._answers(layout.ENUMERATE_INTERVALS, answer):
+            answer = asked(index=index)
+            if not self._answers(request, answer):
                 return
             yield answer
 

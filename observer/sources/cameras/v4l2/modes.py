@@ -39,7 +39,7 @@ def camera_modes(device: V4l2Device) -> tuple[CameraMode, ...]:
         OSError: the device does not answer.
     """
     modes: list[CameraMode] = []
-    for code, _ in device.formats():
+    for code in device.formats():
         sizes = {size for answer in device.sizes(code) for size in _sizes(answer)}
         modes += [
             CameraMode(layout.fourcc_text(code), width, height, _rates(device, code, width, height))

@@ -1,11 +1,10 @@
-"""Opening of a video device, or one sentence that says why not and what to do."""
+"""Errors of a video device as one sentence that says what is wrong and what to do."""
 
 from __future__ import annotations
 
 import errno
 from pathlib import Path
 
-from observer.errors import SourceError
 from observer.sources.cameras.device_files import (
     User,
     holders,
@@ -13,28 +12,8 @@ from observer.sources.cameras.device_files import (
     permission_advice,
     shown_path,
 )
-from observer.sources.cameras.v4l2.device import DeviceAccess, LinuxAccess, V4l2Device
 
 _MACHINE = Path("/")
-
-
-def open_device(
-    path: str | Path, *, root: Path = _MACHINE, access: DeviceAccess | None = None
-) -> V4l2Device:
-    """Open a device file for questions and settings; images may flow elsewhere meanwhile.
-
-    Args:
-        path: as it is called on the machine, as in ``/dev/video0`` or ``/dev/v4l/by-path/...``.
-        root: the machine's file system. access: its kernel; None for this one.
-
-    Raises:
-        SourceError: it cannot be opened.
-    """
-    file = root / str(path).lstrip("/")
-    try:
-        return V4l2Device(file, access or LinuxAccess())
-    except OSError as error:
-        raise SourceError(why_not(file, error, root)) from error
 
 
 def why_not(file: Path, error: OSError, root: Path = _MACHINE, user: User | None = None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +12,12 @@ from observer.sources.cameras.source import CameraSource
 
 from .scripted_camera import OPENER, scripted_spec, write_script
 from .watching import Watch, grabbers
+
+
+@pytest.fixture(autouse=True)
+def _found_by_the_cameras_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have a camera's process find ``scripted_camera``."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parent), prepend=os.pathsep)
 
 
 @pytest.fixture

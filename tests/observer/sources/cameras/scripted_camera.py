@@ -23,7 +23,7 @@ from observer.sources.cameras.settings import AppliedSettings, CameraSettings
 from observer.sources.cameras.spec import CamerasSpec, CameraTarget
 from observer.types import Image
 
-OPENER = f"{__file__}:ScriptedCapture"
+OPENER = "scripted_camera:ScriptedCapture"
 USUAL = {"mode": "good", "size": [64, 48], "rate": 30.0, "phase": 0.0, "stamps": "exposure"}
 
 

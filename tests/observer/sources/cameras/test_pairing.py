@@ -105,10 +105,10 @@ def test_repeated_images_are_counted_but_not_dark_ones() -> None:
 
 def test_messages_come_as_they_went_and_notices_fit_into_an_atomic_write() -> None:
     asked = CameraSettings(size=(640, 480), exposure="auto", power_line_hz=50)
-    opening = Open("rtsp://a:b@c/d", vars(asked), "module:function")
+    opening = Open("rtsp://a:b@c/d", asked, "module:function")
     back = decode_command(encode(opening).rstrip(b"\n"))
     assert isinstance(back, Open)
-    assert back.camera_settings() == asked
+    assert back.settings == asked
     opened = Opened(640, 480, 3, None, {"size": "640x480"}, ("gain 7 is not offered",))
     assert decode_notice(encode(opened)) == opened
     grabbed = Grabbed(2**53, 123456.123456789, 123456.123456789, 123456.123456789)

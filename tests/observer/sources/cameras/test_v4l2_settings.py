@@ -9,7 +9,7 @@ import pytest
 
 from observer.errors import SourceError
 from observer.sources.cameras.settings import AppliedSettings, CameraSettings
-from observer.sources.cameras.v4l2 import apply_settings
+from observer.sources.cameras.v4l2.applying import apply_settings
 
 from .fake_machine import FakeMachine
 from .fake_v4l2 import (

@@ -11,11 +11,17 @@ import pytest
 
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
+from observer.truth.alignment.time_offset import TimeOffset
 from observer.truth.motion_capture import Capture, Trajectory
 
 MOUNT = CameraMount(0.4, np.radians(8), 0.1, 0.05)
 # The camera on the markers' body: these are askew on the robot and not above its axle.
 T_BODY_BASE = Pose.from_rotvec([0, 0, 0.6], [0.12, -0.08, -0.2])
+
+
+def to_source(time: TimeOffset, times: Float64Array) -> Float64Array:
+    """Truth's times on the source's clock, as ``TimeOffset`` describes it."""
+    return times + time.offset_s + 1e-6 * time.drift_ppm * (times - time.reference_s)
 
 
 def turn_z(angles: Float64Array) -> Float64Array:

@@ -52,7 +52,6 @@ def test_an_arc_over_the_floor_tells_all_but_the_height() -> None:
         "Of the camera's place on its body, motion over a floor does not tell: height; it is "
         "assumed to be the body's.",
     )
-    assert found.sigmas[2] > 0.2
 
 
 def test_the_height_comes_from_the_mount_or_the_rig() -> None:
@@ -99,7 +98,7 @@ def test_a_drive_that_is_too_short_needs_obstacles_for_the_yaw() -> None:
 def test_gaps_are_left_out_and_too_few_poses_refused() -> None:
     camera, body = poses(*arc())
     body[10:60] = np.nan
-    assert find_body_camera(camera, body, Assumed(up_world=UP)).poses == 100
+    assert find_body_camera(camera, body, Assumed(up_world=UP)).residual_m < 0.01
     body[3:] = np.nan
     with pytest.raises(NotObservable, match="in 3 frames"):
         find_body_camera(camera, body)

@@ -18,6 +18,8 @@ from observer.truth.alignment.result import Alignment
 from observer.truth.live.clock import ClockFit
 from observer.truth.motion_capture import BodySample
 
+from .conftest import to_source
+
 SAME = ClockFit(0.0, 0.0, 0.0, 1, 0.0, 1.0)
 
 
@@ -113,7 +115,7 @@ def test_samples_that_are_still_on_their_way_are_not_made_up(room: Any, found: A
 def test_a_gap_stays_a_gap(room: Any, found: Alignment) -> None:
     body = room.capture.bodies["P3DX"]
     lost = body.times[~body.seen]
-    middle = float(found.time.to_source(lost[12:13])[0])
+    middle = float(to_source(found.time, lost[12:13])[0])
     assert "P3DX" not in told_at(room, found, middle, until=middle + 0.2)
     # The very same where the server falls silent, and speaks again.
     for time, there in ((10.0, True), (10.2, False), (10.5, False), (10.7, True)):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from observer.errors import TruthError
 from observer.truth.csv_file import TruthSample, write_truth_csv
-from observer.truth.files.recognition import IsAlignedTruth, file_kind, read_capture
+from observer.truth.files.recognition import file_kind, read_capture
 
 from .conftest import DEVICES, Read, nexus_csv, places, tracker_csv
 
@@ -47,7 +47,7 @@ def test_the_projects_own_truth_is_told_apart(tmp_path: Path) -> None:
     path = tmp_path / "t,x,y,z.csv"
     write_truth_csv(path, [TruthSample(0, 0.0, ())])
     assert file_kind(path) == "truth.csv"
-    with pytest.raises(IsAlignedTruth, match="it needs no alignment"):
+    with pytest.raises(TruthError, match="it needs no alignment"):
         read_capture(path)
 
 

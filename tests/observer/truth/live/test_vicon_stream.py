@@ -13,9 +13,10 @@ from observer.truth.live.vicon_stream import (
     ViconFrame,
     ViconObject,
     ViconStreamError,
-    pack_frame,
     unpack_frame,
 )
+
+from .vicon_sender import pack_frame
 
 _finite = st.floats(allow_nan=False, allow_infinity=False)
 _triples = st.tuples(_finite, _finite, _finite)

@@ -11,13 +11,14 @@ import numpy as np
 import pytest
 
 from observer.truth.live import heard, intake, stamps
-from observer.truth.live.contract import LiveCapture, LiveCaptureReport
+from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.opening import open_live_truth
-from observer.truth.live.vicon_stream import ViconObject, pack_frame
+from observer.truth.live.vicon_stream import ViconObject
 
 from .mishaps import Mishaps, Stream
 from .test_vrpn_client import circling, samples, until
-from .vicon_sender import ViconSender
+from .vicon_sender import ViconSender, pack_frame
 
 
 @pytest.fixture(autouse=True)

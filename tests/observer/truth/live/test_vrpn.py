@@ -17,15 +17,16 @@ from observer.truth.live.vrpn import (
     Conversation,
     Message,
     MessageParser,
-    Ping,
+    Sign,
     Speaker,
     TrackerPose,
     VrpnError,
     check_cookie,
     describe,
     pack,
-    pose_body,
 )
+
+from .vrpn_server import pose_body
 
 _words = st.integers(0, 2**32 - 1)
 _numbers = st.integers(-(2**31), 2**31 - 1)
@@ -130,11 +131,11 @@ def test_names_beyond_the_librarys_tables_are_refused() -> None:
 
 def test_what_we_say_is_described_before_it_is_used() -> None:
     speaker, there = Speaker(), Conversation()
-    assert there.feed(speaker.say(PING_TYPE, "Robot", 12.5)) == [Ping("Robot")]
+    assert there.feed(speaker.say(PING_TYPE, "Robot")) == [Sign(PING_TYPE, "Robot")]
     second = speaker.say(PING_TYPE, "Robot")
     assert len(second) == 24
-    assert there.feed(second) == [Ping("Robot")]
-    assert there.feed(speaker.say(PING_TYPE, "Cart")) == [Ping("Cart")]
+    assert there.feed(second) == [Sign(PING_TYPE, "Robot")]
+    assert there.feed(speaker.say(PING_TYPE, "Cart")) == [Sign(PING_TYPE, "Cart")]
 
 
 def test_cookies_of_version_7_are_taken_others_not() -> None:

@@ -13,13 +13,14 @@ import pytest
 
 from observer.geometry import Pose
 from observer.truth.live import heard, intake, stamps, vrpn_client
-from observer.truth.live.contract import LiveCapture, LiveCaptureReport
+from observer.truth.live.contract import LiveCaptureReport
+from observer.truth.live.heard import LiveCapture
 from observer.truth.live.opening import open_live_truth
-from observer.truth.live.vrpn import POSE_TYPE, pose_body
+from observer.truth.live.vrpn import POSE_TYPE
 from observer.truth.motion_capture import BodySample
 
 from .mishaps import Mishaps, Poses, Stream
-from .vrpn_server import VrpnServer, deaf_host
+from .vrpn_server import VrpnServer, deaf_host, pose_body
 
 _TURN = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
 

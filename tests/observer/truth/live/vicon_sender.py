@@ -3,12 +3,23 @@
 from __future__ import annotations
 
 import socket
+import struct
+from collections.abc import Sequence
 
 from scipy.spatial.transform import Rotation
 
-from observer.truth.live.vicon_stream import ViconObject, pack_frame
+from observer.truth.live.vicon_stream import ViconObject
 
 from .mishaps import Sent
+
+
+def pack_frame(frame: int, objects: Sequence[ViconObject], filling: int = 0) -> bytes:
+    """A datagram, padded with zeros to ``filling`` bytes as Vicon's fixed-size buffers are."""
+    data = struct.pack("<IB", frame % 2**32, len(objects))
+    for each in objects:
+        data += struct.pack("<BH", 0, 72)
+        data += struct.pack("<24s6d", each.name.encode(), *each.translation_mm, *each.rotation_rad)
+    return data.ljust(filling, b"\0")
 
 
 class ViconSender:

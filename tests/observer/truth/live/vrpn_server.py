@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import socket
+import struct
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -15,12 +16,10 @@ from observer.truth.live.vrpn import (
     POSE_TYPE,
     Conversation,
     Message,
-    Ping,
-    Pong,
+    Sign,
     VrpnError,
     describe,
     pack,
-    pose_body,
 )
 
 from .mishaps import Sent
@@ -38,6 +37,11 @@ _TYPES = (
     "vrpn_Tracker Velocity",
 )
 _CONTROL = "VRPN Control"
+
+
+def pose_body(sensor: int, numbers: tuple[float, ...]) -> bytes:
+    """The body of a pose: ``numbers`` are x, y, z, qx, qy, qz, qw."""
+    return struct.pack(">ii7d", sensor, 0, *numbers)
 
 
 class VrpnServer:
@@ -160,14 +164,16 @@ class VrpnServer:
         conversation = Conversation()
         while data := client.recv(4096):
             for told in conversation.feed(data):
-                if isinstance(told, Ping):
+                if not isinstance(told, Sign):
+                    continue
+                if told.type == PING_TYPE:
                     self.pinged.append(told.sender)
                     if self.answers:
                         number = self._senders.index(told.sender)
                         now = int(time.time())
                         pong = Message(now, 0, number, _TYPES.index(PONG_TYPE), b"")
                         self._write(client, pack(pong))
-                elif isinstance(told, Pong):
+                else:
                     self.ponged.append(told.sender)
 
     def _write(self, client: socket.socket, data: bytes) -> None:
