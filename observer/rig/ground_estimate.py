@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from observer.calibration.uncertainty import numeric_jacobian
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.mount import CameraMount
-from observer.rig.estimates import Estimated, Refused, numeric_jacobian
+from observer.rig.estimates import Estimated, Refused
 from observer.rig.ground_planes import (
     DisparityPoints,
     LevelPlane,
@@ -233,7 +234,7 @@ def _combined(
     bias = _bias_covariance(camera, noise)
     variances = []
     for view in found:
-        J = numeric_jacobian(lambda c: stand_of(c, fb), view.coefficients, [1e-3] * 3)
+        J = numeric_jacobian(lambda c: stand_of(c, fb), view.coefficients, np.full(3, 1e-3))
         variances.append(np.diagonal(J @ (view.covariance + bias) @ J.T))
     # Views of one floor share its texture and err alike, so their number improves nothing.
     variance = np.median(variances, axis=0) + spread**2
