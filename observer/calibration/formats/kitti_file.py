@@ -18,6 +18,7 @@ from observer.calibration.formats.understanding import (
     Cameras,
     Choice,
     Draft,
+    DraftCamera,
     Size,
     Wanted,
     size_words,
@@ -40,7 +41,7 @@ def read_kitti_odometry(path: Path, left: int, width: int, height: int) -> Stere
         width, height: the images' size, which the file does not tell.
 
     Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
+        CalibrationError: see the package.
     """
     file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.rectified(f"P{left}", f"P{left + 1}", (width, height)).calibration()
@@ -54,18 +55,14 @@ def read_kitti_raw(path: Path, left: int, width: int, height: int) -> StereoCali
     ``_sync`` downloads, are rectified already (P_rect).
 
     Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
+        CalibrationError: see the package.
     """
     file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.of_raw(left, (width, height)).calibration()
 
 
 def kitti_odometry_draft(name: str, text: str, wanted: Wanted) -> Draft:
-    """The calibration of an odometry ``calib.txt``.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
-    """
+    """The calibration of an odometry ``calib.txt``."""
     file = _KittiFile(name, text)
     cameras, notes, choices = file.cameras(wanted.cameras, "P{}")
     if wanted.size is None:
@@ -89,9 +86,6 @@ def kitti_raw_draft(name: str, text: str, wanted: Wanted) -> Draft:
     """The calibration of a raw ``calib_cam_to_cam.txt``.
 
     Without a wanted size it is that of the images before rectification.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
     """
     file = _KittiFile(name, text)
     cameras, notes, choices = file.cameras(wanted.cameras, "S_0{}")
@@ -159,16 +153,12 @@ class _KittiFile:
         # P[3] is f times the way from camera 0, and cameras 2 and 3 both stand beside it.
         baseline = (P_left[0, 3] - P_right[0, 3]) / P_left[0, 0]
         return Draft(
-            source=self._name,
-            format="KITTI raw calib_cam_to_cam.txt",
-            size=size,
-            K1=P_left[:, :3],
-            D1=np.zeros(5),
-            K2=P_left[:, :3],
-            D2=np.zeros(5),
-            R=np.eye(3),
-            T=np.array([-baseline, 0.0, 0.0]),
-            keys={"K1": left, "K2": right},
+            self._name,
+            "KITTI raw calib_cam_to_cam.txt",
+            DraftCamera(size, P_left[:, :3], np.zeros(5), K_key=left),
+            DraftCamera(size, P_left[:, :3], np.zeros(5), K_key=right),
+            np.eye(3),
+            np.array([-baseline, 0.0, 0.0]),
             derived={"T": f"{left} and {right}"},
             notes=(f"the images are rectified already: baseline from {left} and {right}",),
         )
@@ -177,17 +167,23 @@ class _KittiFile:
         R_a, R_b = (self.numbers(f"R_{c}", 3, 3) for c in (a, b))
         # R_x and T_x map camera 0's coordinates into camera x.
         R = R_b @ R_a.T
+        left, right = (
+            DraftCamera(
+                size,
+                self.numbers(f"K_{c}", 3, 3),
+                self.numbers(f"D_{c}", 5),
+                K_key=f"K_{c}",
+                D_key=f"D_{c}",
+            )
+            for c in (a, b)
+        )
         return Draft(
-            source=self._name,
-            format="KITTI raw calib_cam_to_cam.txt",
-            size=size,
-            K1=self.numbers(f"K_{a}", 3, 3),
-            D1=self.numbers(f"D_{a}", 5),
-            K2=self.numbers(f"K_{b}", 3, 3),
-            D2=self.numbers(f"D_{b}", 5),
-            R=R,
-            T=self.numbers(f"T_{b}", 3) - R @ self.numbers(f"T_{a}", 3),
-            keys={"K1": f"K_{a}", "D1": f"D_{a}", "K2": f"K_{b}", "D2": f"D_{b}"},
+            self._name,
+            "KITTI raw calib_cam_to_cam.txt",
+            left,
+            right,
+            R,
+            self.numbers(f"T_{b}", 3) - R @ self.numbers(f"T_{a}", 3),
             derived={"R": f"R_{a} and R_{b}", "T": f"T_{a} and T_{b}"},
             notes=("for the images before rectification (S, K, D, R and T)",),
         )
