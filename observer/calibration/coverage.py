@@ -76,14 +76,8 @@ class PairMeasures:
 
     def distance(self, other: PairMeasures) -> float:
         """Sum of absolute differences of the measures, the mean over the cameras."""
-        return float(
-            np.mean(
-                [
-                    np.abs(a.values - b.values).sum()
-                    for a, b in zip(self.each, other.each, strict=True)
-                ]
-            )
-        )
+        pairs = zip(self.each, other.each, strict=True)
+        return float(np.mean([np.abs(a.values - b.values).sum() for a, b in pairs]))
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,9 @@ def begin_camera(
     least = np.inf
     for share in _FOCAL_SHARES[model]:
         lens = Lens.ideal(model, share * size[0], *size)
-        rig = Rig(size, (lens,), focal_only, np.eye(3), np.zeros(3), *_nowhere(views))
+        # Before there are poses, the board is a metre in front of the camera.
+        ahead = np.tile(np.eye(3), (views, 1, 1)), np.tile([0.0, 0.0, 1.0], (views, 1))
+        rig = Rig(size, (lens,), focal_only, np.eye(3), np.zeros(3), *ahead)
         rig = with_poses(rig, 0, corners)
         found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX, iterations=_TRIAL_STEPS)
         length = np.linalg.norm(found.residuals[0], axis=1)
@@ -146,8 +148,3 @@ def _pose(on_board: Float64Array, look: Float64Array) -> tuple[Float64Array, Flo
         if np.isfinite(R).all() and (on_board @ R[2] + t[2] > 0).all():
             return R, t
     return None
-
-
-def _nowhere(views: int) -> tuple[Float64Array, Float64Array]:
-    """Poses before there are any: a metre in front of the camera."""
-    return np.tile(np.eye(3), (views, 1, 1)), np.tile([0.0, 0.0, 1.0], (views, 1))

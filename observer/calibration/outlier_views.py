@@ -151,10 +151,9 @@ def _alone(
     rig: Rig, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> float:
     """Return the error of the worse of the two images by itself, pixels."""
+    nothing = own[0].of_views(np.zeros_like(chosen))
     worse = 0.0
-    for camera in (0, 1):
-        nothing = own[camera].of_views(np.zeros_like(chosen))
-        single = (own[0], nothing) if camera == 0 else (nothing, own[1])
+    for camera, single in enumerate(((own[0], nothing), (nothing, own[1]))):
         if len(own[camera].px):
             found, _ = posed(rig, single, chosen, soft_px)
             worse = max(worse, rms(found.residuals[camera]))

@@ -115,17 +115,17 @@ def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
     Raises:
         CalibrationError: it was not.
     """
+
+    def alike(index: int, other: int) -> bool:
+        R, t = rig.board_R, rig.board_t
+        turned = R[index] @ R[other].T
+        angle = np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1)))
+        moved = np.linalg.norm(t[index] - t[other])
+        return bool(angle < _SAME_DEG and moved < _SAME_SHARE * np.linalg.norm(t[index]))
+
     different: list[int] = []
     for index in seen.tolist():
-        t = rig.board_t[index]
-        for other in different:
-            turned = rig.board_R[index] @ rig.board_R[other].T
-            angle = np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1)))
-            if angle < _SAME_DEG and np.linalg.norm(
-                t - rig.board_t[other]
-            ) < _SAME_SHARE * np.linalg.norm(t):
-                break
-        else:
+        if not any(alike(index, other) for other in different):
             different.append(index)
     if len(different) < _FEWEST_POSES:
         raise CalibrationError(

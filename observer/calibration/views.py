@@ -35,6 +35,11 @@ class BoardSighting:
     def __len__(self) -> int:
         return len(self.ids)
 
+    def common_px(self, other: BoardSighting) -> tuple[Float64Array, Float64Array]:
+        """(N, 2) pixels each, here and in the other image, of the corners that both show."""
+        _, here, there = np.intersect1d(self.ids, other.ids, return_indices=True)
+        return self.px[here], other.px[there]
+
 
 @dataclass(frozen=True, eq=False)
 class BoardView:
@@ -48,10 +53,3 @@ class BoardView:
     name: str
     left: BoardSighting | None
     right: BoardSighting | None
-
-    @property
-    def common(self) -> NDArray[np.int32]:
-        """Numbers of the corners that both cameras saw."""
-        if self.left is None or self.right is None:
-            return np.zeros(0, np.int32)
-        return np.intersect1d(self.left.ids, self.right.ids, assume_unique=True)
