@@ -218,12 +218,6 @@ def _covariance(points: DisparityPoints, floor: LevelPlane) -> Float64Array:
     return np.asarray(information @ (scores.T @ scores) @ information * excess)
 
 
-def _bias_covariance(camera: StereoCamera, noise: DisparityNoise) -> Float64Array:
-    """(3, 3) of the coefficients, by what the calibration leaves: offset and slopes."""
-    edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
-    return np.diag((noise.bias_px / edge) ** 2)
-
-
 def _combined(
     found: list[_GroundView], left_out: int, camera: StereoCamera, noise: DisparityNoise
 ) -> GroundEstimate | Refused:
@@ -231,7 +225,9 @@ def _combined(
     stands = np.array([stand_of(view.coefficients, fb) for view in found])
     middle = np.median(stands, axis=0)
     spread = 1.4826 * np.median(np.abs(stands - middle), axis=0)
-    bias = _bias_covariance(camera, noise)
+    # Of the coefficients, by what the calibration leaves: offset and slopes.
+    edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
+    bias = np.diag((noise.bias_px / edge) ** 2)
     variances = []
     for view in found:
         J = numeric_jacobian(lambda c: stand_of(c, fb), view.coefficients, np.full(3, 1e-3))

@@ -194,7 +194,8 @@ def _refined(
         A = points.ray[near] * np.sqrt(weight)[:, None]
         b = points.disparity[near] * np.sqrt(weight)
         coefficients = np.asarray(np.linalg.lstsq(A, b, rcond=None)[0], np.float64)
-        sigma = float(np.clip(_robust_sigma(residual[near]), 0.3 * noise_px, 1.5 * noise_px))
+        robust = 1.4826 * np.median(np.abs(residual[near]))
+        sigma = float(np.clip(robust, 0.3 * noise_px, 1.5 * noise_px))
     members = _near(points, coefficients, _GATE * sigma)
     # Beyond its horizon a plane is not seen, and where it is nearer than stereo searches, what is
     # matched there is wrong.
@@ -228,7 +229,3 @@ def _within(stands: Float64Array, limits: PlaneLimits) -> Mask:
         & (np.abs(roll) <= limits.roll_rad),
         np.bool_,
     )
-
-
-def _robust_sigma(residual: Float64Array) -> float:
-    return 1.4826 * float(np.median(np.abs(residual)))
