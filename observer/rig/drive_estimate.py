@@ -91,9 +91,6 @@ def estimate_drive(
         standing: tilt and roll as known otherwise, mostly from the floor
             (``GroundEstimate.mount``); its height and offset do not matter.
         standing_sigma_rad: of its tilt and roll, one standard deviation.
-
-    Returns:
-        What can be told, or why nothing can.
     """
     stretches = drive_stretches(samples)
     if isinstance(stretches, Refused):

@@ -87,9 +87,6 @@ def refine_from_scene(
         pairs: left and right images as taken, of the calibration's size, (H, W) grey or
             (H, W, 3) BGR; best from different places, with texture all over the image.
 
-    Returns:
-        The refinement, or why there is none.
-
     Raises:
         CalibrationError: the calibration cannot be rectified or is for images of another size.
     """

@@ -20,11 +20,7 @@ from observer.text_files import PlainData, one_of, read_text, validated
 
 @calibration_errors()
 def read_euroc(left: Path, right: Path) -> StereoCalibration:
-    """The calibration of two cameras from their ``sensor.yaml`` files.
-
-    Raises:
-        CalibrationError: see the package.
-    """
+    """The calibration of two cameras from their ``sensor.yaml`` files."""
     return _draft(_read_file(left), _read_file(right)).calibration()
 
 

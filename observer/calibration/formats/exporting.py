@@ -25,7 +25,6 @@ def export_calibration(
     """The calibration as files of another tool; ``read_any`` reads them back.
 
     Args:
-        calibration: what to write.
         kind: ``opencv``: one FileStorage YAML. ``ros``: two camera_info files, rectified as we
             rectify. ``kalibr``: one camchain.
         name: what the calibration is called; becomes part of the files' names.

@@ -39,9 +39,6 @@ def read_kitti_odometry(path: Path, left: int, width: int, height: int) -> Stere
         path: ``calib.txt`` with P0 to P3.
         left: 0 (grey) or 2 (colour).
         width, height: the images' size, which the file does not tell.
-
-    Raises:
-        CalibrationError: see the package.
     """
     file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.rectified(f"P{left}", f"P{left + 1}", (width, height)).calibration()
@@ -53,9 +50,6 @@ def read_kitti_raw(path: Path, left: int, width: int, height: int) -> StereoCali
 
     Images of size ``S`` are unrectified (K, D, R, T); those of size ``S_rect``, as in the
     ``_sync`` downloads, are rectified already (P_rect).
-
-    Raises:
-        CalibrationError: see the package.
     """
     file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.of_raw(left, (width, height)).calibration()

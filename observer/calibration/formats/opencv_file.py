@@ -118,11 +118,7 @@ def read_calibration(text: str, *, name: str) -> StereoCalibration:
     ``distortion_model: equidistant`` where the lenses are fisheye lenses.
 
     Args:
-        text: the whole file.
-        name: what it is called in messages, mostly the file's name.
-
-    Raises:
-        CalibrationError: see the package.
+        name: what the text is called in messages, mostly the file's name.
     """
     # In an XML of FileStorage the root is <opencv_storage>, and its children are the keys.
     return opencv_draft([(name, parse_plain_data(text, name=name))], Wanted()).calibration()

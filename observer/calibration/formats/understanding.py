@@ -126,9 +126,6 @@ def check_alike(
     Args:
         name: the file of ``second``. size, model: how its keys are called there. other: how the
             sentence calls those of ``first``.
-
-    Raises:
-        CalibrationError: naming file, key and both values.
     """
     if first.size != second.size:
         raise CalibrationError(
@@ -174,11 +171,7 @@ class Draft:
     choices: tuple[Choice, ...] = ()
 
     def calibration(self, unit: Unit | None = None) -> StereoCalibration:
-        """The calibration, T in metres.
-
-        Raises:
-            CalibrationError: naming file, key and reason.
-        """
+        """The calibration, T in metres."""
         used, left, right = unit or self.unit, self.left, self.right
         length = float(np.linalg.norm(self.T))
         if used != "m" and length and not _is_plausible(length * _METRES[used]):
@@ -220,12 +213,8 @@ def understood(
     """The draft, checked as a whole, with the notes of what was made of it.
 
     Args:
-        draft: what a reader took from the files.
         unit: what lengths are in, where the person knows better than the format.
         expected_size: width and height that the camera's images have.
-
-    Raises:
-        CalibrationError: naming file, key and reason.
     """
     notes = list(draft.notes)
     calibration = draft.calibration(unit)
