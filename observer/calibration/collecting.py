@@ -11,11 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.calibration.board import Board
+from observer.calibration.board import FEWEST_CORNERS, Board, BoardSighting, BoardView
 from observer.calibration.coverage import Coverage, PairMeasures, coverage, is_new, measure_view
 from observer.calibration.detection import same_numbering
 from observer.calibration.guidance import Guide, SeenPose, Shift, WantedPose
-from observer.calibration.views import FEWEST_CORNERS, BoardSighting, BoardView
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 

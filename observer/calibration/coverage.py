@@ -19,8 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.calibration.board import Board
-from observer.calibration.views import BoardSighting
+from observer.calibration.board import Board, BoardSighting
 from observer.geometry import Float64Array
 
 BARS = ("X", "Y", "Size", "Skew")

@@ -15,9 +15,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.board import CHARUCO_DICTIONARY, MARKER_SHARE, Board
+from observer.calibration.board import (
+    CHARUCO_DICTIONARY,
+    FEWEST_CORNERS,
+    MARKER_SHARE,
+    Board,
+    BoardSighting,
+)
 from observer.calibration.corners import goes_on, refined_corners
-from observer.calibration.views import FEWEST_CORNERS, BoardSighting
 from observer.camera import as_gray
 from observer.geometry import Float64Array
 from observer.types import Image

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Corners, Rig, adjust
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardView
 from observer.calibration.flatness import board_bend
 from observer.calibration.held_out import (
     Folds,
@@ -37,7 +37,6 @@ from observer.calibration.plausible import check_camera, check_pair
 from observer.calibration.sightings import corners_of, refused_sightings, without
 from observer.calibration.stereo_fit import DepthBias, StereoFit, ViewError
 from observer.calibration.uncertainty import depth_covariance, uncertainty
-from observer.calibration.views import BoardView
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -222,11 +221,7 @@ class _Work:
         return rig, soft_px
 
     def with_supported_terms(
-        self,
-        rig: Rig,
-        corners: tuple[Corners, Corners],
-        both: NDArray[np.bool_],
-        soft_px: float,
+        self, rig: Rig, corners: tuple[Corners, Corners], both: NDArray[np.bool_], soft_px: float
     ) -> tuple[Rig, Folds | None]:
         """The rig with as many distortion terms as views that were left out confirm."""
         words = "measuring on views that were left out"

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting
 from observer.calibration.coverage import (
     NEW_DISTANCE,
     WANTED_RANGES,
@@ -22,7 +22,6 @@ from observer.calibration.coverage import (
     progress,
     stacked,
 )
-from observer.calibration.views import BoardSighting
 from observer.geometry import Float64Array
 
 # Focal length over the image's width: 64 degrees across, between laptops and wide webcams.

@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
-from observer.calibration.board import Board
+from observer.calibration.board import FEWEST_CORNERS, Board
 from observer.calibration.initialization import with_poses
-from observer.calibration.views import FEWEST_CORNERS
 from observer.geometry import Float64Array
 
 # A view is an outlier when its corners are off by this many times what is usual, and by so much

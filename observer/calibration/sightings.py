@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Corners
-from observer.calibration.board import Board
-from observer.calibration.views import FEWEST_CORNERS, BoardSighting, BoardView
+from observer.calibration.board import FEWEST_CORNERS, Board, BoardSighting, BoardView
 from observer.geometry import Float64Array
 
 # What lies so far outside the image, of its size, was never found in it.

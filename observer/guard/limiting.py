@@ -124,10 +124,7 @@ def _limit_by_ground(
 
 
 def _limit_by_echo(
-    wanted: tuple[float, float],
-    view: SonarView | None,
-    outline: Outline,
-    p: GuardParameters,
+    wanted: tuple[float, float], view: SonarView | None, outline: Outline, p: GuardParameters
 ) -> Limit:
     """Limit a robot without eyes: where nothing echoes it may drive, also without any sonar."""
     if view is None or is_spot_turn(*wanted):

@@ -42,11 +42,7 @@ class _Camera(PinholeCamera):
     distortion_model: Annotated[
         DistortionModel,
         one_of(
-            {
-                "radial-tangential": "radtan",
-                "radtan": "radtan",
-                "equidistant": "equidistant",
-            },
+            {"radial-tangential": "radtan", "radtan": "radtan", "equidistant": "equidistant"},
             "must be radial-tangential or equidistant, not {given}, which is not understood yet",
         ),
     ] = "radtan"

@@ -58,13 +58,12 @@ def read_kitti_raw(path: Path, left: int, width: int, height: int) -> StereoCali
 def kitti_odometry_draft(name: str, text: str, wanted: Wanted) -> Draft:
     """The calibration of an odometry ``calib.txt``."""
     file = _KittiFile(name, text)
-    cameras, notes, choices = file.cameras(wanted.cameras, "P{}")
+    left, notes, choices = file.cameras(wanted.cameras, "P{}")
     if wanted.size is None:
         raise CalibrationError(
             f"{name}: a calib.txt of KITTI odometry does not tell the size of its images; give it "
             f"(image_width and image_height, 1241x376 in sequence 00)"
         )
-    left = _LEFT_CAMERA[cameras]
     notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
     draft = file.rectified(f"P{left}", f"P{left + 1}", wanted.size)
     return replace(
@@ -82,9 +81,9 @@ def kitti_raw_draft(name: str, text: str, wanted: Wanted) -> Draft:
     Without a wanted size it is that of the images before rectification.
     """
     file = _KittiFile(name, text)
-    cameras, notes, choices = file.cameras(wanted.cameras, "S_0{}")
-    left = _LEFT_CAMERA[cameras]
-    sizes = [file.size(f"{key}_{left:02d}") for key in ("S", "S_rect") if file.has(key, left)]
+    left, notes, choices = file.cameras(wanted.cameras, "S_0{}")
+    keys = f"S_{left:02d}", f"S_rect_{left:02d}"
+    sizes = [file.size(key) for key in keys if key in file.texts]
     size = wanted.size or sizes[0]
     if len(sizes) > 1:
         choices.append(Choice("size", tuple(map(size_words, sizes)), size_words(size)))
@@ -98,32 +97,27 @@ class _KittiFile:
     def __init__(self, name: str, text: str) -> None:
         self._name = name
         entries = (line.partition(":") for line in text.splitlines())
-        self._texts = {key.strip(): value for key, colon, value in entries if colon}
-
-    def has(self, key: str, camera: int) -> bool:
-        return f"{key}_{camera:02d}" in self._texts
+        self.texts = {key.strip(): value for key, colon, value in entries if colon}
 
     def numbers(self, key: str, *shape: int) -> Float64Array:
         count = math.prod(shape)
-        flat = at_key(self._texts, key, lambda text: shaped(text, count), self._name)
+        flat = at_key(self.texts, key, lambda text: shaped(text, count), self._name)
         return flat.reshape(shape)
 
     def size(self, key: str) -> Size:
-        return at_key(self._texts, key, image_size, self._name)
+        return at_key(self.texts, key, image_size, self._name)
 
-    def cameras(self, wanted: Cameras | None, key: str) -> tuple[Cameras, list[str], list[Choice]]:
-        """Return the pair to take, by the numbers of the cameras that the file knows."""
+    def cameras(self, wanted: Cameras | None, key: str) -> tuple[int, list[str], list[Choice]]:
+        """Return the left camera of the pair to take, of those that the file knows."""
         there: list[Cameras] = [
             pair
             for pair, left in _LEFT_CAMERA.items()
-            if key.format(left) in self._texts and key.format(left + 1) in self._texts
+            if key.format(left) in self.texts and key.format(left + 1) in self.texts
         ]
         taken: Cameras = wanted or (there[0] if there else "grey")
         left = _LEFT_CAMERA[taken]
-        notes = [f"cameras {left} and {left + 1} ({taken}) are used"]
-        if len(there) < 2:
-            return taken, notes, []
-        return taken, notes, [Choice("cameras", tuple(there), taken)]
+        choices = [Choice("cameras", tuple(there), taken)] if len(there) > 1 else []
+        return left, [f"cameras {left} and {left + 1} ({taken}) are used"], choices
 
     def of_raw(self, left: int, size: Size) -> Draft:
         a, b = f"{left:02d}", f"{left + 1:02d}"

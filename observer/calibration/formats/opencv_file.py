@@ -24,13 +24,7 @@ from observer.calibration.formats.plain_data import (
     calibration_errors,
     parse_plain_data,
 )
-from observer.calibration.formats.understanding import (
-    Draft,
-    DraftCamera,
-    Size,
-    Wanted,
-    size_words,
-)
+from observer.calibration.formats.understanding import Draft, DraftCamera, Size, Wanted, size_words
 from observer.camera import DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, rotation_matrix
@@ -78,8 +72,7 @@ class _Stereo(FileModel):
     """A calibration by our own names; ``R`` may be a rotation vector."""
 
     distortion_model: Annotated[
-        DistortionModel,
-        one_of(_DISTORTION_MODELS, "must be radtan or equidistant, not {given}"),
+        DistortionModel, one_of(_DISTORTION_MODELS, "must be radtan or equidistant, not {given}")
     ] = "radtan"
     image_width: WholeNumber | None = None
     image_height: WholeNumber | None = None

@@ -55,8 +55,7 @@ class _Camera(FileModel):
     distortion_model: Annotated[
         DistortionModel,
         one_of(
-            _DISTORTION_MODELS,
-            "must be plumb_bob, rational_polynomial or equidistant, not {given}",
+            _DISTORTION_MODELS, "must be plumb_bob, rational_polynomial or equidistant, not {given}"
         ),
     ] = "radtan"
     camera_matrix: Annotated[Float64Array, array(3, 3), AfterValidator(_calibrated)]

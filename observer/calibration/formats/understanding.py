@@ -15,12 +15,7 @@ from typing import Literal
 
 import numpy as np
 
-from observer.camera import (
-    MAX_BASELINE_M,
-    MIN_BASELINE_M,
-    DistortionModel,
-    StereoCalibration,
-)
+from observer.camera import MAX_BASELINE_M, MIN_BASELINE_M, DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 

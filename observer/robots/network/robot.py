@@ -63,11 +63,7 @@ class ExternalRobot:
     """
 
     def __init__(
-        self,
-        port: str,
-        model: str | None = None,
-        *,
-        clock: Callable[[], float] = time.monotonic,
+        self, port: str, model: str | None = None, *, clock: Callable[[], float] = time.monotonic
     ) -> None:
         where = parse_external(port)
         self._clock = clock

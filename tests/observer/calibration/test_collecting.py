@@ -2,9 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting
 from observer.calibration.collecting import Look, ViewCollector
-from observer.calibration.views import BoardSighting
 from observer.errors import CalibrationError
 
 from .drawn_boards import SIZE, camera_matrix, seen_by
