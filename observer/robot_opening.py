@@ -38,9 +38,9 @@ def open_robot(
         robot_spec(model)
     # Each knows the protocol, and the libraries, of its own kind of robot.
     if port.startswith(EXTERNAL):
-        from observer.robots.network.robot import open_external
+        from observer.robots.network.robot import ExternalRobot
 
-        return open_external(port, model, clock=clock)
+        return ExternalRobot(port, model, clock=clock)
     if port.startswith(COPPELIASIM):
         from observer.coppeliasim.robot import open_coppelia_robot
 
@@ -60,18 +60,15 @@ def check_port(port: str) -> None:
         raise InputError(f"{_FORMS}, not {shown_port(port)!r}")
     if port.startswith(SOCKET):
         _check_address(port)
-        return
-    if port.startswith(EXTERNAL):
+    elif port.startswith(EXTERNAL):
         from observer.robots.network.robot import parse_external
 
         parse_external(port)
-        return
-    if port.startswith(COPPELIASIM):
+    elif port.startswith(COPPELIASIM):
         from observer.coppeliasim.address import parse_robot
 
         parse_robot(port)
-        return
-    if not re.match(r"\.{0,2}/[^/]", port):
+    elif not re.match(r"\.{0,2}/[^/]", port):
         raise InputError(f"{_FORMS}, not {shown_port(port)!r}")
 
 

@@ -10,8 +10,7 @@ from app.contract.calibrating import PlaceDepth
 from app.contract.live_truth import LiveTruthStatus
 from app.contract.pixel import Pixel
 from app.contract.status import PlaybackStatus, RecordingStatus
-from observer.calibration.board import Board
-from observer.calibration.views import BoardView
+from observer.calibration.board import Board, BoardView
 from observer.recording.payloads import Incident, RobotRow
 
 # How much faster or slower than its recorded pace a source can be played.

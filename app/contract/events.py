@@ -14,7 +14,7 @@ from app.contract.status import (
     PlaybackStatus,
     RecordingStatus,
 )
-from observer.calibration.views import BoardView
+from observer.calibration.board import BoardView
 from observer.camera import StereoCamera
 from observer.jsonl import ObservationLine
 from observer.mount import CameraMount

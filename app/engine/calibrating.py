@@ -15,11 +15,10 @@ from app.engine.errors import NotNow
 from app.engine.playback import Player
 from app.engine.played_source import PlayedSource, SourceOpener, close_opened, read_first
 from app.engine.replies import unexpected
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting, BoardView
 from observer.calibration.board_pictures import draw_board, small_picture
 from observer.calibration.collecting import Look, ViewCollector
 from observer.calibration.detection import detect_board
-from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import as_gray
 from observer.errors import InputError
 from observer.opening import OpenedSource

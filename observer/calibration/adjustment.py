@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.lens import Lens
+from observer.camera import StereoCalibration
 from observer.geometry import Float64Array, cross_matrix, orthonormal, rotation_matrix
 
 _POSE = 6
@@ -50,12 +51,14 @@ class Rig:
     """Parameters that are estimated.
 
     Attributes:
+        size: width and height of the images, pixels.
         lenses: of the left camera, or of the left and the right one.
         free: (4 + N,) which values of a lens are sought; the others stay.
         R: (3, 3) R_right_left, T: (3,) metres; of no meaning for one camera.
         board_R: (V, 3, 3), board_t: (V, 3) metres: T_left_board of each view.
     """
 
+    size: tuple[int, int]
     lenses: tuple[Lens, ...]
     free: NDArray[np.bool_]
     R: Float64Array
@@ -64,14 +67,30 @@ class Rig:
     board_t: Float64Array
 
     @property
+    def free_count(self) -> int:
+        """Number of values of each lens that are sought."""
+        return int(np.count_nonzero(self.free))
+
+    @property
     def global_count(self) -> int:
         """Number of parameters that are estimated beside the poses of the board."""
-        each = int(np.count_nonzero(self.free))
-        return each * len(self.lenses) + (_POSE if len(self.lenses) > 1 else 0)
+        return self.free_count * len(self.lenses) + (_POSE if len(self.lenses) > 1 else 0)
+
+    @property
+    def calibration(self) -> StereoCalibration:
+        """The pair as a calibration.
+
+        Raises:
+            CalibrationError: it is impossible.
+        """
+        left, right = self.lenses
+        return StereoCalibration(
+            *self.size, left.K, left.D, right.K, right.D, self.R, self.T, left.model
+        )
 
     def changed(self, change: Float64Array) -> Rig:
         """Return the rig with its global parameters changed by (G,), as ``Adjusted.covariance``."""
-        each = int(np.count_nonzero(self.free))
+        each = self.free_count
         lenses = []
         for index, lens in enumerate(self.lenses):
             values = lens.values.copy()
@@ -124,23 +143,20 @@ def adjust(
     for _ in range(iterations):
         if linear is None:
             break
-        moved = False
         while damping < _MOST_DAMPING:
             step = linear.step(damping)
-            trial = _moved(rig, *step) if step is not None else None
-            after = _cost(trial, corners, soft_px) if trial is not None else np.inf
-            if trial is not None and after < linear.cost:
-                moved = True
+            trial = rig if step is None else _moved(rig, *step)
+            after = _linear(trial, corners, soft_px, hold)
+            if after is not None and after.cost < linear.cost:
                 break
             damping *= _MORE
-        if not moved or trial is None:
+        else:
             break
-        gain = (linear.cost - after) / max(linear.cost, 1e-300)
-        rig, damping = trial, max(damping * _LESS, 1e-12)
-        linear = _linear(rig, corners, soft_px, hold)
+        gain = (linear.cost - after.cost) / max(linear.cost, 1e-300)
+        rig, linear, damping = trial, after, max(damping * _LESS, 1e-12)
         if gain < _CONVERGED:
             break
-    residuals = tuple(_expected(rig, index, each)[0] for index, each in enumerate(corners))
+    residuals = tuple(derivatives(rig, index, each)[0] for index, each in enumerate(corners))
     used = len({int(v) for each in corners for v in np.unique(each.view)})
     freedom = sum(2 * len(each.px) for each in corners) - _POSE * used
     freedom -= 0 if hold else rig.global_count
@@ -164,7 +180,7 @@ class _Linear:
 
     def step(self, damping: float) -> tuple[Float64Array, Float64Array] | None:
         """Changes (G,) and (V, 6) of the parameters; None where there is no solution."""
-        A = self.A + damping * _diagonals(self.A) + 1e-12 * np.eye(_POSE)
+        A = self.A + damping * self.A * np.eye(_POSE) + 1e-12 * np.eye(_POSE)
         H = self.H + damping * np.diag(np.diag(self.H))
         try:
             inverse = np.linalg.inv(A)
@@ -197,43 +213,49 @@ class _Linear:
         return np.asarray(scatter**2 * inverse * np.outer(scale, scale), dtype=np.float64)
 
 
-def _expected(
+def derivatives(
     rig: Rig, camera: int, corners: Corners
-) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array, Float64Array]:
-    """Residuals (N, 2) and their parts' derivatives, see ``_linear``."""
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Residuals (N, 2) px, seen minus expected, and by what the expected pixels change.
+
+    Returns:
+        The residuals, NaN for what is not in front of the lens; the derivatives (N, 2, 6) by a
+        turn (rad) and a shift (m) of the corner's own view of the board, in the left camera's
+        frame; and those (N, 2, G) by the global parameters, in the order of ``Adjusted``.
+    """
     turned = np.einsum("nij,nj->ni", rig.board_R[corners.view], corners.on_board)
     place = turned + rig.board_t[corners.view]
     swung = place @ rig.R.T
     at = place if camera == 0 else swung + rig.T
     px, by_point, by_lens = rig.lenses[camera].project(at)
-    return corners.px - px, by_point, by_lens, turned, swung
+    # In the left camera's frame a turn by w moves a point of the board by w x p = -[p]x w.
+    to_left = by_point if camera == 0 else by_point @ rig.R
+    by_pose = np.concatenate([-to_left @ cross_matrix(turned), to_left], axis=2)
+    each = rig.free_count
+    by_global = np.zeros((len(px), 2, rig.global_count))
+    by_global[:, :, camera * each : (camera + 1) * each] = by_lens[:, :, rig.free]
+    if camera == 1:
+        by_global[:, :, 2 * each : 2 * each + 3] = -by_point @ cross_matrix(swung)
+        by_global[:, :, 2 * each + 3 :] = by_point
+    return corners.px - px, by_pose, by_global
 
 
 def _linear(rig: Rig, corners: Sequence[Corners], soft_px: float, hold: bool) -> _Linear | None:
-    views = len(rig.board_R)
-    each, count = int(np.count_nonzero(rig.free)), rig.global_count
+    views, count = len(rig.board_R), rig.global_count
     H, g = np.zeros((count, count)), np.zeros(count)
     A, B = np.zeros((views, _POSE, _POSE)), np.zeros((views, count, _POSE))
     a = np.zeros((views, _POSE))
     cost = squares = 0.0
     for camera, seen in enumerate(corners):
-        residual, by_point, by_lens, turned, swung = _expected(rig, camera, seen)
+        residual, P, G = derivatives(rig, camera, seen)
         if not np.isfinite(residual).all():
             return None
         weight, part = _weighed(residual, soft_px)
         cost += part
         squares += float((weight[:, None] * residual**2).sum())
         root = np.sqrt(weight)[:, None, None]
-        # In the left camera's frame a turn by w moves a point of the board by w x p = -[p]x w.
-        to_left = by_point if camera == 0 else by_point @ rig.R
-        P = np.concatenate([-to_left @ cross_matrix(turned), to_left], axis=2) * root
-        G = np.zeros((len(residual), 2, count))
-        if not hold:
-            G[:, :, camera * each : (camera + 1) * each] = by_lens[:, :, rig.free]
-            if camera == 1:
-                G[:, :, 2 * each : 2 * each + 3] = -by_point @ cross_matrix(swung)
-                G[:, :, 2 * each + 3 :] = by_point
-            G *= root
+        P *= root
+        G *= 0 if hold else root
         r = residual * root[:, :, 0]
         flat = G.reshape(-1, count)
         H += flat.T @ flat
@@ -248,16 +270,6 @@ def _linear(rig: Rig, corners: Sequence[Corners], soft_px: float, hold: bool) ->
     if hold:
         H = np.eye(count)
     return _Linear(cost, squares, H, g, A, B, a)
-
-
-def _cost(rig: Rig, corners: Sequence[Corners], soft_px: float) -> float:
-    total = 0.0
-    for camera, seen in enumerate(corners):
-        residual = _expected(rig, camera, seen)[0]
-        if not np.isfinite(residual).all():
-            return np.inf
-        total += _weighed(residual, soft_px)[1]
-    return total
 
 
 def _weighed(residual: Float64Array, soft_px: float) -> tuple[Float64Array, float]:
@@ -277,10 +289,3 @@ def _moved(rig: Rig, lens: Float64Array, pose: Float64Array) -> Rig:
         board_R=orthonormal(rotation_matrix(pose[:, :3]) @ rig.board_R),
         board_t=rig.board_t + pose[:, 3:],
     )
-
-
-def _diagonals(A: Float64Array) -> Float64Array:
-    out = np.zeros_like(A)
-    index = np.arange(A.shape[1])
-    out[:, index, index] = A[:, index, index]
-    return out

@@ -1,4 +1,4 @@
-"""The boards that cameras are calibrated with: what is printed, and where its corners are."""
+"""The boards that cameras are calibrated with, and how cameras see them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -15,6 +16,8 @@ BoardKind = Literal["chessboard", "charuco"]
 CHARUCO_DICTIONARY = "DICT_4X4_250"
 # Of a square's side; the white margin around a marker is what its detection rests on.
 MARKER_SHARE = 0.75
+# Fewer corners do not tell a board's pose and a lens apart.
+FEWEST_CORNERS = 8
 
 _CORNERS = (3, 30)
 _SQUARE_M = (0.002, 0.5)
@@ -95,3 +98,45 @@ def parse_board_size(text: str) -> tuple[int, int]:
             f"a board's size is given as COLUMNSxROWS of inner corners, as in 9x6, not {text!r}"
         )
     return int(columns), int(rows)
+
+
+@dataclass(frozen=True, eq=False)
+class BoardSighting:
+    """The corners of a board that one image shows.
+
+    Attributes:
+        ids: (N,) int32, numbers of the corners (see ``Board``), rising.
+        px: (N, 2) float64, pixels of the image as taken; the upper left pixel's centre is (0, 0).
+
+    Raises:
+        ValueError: the two differ in length, or the numbers do not rise.
+    """
+
+    ids: NDArray[np.int32]
+    px: Float64Array
+
+    def __post_init__(self) -> None:
+        if self.px.shape != (len(self.ids), 2) or (np.diff(self.ids) <= 0).any():
+            raise ValueError("every corner of a board needs one number and one place in the image")
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    def common_px(self, other: BoardSighting) -> tuple[Float64Array, Float64Array]:
+        """(N, 2) pixels each, here and in the other image, of the corners that both show."""
+        _, here, there = np.intersect1d(self.ids, other.ids, return_indices=True)
+        return self.px[here], other.px[there]
+
+
+@dataclass(frozen=True, eq=False)
+class BoardView:
+    """One pose of a board, as both cameras saw it at the same time.
+
+    Attributes:
+        name: what a person finds it by: a file's name or a number.
+        left, right: None where this camera did not see the board.
+    """
+
+    name: str
+    left: BoardSighting | None
+    right: BoardSighting | None

@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting, BoardView
 from observer.calibration.detection import detect_board, same_numbering, size_shown
-from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import as_gray
 from observer.errors import CalibrationError, InputError
 from observer.image_files.listing import natural_order

@@ -11,8 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.board import Board
-from observer.calibration.views import BoardSighting
+from observer.calibration.board import Board, BoardSighting
 from observer.drawing import color_copy
 from observer.geometry import Float64Array
 from observer.types import Image

@@ -11,17 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.calibration.board import Board
-from observer.calibration.coverage import (
-    Coverage,
-    PairMeasures,
-    coverage,
-    is_new,
-    measure_view,
-)
+from observer.calibration.board import FEWEST_CORNERS, Board, BoardSighting, BoardView
+from observer.calibration.coverage import Coverage, PairMeasures, coverage, is_new, measure_view
 from observer.calibration.detection import same_numbering
 from observer.calibration.guidance import Guide, SeenPose, Shift, WantedPose
-from observer.calibration.views import FEWEST_CORNERS, BoardSighting, BoardView
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
@@ -64,10 +57,6 @@ class Look:
     still: bool | None
     seen: tuple[bool, bool]
 
-    @property
-    def captured(self) -> bool:
-        return self.view is not None
-
 
 @dataclass(frozen=True, eq=False)
 class _Kept:
@@ -101,15 +90,12 @@ class ViewCollector:
         self._image_size = image_size
         self.automatic = True
         self._guide = Guide(board, image_size)
+        self._shifts: deque[Shift] = deque(maxlen=50)
         self._kept = [self._keep(view) for view in views]
         self._recent: deque[_Moment] = deque()
         # The pose whose view was taken back: not to be taken again at once.
         self._taken_back: PairMeasures | None = None
         self._skipped: set[int] = set()
-        self._shifts: deque[Shift] = deque(maxlen=50)
-        for kept in self._kept:
-            if kept.pose is not None and kept.view.left is not None and kept.view.right is not None:
-                self._learn_shift(kept.pose, kept.view.left, kept.view.right)
         self._wanted: WantedPose | None = None
         self._wanted_since: float | None = None
         self._plan_is_due = True
@@ -141,7 +127,7 @@ class ViewCollector:
         if left is not None and right is not None:
             right = same_numbering(left, right, self._board)
         now = _Moment(time, left, right) if left is not None and right is not None else None
-        measures = self._measure(now)
+        measures = self._measure(left, right)
         still = self._rest(now, time, _USUAL_SKEW_S if skew_s is None else skew_s)
         pose = self._guide.seen(left) if left is not None else None
         if now is not None and pose is not None and still and not self._kept:
@@ -151,14 +137,9 @@ class ViewCollector:
         ):
             self._taken_back = None
         view = None
-        if (
-            now is not None
-            and measures is not None
-            and self.automatic
-            and still
-            and self._taken_back is None
-            and is_new(measures, self._measures())
-        ):
+        may_take = self.automatic and still and self._taken_back is None
+        new = measures is not None and is_new(measures, self._measures())
+        if now is not None and may_take and new:
             view = self._capture(now)
         self._follow(time, left is not None or right is not None)
         covered = self.coverage
@@ -190,7 +171,11 @@ class ViewCollector:
             CalibrationError: the board is not in both views at this time.
         """
         last = self._recent[-1] if self._recent else None
-        if last is None or time - last.time > _FRESH_S or self._measure(last) is None:
+        if (
+            last is None
+            or time - last.time > _FRESH_S
+            or self._measure(last.left, last.right) is None
+        ):
             raise CalibrationError(
                 "the board is not in both views now; show it to both cameras and capture again"
             )
@@ -216,26 +201,25 @@ class ViewCollector:
     def _measures(self) -> list[PairMeasures]:
         return [kept.measures for kept in self._kept if kept.measures is not None]
 
-    def _measure(self, now: _Moment | None) -> PairMeasures | None:
-        if now is None or len(np.intersect1d(now.left.ids, now.right.ids)) < FEWEST_CORNERS:
+    def _measure(
+        self, left: BoardSighting | None, right: BoardSighting | None
+    ) -> PairMeasures | None:
+        if left is None or right is None or len(left.common_px(right)[0]) < FEWEST_CORNERS:
             return None
-        left = measure_view(now.left, self._board, self._image_size)
-        right = measure_view(now.right, self._board, self._image_size)
-        return None if left is None or right is None else PairMeasures(left, right)
+        a, b = (measure_view(each, self._board, self._image_size) for each in (left, right))
+        return None if a is None or b is None else PairMeasures(a, b)
 
     def _keep(self, view: BoardView) -> _Kept:
-        measures = None
-        if view.left is not None and view.right is not None:
-            measures = self._measure(_Moment(0.0, view.left, view.right))
-        pose = self._guide.seen(view.left) if view.left is not None else None
-        return _Kept(view, measures, pose)
+        left, right = view.left, view.right
+        pose = self._guide.seen(left) if left is not None else None
+        if pose is not None and left is not None and right is not None:
+            self._learn_shift(pose, left, right)
+        return _Kept(view, self._measure(left, right), pose)
 
     def _capture(self, now: _Moment) -> BoardView:
         used = [int(k.view.name) for k in self._kept if k.view.name.isdecimal()]
         kept = self._keep(BoardView(str(max(used, default=0) + 1), now.left, now.right))
         self._kept.append(kept)
-        if kept.pose is not None:
-            self._learn_shift(kept.pose, now.left, now.right)
         self._plan_is_due = True
         return kept.view
 
@@ -246,9 +230,9 @@ class ViewCollector:
         return kept.view
 
     def _learn_shift(self, pose: SeenPose, left: BoardSighting, right: BoardSighting) -> None:
-        _, a, b = np.intersect1d(left.ids, right.ids, return_indices=True)
-        if len(a):
-            du, dv = (right.px[b] - left.px[a]).mean(axis=0).tolist()
+        in_left, in_right = left.common_px(right)
+        if len(in_left):
+            du, dv = (in_right - in_left).mean(axis=0).tolist()
             self._shifts.append((pose.depth, du, dv))
 
     def _rest(self, now: _Moment | None, time: float, skew_s: float) -> bool | None:
@@ -288,10 +272,11 @@ class ViewCollector:
         poses = [kept.pose for kept in self._kept if kept.pose is not None]
         shifts = tuple(self._shifts)
         self._ranges = self._guide.wanted_ranges(shifts)
-        self._wanted = self._guide.next_pose(self._measures(), poses, shifts, self._skipped)
+        measures = self._measures()
+        self._wanted = self._guide.next_pose(measures, poses, shifts, self._skipped)
         if self._wanted is None and self._skipped:
             self._skipped.clear()
-            self._wanted = self._guide.next_pose(self._measures(), poses, shifts)
+            self._wanted = self._guide.next_pose(measures, poses, shifts)
         self._plan_is_due = False
 
     def _unseen(self, left: BoardSighting | None, right: BoardSighting | None) -> str:
@@ -307,8 +292,8 @@ def _moved(then: _Moment, now: _Moment) -> float:
     """Mean motion of the corners, pixels, in the camera where it is larger."""
     largest = 0.0
     for a, b in ((then.left, now.left), (then.right, now.right)):
-        _, i, j = np.intersect1d(a.ids, b.ids, return_indices=True)
-        if len(i) < FEWEST_CORNERS // 2:
+        before, after = a.common_px(b)
+        if len(before) < FEWEST_CORNERS // 2:
             return np.inf
-        largest = max(largest, float(np.linalg.norm(a.px[i] - b.px[j], axis=1).mean()))
+        largest = max(largest, float(np.linalg.norm(before - after, axis=1).mean()))
     return largest

@@ -19,8 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.calibration.board import Board
-from observer.calibration.views import BoardSighting
+from observer.calibration.board import Board, BoardSighting
 from observer.geometry import Float64Array
 
 BARS = ("X", "Y", "Size", "Skew")
@@ -76,14 +75,8 @@ class PairMeasures:
 
     def distance(self, other: PairMeasures) -> float:
         """Sum of absolute differences of the measures, the mean over the cameras."""
-        return float(
-            np.mean(
-                [
-                    np.abs(a.values - b.values).sum()
-                    for a, b in zip(self.each, other.each, strict=True)
-                ]
-            )
-        )
+        pairs = zip(self.each, other.each, strict=True)
+        return float(np.mean([np.abs(a.values - b.values).sum() for a, b in pairs]))
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,14 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.calibration.board import CHARUCO_DICTIONARY, MARKER_SHARE, Board
+from observer.calibration.board import (
+    CHARUCO_DICTIONARY,
+    FEWEST_CORNERS,
+    MARKER_SHARE,
+    Board,
+    BoardSighting,
+)
 from observer.calibration.corners import goes_on, refined_corners
-from observer.calibration.views import FEWEST_CORNERS, BoardSighting
 from observer.camera import as_gray
 from observer.geometry import Float64Array
 from observer.types import Image
@@ -140,9 +145,7 @@ def _numbered(gray: Image, board: Board, px: Float64Array) -> BoardSighting:
     px = np.ascontiguousarray(grid.reshape(-1, 2))
     choices = [px[order] for order in _turns(board)]
     contrast = [_black_first(gray, board, choice) for choice in choices]
-    right = [
-        choice for choice, value in zip(choices, contrast, strict=True) if value >= 0
-    ] or choices
+    right = [px for px, value in zip(choices, contrast, strict=True) if value >= 0] or choices
     # Of those that colours do not tell apart, the one that reads from left to right.
     best = max(right, key=lambda choice: float(_directions(choice, board)[0, 0]))
     return BoardSighting(np.arange(board.corner_count, dtype=np.int32), np.ascontiguousarray(best))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Corners, Rig, adjust
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardView
 from observer.calibration.flatness import board_bend
 from observer.calibration.held_out import (
     Folds,
@@ -36,8 +36,7 @@ from observer.calibration.outlier_views import (
 from observer.calibration.plausible import check_camera, check_pair
 from observer.calibration.sightings import corners_of, refused_sightings, without
 from observer.calibration.stereo_fit import DepthBias, StereoFit, ViewError
-from observer.calibration.uncertainty import calibration_of, depth_covariance, uncertainty
-from observer.calibration.views import BoardView
+from observer.calibration.uncertainty import depth_covariance, uncertainty
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -79,47 +78,40 @@ def fit_stereo(
     """
     report = progress or (lambda _words, _share: None)
     report("looking through the views", 0.0)
-    refused = {
-        index: Refusal(reason)
-        for index, reason in refused_sightings(views, board, width, height).items()
-    }
-    work = _Work(views, board, width, height, distortion_model, refused, report)
-    left = work.camera_alone(0)
-    right = work.camera_alone(1)
-    rig, soft_px = work.pair(left, right)
+    work = _Work(views, board, (width, height), distortion_model, report)
+    rig, soft_px = work.pair(work.camera_alone(0), work.camera_alone(1))
     usable = work.usable()
     corners = corners_of(work.views, board, usable)
     both = _both(corners, len(views))
     rig, folds = work.with_supported_terms(rig, corners, both, soft_px)
     report("fitting both cameras by all views", 0.9)
     found = adjust(rig, corners, soft_px=soft_px)
-    seen = np.flatnonzero(usable)
-    check_pair(found, seen, width, height)
+    check_pair(found, np.flatnonzero(usable))
     assert found.covariance is not None
     report("working out how sure it is", 0.93)
-    covariances = [depth_covariance(found.rig, found.covariance, width, height)]
+    covariances = [depth_covariance(found.rig, found.covariance)]
     measured = None
     if folds is not None:
-        measured = held_out(folds, corners, width, height)
-        scatter = jackknife(found.rig, folds, width, height)
+        measured = held_out(folds, corners)
+        scatter = jackknife(found.rig, folds)
         covariances += [] if scatter is None else [scatter]
     errors = view_errors(found.residuals, corners, len(views))
     report("done", 1.0)
     return StereoFit(
-        calibration=calibration_of(found.rig, width, height),
+        calibration=found.rig.calibration,
         board=board,
         rms_left=rms(found.residuals[0]),
         rms_right=rms(found.residuals[1]),
         rms_stereo=rms(np.concatenate(found.residuals)),
         views=tuple(
-            _view_error(view, work.views[index], refused.get(index), errors[index])
+            _view_error(view, work.views[index], work.refused.get(index), errors[index])
             for index, view in enumerate(views)
         ),
         pairs=int(np.count_nonzero(both)),
-        uncertainty=uncertainty(found.rig, found.covariance, width, height),
+        uncertainty=uncertainty(found.rig, found.covariance),
         depth_bias=DepthBias(tuple(tuple(each.ravel().tolist()) for each in covariances)),
         held_out=measured,
-        coverage=(_coverage(corners[0], width, height), _coverage(corners[1], width, height)),
+        coverage=(_coverage(corners[0], found.rig.size), _coverage(corners[1], found.rig.size)),
         bend=board_bend(found.rig, corners, board, found.scatter_px),
     )
 
@@ -134,21 +126,20 @@ class _Work:
         self,
         views: Sequence[BoardView],
         board: Board,
-        width: int,
-        height: int,
+        size: tuple[int, int],
         model: DistortionModel,
-        refused: dict[int, Refusal],
         report: Progress,
     ) -> None:
         self.views, self._board = list(views), board
-        self._width, self._height, self._model = width, height, model
-        self._refused, self._report = refused, report
+        self._size, self._model, self._report = size, model, report
+        refused = refused_sightings(views, board, *size)
+        self.refused = {index: Refusal(reason) for index, reason in refused.items()}
         self._free = np.arange(4 + DISTORTION_SIZE[model]) < 4 + _FIRST_TERMS[model]
 
     def usable(self) -> NDArray[np.bool_]:
         """(V,) which views are not refused."""
         out = np.ones(len(self.views), np.bool_)
-        out[list(self._refused)] = False
+        out[list(self.refused)] = False
         return out
 
     def camera_alone(self, camera: int) -> Rig:
@@ -156,9 +147,7 @@ class _Work:
         side = ("left", "right")[camera]
         self._report(f"fitting the {side} camera", 0.02 + 0.2 * camera)
         corners = self._corners(camera)
-        found = begin_camera(
-            corners, len(self.views), self._model, self._width, self._height, self._free
-        )
+        found = begin_camera(corners, len(self.views), self._model, self._size, self._free)
         for turn in range(_ROUNDS):
             self._report(f"fitting the {side} camera", 0.1 + 0.2 * camera + min(0.1, turn / 100))
             soft_px = soft_threshold(found.residuals)
@@ -175,7 +164,7 @@ class _Work:
             usual, _ = limit_px(errors)
             for index in np.flatnonzero(bad):
                 off = float(errors[index])
-                self._refused[int(index)] = Refusal(
+                self.refused[int(index)] = Refusal(
                     f"its corners are {off:.1f} px off in the {side} image, the others "
                     f"{usual:.1f} px: moved or wrongly detected",
                     *((off, None) if camera == 0 else (None, off)),
@@ -183,7 +172,7 @@ class _Work:
             corners = self._corners(camera)
             found = adjust(with_poses(found.rig, 0, corners), [corners], soft_px=soft_px)
         seen = np.unique(corners.view)
-        check_camera(found, seen, self._width, self._height, f"the {side} camera")
+        check_camera(found, seen, f"the {side} camera")
         return found.rig
 
     def pair(self, left: Rig, right: Rig) -> tuple[Rig, float]:
@@ -226,17 +215,13 @@ class _Work:
                 board_t=np.where(back[:, None], late.rig.board_t, rig.board_t),
             )
         for index in np.flatnonzero(usable & ~kept):
-            self._refused[int(index)] = explained(
+            self.refused[int(index)] = explained(
                 rig, corners, int(index), usual, soft_px, self._board
             )
         return rig, soft_px
 
     def with_supported_terms(
-        self,
-        rig: Rig,
-        corners: tuple[Corners, Corners],
-        both: NDArray[np.bool_],
-        soft_px: float,
+        self, rig: Rig, corners: tuple[Corners, Corners], both: NDArray[np.bool_], soft_px: float
     ) -> tuple[Rig, Folds | None]:
         """The rig with as many distortion terms as views that were left out confirm."""
         words = "measuring on views that were left out"
@@ -282,7 +267,7 @@ class _Work:
     def _require(self, count: int, words: str) -> None:
         if count >= FEWEST_PAIRS:
             return
-        why = next(iter(self._refused.items()), None)
+        why = next(iter(self.refused.items()), None)
         refusal = "" if why is None else f" (view {self.views[why[0]].name}: {why[1].reason})"
         raise CalibrationError(
             f"there {'is' if count == 1 else 'are'} {count or 'no'} "
@@ -309,8 +294,8 @@ def _view_error(
     return ViewError(given.name, True, None, left, right, strays)
 
 
-def _coverage(corners: Corners, width: int, height: int) -> float:
+def _coverage(corners: Corners, size: tuple[int, int]) -> float:
     """Share of the image's cells that hold a corner."""
-    cell = np.floor(corners.px / [width, height] * _CELLS).astype(np.intp)
+    cell = np.floor(corners.px / size * _CELLS).astype(np.intp)
     cell = np.clip(cell, 0, np.array(_CELLS) - 1)
-    return len(np.unique(cell[:, 0] * _CELLS[1] + cell[:, 1])) / (_CELLS[0] * _CELLS[1])
+    return len(np.unique(cell, axis=0)) / (_CELLS[0] * _CELLS[1])

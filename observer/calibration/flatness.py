@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.calibration.adjustment import Corners, Rig
+from observer.calibration.adjustment import Corners, Rig, derivatives
 from observer.calibration.board import Board
-from observer.geometry import Float64Array, cross_matrix
+from observer.geometry import Float64Array
 
 # How a board bends: about its upright axis, about its level one, and twisted.
 _SHAPES = 3
@@ -47,28 +47,19 @@ def board_bend(
     chosen = np.zeros(len(rig.board_R), np.bool_)
     chosen[all_views[:: -(-len(all_views) // _MOST_VIEWS)]] = True
     views, number = int(chosen.sum()), np.cumsum(chosen) - 1
-    each, count = int(np.count_nonzero(rig.free)), rig.global_count
+    count = rig.global_count
     for camera, whole in enumerate(corners):
         seen = whole.of_views(chosen)
-        turned = np.einsum("nij,nj->ni", rig.board_R[seen.view], seen.on_board)
-        swung = (turned + rig.board_t[seen.view]) @ rig.R.T
-        at = swung + rig.T if camera else turned + rig.board_t[seen.view]
-        px, by_point, by_lens = rig.lenses[camera].project(at)
-        to_left = by_point @ rig.R if camera else by_point
-        J = np.zeros((len(px), 2, _SHAPES + count + _POSE * views))
-        out_of_board = np.einsum("nij,nj->ni", to_left, rig.board_R[seen.view][:, :, 2])
+        residual, by_pose, by_global = derivatives(rig, camera, seen)
+        J = np.zeros((len(residual), 2, _SHAPES + count + _POSE * views))
+        by_shift = by_pose[:, :, 3:]
+        out_of_board = np.einsum("nij,nj->ni", by_shift, rig.board_R[seen.view][:, :, 2])
         J[:, :, :_SHAPES] = out_of_board[:, :, None] * _shapes(seen.on_board, board)[:, None]
-        lens = _SHAPES + camera * each
-        J[:, :, lens : lens + each] = by_lens[:, :, rig.free]
-        if camera:
-            turn = _SHAPES + 2 * each
-            J[:, :, turn : turn + 3] = -by_point @ cross_matrix(swung)
-            J[:, :, turn + 3 : turn + 6] = by_point
-        pose = np.concatenate([-to_left @ cross_matrix(turned), to_left], axis=2)
+        J[:, :, _SHAPES : _SHAPES + count] = by_global
         column = _SHAPES + count + _POSE * number[seen.view][:, None] + np.arange(_POSE)
-        np.put_along_axis(J, column[:, None].repeat(2, axis=1), pose, axis=2)
+        np.put_along_axis(J, column[:, None].repeat(2, axis=1), by_pose, axis=2)
         blocks.append(J.reshape(-1, J.shape[2]))
-        left_over.append((seen.px - px).reshape(-1))
+        left_over.append(residual.reshape(-1))
     J, r = np.concatenate(blocks), np.concatenate(left_over)
     used = np.linalg.norm(J, axis=0)
     if not (used[:_SHAPES] > 0).all() or not np.isfinite(r).all():

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting
 from observer.calibration.coverage import (
     NEW_DISTANCE,
     WANTED_RANGES,
@@ -22,7 +22,6 @@ from observer.calibration.coverage import (
     progress,
     stacked,
 )
-from observer.calibration.views import BoardSighting
 from observer.geometry import Float64Array
 
 # Focal length over the image's width: 64 degrees across, between laptops and wide webcams.
@@ -276,24 +275,19 @@ def _poses(
 ) -> tuple[Float64Array, Float64Array]:
     """Rotations (M, 3, 3) and centres (M, 3) in board widths: places x sizes x tilts."""
     inner = (board.rows - 1) / (board.columns - 1)
+    width, height = image_size
     rotations, centres = [], []
     axes = [(0, 0), *((np.cos(a), np.sin(a)) for a in np.arange(8) * np.pi / 4)]
     for axis in axes:
         tilted = axis != (0, 0)
         turn = cv2.Rodrigues(_TILT_RAD * np.array([*axis, 0.0]))[0]
         for size in _SIZES:
-            shown = size * np.sqrt(image_size[0] * image_size[1])
+            shown = size * np.sqrt(width * height)
             depth = focal * np.sqrt(inner * (np.cos(_TILT_RAD) if tilted else 1.0)) / shown
             for v in (-0.5, 0.0, 0.5):
                 for u in (-0.5, 0.0, 0.5):
                     rotations.append(turn)
-                    centres.append(
-                        [
-                            u * image_size[0] * depth / focal,
-                            v * image_size[1] * depth / focal,
-                            depth,
-                        ]
-                    )
+                    centres.append([u * width * depth / focal, v * height * depth / focal, depth])
     return np.array(rotations, dtype=np.float64), np.array(centres, dtype=np.float64)
 
 

@@ -15,11 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Corners, Rig, adjust
-from observer.calibration.uncertainty import (
-    calibration_of,
-    depth_change,
-    rectified_directions,
-)
+from observer.calibration.uncertainty import depth_change, rectified_directions
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -119,14 +115,12 @@ def richer_is_better(simple: Float64Array, rich: Float64Array) -> bool:
     return bool(gain.mean() > gain.std(ddof=1) / np.sqrt(len(gain)))
 
 
-def held_out(
-    folds: Folds, corners: tuple[Corners, Corners], width: int, height: int
-) -> HeldOut | None:
+def held_out(folds: Folds, corners: tuple[Corners, Corners]) -> HeldOut | None:
     """The vertical errors of all views that were left out once; None where none can be told."""
     errors: list[Float64Array] = []
     for rig, part in zip(folds.rigs, folds.parts, strict=True):
         try:
-            calibration = calibration_of(rig, width, height)
+            calibration = rig.calibration
         except CalibrationError:
             return None
         left, right = (each.of_views(part) for each in corners)
@@ -166,22 +160,21 @@ def common_px(left: Corners, right: Corners, view: int) -> tuple[Float64Array, F
     """(N, 2) pixels each of the corners of a view that both cameras saw."""
     a, b = left.view == view, right.view == view
     # Corners of one board are told apart by where they are on it.
-    at = {tuple(point): k for k, point in enumerate(left.on_board[a].tolist())}
-    found = [(at[tuple(p)], k) for k, p in enumerate(right.on_board[b].tolist()) if tuple(p) in at]
-    index = np.array(found, dtype=np.intp).reshape(-1, 2)
-    return left.px[a][index[:, 0]], right.px[b][index[:, 1]]
+    same = (left.on_board[a][:, None] == right.on_board[b]).all(axis=2)
+    in_left, in_right = np.nonzero(same)
+    return left.px[a][in_left], right.px[b][in_right]
 
 
-def jackknife(rig: Rig, folds: Folds, width: int, height: int) -> Float64Array | None:
+def jackknife(rig: Rig, folds: Folds) -> Float64Array | None:
     """(2, 2) covariance of depth's relative error and offset in pixels, by the folds' scatter.
 
     The delete-a-group jackknife (Efron and Tibshirani: An Introduction to the Bootstrap, 1993).
     Unlike the fit's own covariance it knows that the corners of one view err together. None where
     a fold's rig is impossible.
     """
-    whole = calibration_of(rig, width, height)
+    whole = rig.calibration
     try:
-        others = [calibration_of(each, width, height) for each in folds.rigs]
+        others = [each.calibration for each in folds.rigs]
     except CalibrationError:
         return None
     changes = np.stack([depth_change(whole, other) for other in others])

@@ -31,8 +31,7 @@ def begin_camera(
     corners: Corners,
     views: int,
     model: DistortionModel,
-    width: int,
-    height: int,
+    size: tuple[int, int],
     free: NDArray[np.bool_],
 ) -> Adjusted:
     """The lens of one camera and the poses of the board before it, roughly.
@@ -42,6 +41,7 @@ def begin_camera(
 
     Args:
         views: number of views; those without corners keep a pose without meaning.
+        size: width and height of the images, pixels.
         free: (4 + N,) which values of the lens are sought.
 
     Raises:
@@ -53,8 +53,10 @@ def begin_camera(
     best: Adjusted | None = None
     least = np.inf
     for share in _FOCAL_SHARES[model]:
-        lens = Lens.ideal(model, share * width, width, height)
-        rig = Rig((lens,), focal_only, np.eye(3), np.zeros(3), *_nowhere(views))
+        lens = Lens.ideal(model, share * size[0], *size)
+        # Before there are poses, the board is a metre in front of the camera.
+        ahead = np.tile(np.eye(3), (views, 1, 1)), np.tile([0.0, 0.0, 1.0], (views, 1))
+        rig = Rig(size, (lens,), focal_only, np.eye(3), np.zeros(3), *ahead)
         rig = with_poses(rig, 0, corners)
         found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX, iterations=_TRIAL_STEPS)
         length = np.linalg.norm(found.residuals[0], axis=1)
@@ -123,7 +125,8 @@ def begin_pair(
     only_right &= ~np.isin(np.arange(len(both)), corners[0].view)
     board_R[only_right] = R[best].T @ right.board_R[only_right]
     board_t[only_right] = (right.board_t[only_right] - T[best]) @ R[best]
-    rig = Rig((left.lenses[0], right.lenses[0]), left.free, R[best], T[best], board_R, board_t)
+    lenses = left.lenses + right.lenses
+    rig = replace(left, lenses=lenses, R=R[best], T=T[best], board_R=board_R, board_t=board_t)
     return rig, both & (errors <= limit)
 
 
@@ -145,8 +148,3 @@ def _pose(on_board: Float64Array, look: Float64Array) -> tuple[Float64Array, Flo
         if np.isfinite(R).all() and (on_board @ R[2] + t[2] > 0).all():
             return R, t
     return None
-
-
-def _nowhere(views: int) -> tuple[Float64Array, Float64Array]:
-    """Poses before there are any: a metre in front of the camera."""
-    return np.tile(np.eye(3), (views, 1, 1)), np.tile([0.0, 0.0, 1.0], (views, 1))

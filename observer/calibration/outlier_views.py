@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
-from observer.calibration.board import Board
+from observer.calibration.board import FEWEST_CORNERS, Board
 from observer.calibration.initialization import with_poses
-from observer.calibration.views import FEWEST_CORNERS
 from observer.geometry import Float64Array
 
 # A view is an outlier when its corners are off by this many times what is usual, and by so much
@@ -151,10 +150,9 @@ def _alone(
     rig: Rig, own: tuple[Corners, Corners], chosen: NDArray[np.bool_], soft_px: float
 ) -> float:
     """Return the error of the worse of the two images by itself, pixels."""
+    nothing = own[0].of_views(np.zeros_like(chosen))
     worse = 0.0
-    for camera in (0, 1):
-        nothing = own[camera].of_views(np.zeros_like(chosen))
-        single = (own[0], nothing) if camera == 0 else (nothing, own[1])
+    for camera, single in enumerate(((own[0], nothing), (nothing, own[1]))):
         if len(own[camera].px):
             found, _ = posed(rig, single, chosen, soft_px)
             worse = max(worse, rms(found.residuals[camera]))

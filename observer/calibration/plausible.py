@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,9 +24,7 @@ _FOCAL_SHARES = (0.1, 20.0)
 _LARGE_RMS_PX = 3.0
 
 
-def check_camera(
-    found: Adjusted, seen: NDArray[np.intp], width: int, height: int, name: str
-) -> None:
+def check_camera(found: Adjusted, seen: NDArray[np.intp], name: str) -> None:
     """Check that the views determine this camera's lens.
 
     Args:
@@ -33,38 +33,27 @@ def check_camera(
     Raises:
         CalibrationError: they do not, or the lens is none.
     """
-    check_lens(found.rig, 0, width, height, name, _advice(found.rig, seen, 0))
+    _check_lens(found.rig, 0, seen, name)
     _check_variety(found.rig, seen)
-    if found.covariance is None:
-        raise CalibrationError(_undetermined(found.rig, seen, name))
-    share = np.sqrt(found.covariance[0, 0]) / found.rig.lenses[0].values[0]
-    if not share < _UNSURE_ALONE:
-        raise CalibrationError(_undetermined(found.rig, seen, name, share))
+    _check_focal(found, seen, (name,), name, _UNSURE_ALONE)
 
 
-def check_pair(found: Adjusted, seen: NDArray[np.intp], width: int, height: int) -> None:
+def check_pair(found: Adjusted, seen: NDArray[np.intp]) -> None:
     """Check that the views determine this pair, and that it can be a pair of stereo cameras.
 
     Raises:
         CalibrationError: they do not, or it cannot.
     """
-    rig = found.rig
-    scatter = found.scatter_px
+    rig, scatter = found.rig, found.scatter_px
     if not scatter < _LARGE_RMS_PX:
         raise CalibrationError(
             f"the corners are {scatter:.1f} px off on the whole, where 0.1 to 0.5 px are usual; "
             f"check the board's number of corners and that the images are sharp and in pairs"
         )
-    for camera, name in enumerate(("the left camera", "the right camera")):
-        check_lens(rig, camera, width, height, name, _advice(rig, seen, camera))
-    if found.covariance is None:
-        raise CalibrationError(_undetermined(rig, seen, "the pair"))
-    each = int(np.count_nonzero(rig.free))
-    for camera, name in enumerate(("the left camera", "the right camera")):
-        sigma = float(np.sqrt(found.covariance[camera * each, camera * each]))
-        share = sigma / float(rig.lenses[camera].values[0])
-        if not share < _UNSURE:
-            raise CalibrationError(_undetermined(rig, seen, name, share))
+    names = ("the left camera", "the right camera")
+    for camera, name in enumerate(names):
+        _check_lens(rig, camera, seen, name)
+    _check_focal(found, seen, names, "the pair", _UNSURE)
     x, y, z = (-rig.R.T @ rig.T).tolist()
     if abs(x) <= max(abs(y), abs(z)):
         raise CalibrationError(
@@ -78,24 +67,46 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp], width: int, height: int)
         )
 
 
-def check_lens(rig: Rig, camera: int, width: int, height: int, name: str, advice: str) -> None:
+def _check_lens(rig: Rig, camera: int, seen: NDArray[np.intp], name: str) -> None:
     """Check that the lens can be one of an image of this size.
 
     Raises:
         CalibrationError: it cannot.
     """
+    width, height = rig.size
     fx, fy, cx, cy = rig.lenses[camera].values[:4].tolist()
     low, high = _FOCAL_SHARES
     if not (low * width < fx < high * width and 0.5 < fy / fx < 2):
         raise CalibrationError(
             f"the views of {name} give an impossible focal length ({fx:.4g} x {fy:.4g} pixels "
-            f"for an image of {width}x{height}); {advice}"
+            f"for an image of {width}x{height}); {_advice(rig, seen, camera)}"
         )
     if not (-0.25 * width < cx < 1.25 * width and -0.25 * height < cy < 1.25 * height):
         raise CalibrationError(
             f"the views of {name} place the middle of its lens at {cx:.0f}, {cy:.0f}, far outside "
-            f"the image of {width}x{height} pixels; {advice}"
+            f"the image of {width}x{height} pixels; {_advice(rig, seen, camera)}"
         )
+
+
+def _check_focal(
+    found: Adjusted, seen: NDArray[np.intp], names: Sequence[str], whole: str, most: float
+) -> None:
+    """Check that the focal lengths are known to a share of ``most``.
+
+    Args:
+        names: of the cameras. whole: of what is not determined at all.
+
+    Raises:
+        CalibrationError: they are not.
+    """
+    rig, covariance = found.rig, found.covariance
+    if covariance is None:
+        raise CalibrationError(_undetermined(rig, seen, whole))
+    for camera, name in enumerate(names):
+        at = camera * rig.free_count
+        share = float(np.sqrt(covariance[at, at])) / float(rig.lenses[camera].values[0])
+        if not share < most:
+            raise CalibrationError(_undetermined(rig, seen, name, share))
 
 
 def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
@@ -104,17 +115,17 @@ def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
     Raises:
         CalibrationError: it was not.
     """
+
+    def alike(index: int, other: int) -> bool:
+        R, t = rig.board_R, rig.board_t
+        turned = R[index] @ R[other].T
+        angle = np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1)))
+        moved = np.linalg.norm(t[index] - t[other])
+        return bool(angle < _SAME_DEG and moved < _SAME_SHARE * np.linalg.norm(t[index]))
+
     different: list[int] = []
     for index in seen.tolist():
-        t = rig.board_t[index]
-        for other in different:
-            turned = rig.board_R[index] @ rig.board_R[other].T
-            angle = np.degrees(np.arccos(np.clip((np.trace(turned) - 1) / 2, -1, 1)))
-            if angle < _SAME_DEG and np.linalg.norm(
-                t - rig.board_t[other]
-            ) < _SAME_SHARE * np.linalg.norm(t):
-                break
-        else:
+        if not any(alike(index, other) for other in different):
             different.append(index)
     if len(different) < _FEWEST_POSES:
         raise CalibrationError(

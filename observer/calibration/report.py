@@ -15,12 +15,10 @@ from observer.calibration.verdict import Verdict
 
 def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]:
     """Return what people are told of a fit; finite numbers or None, lists and text only."""
-    c, width, height = fit.calibration, fit.calibration.width, fit.calibration.height
-    across, down = fit.field_of_view_deg
-    rotation = np.degrees(Rotation.from_matrix(c.R).as_rotvec())
+    c = fit.calibration
     report = {
-        "image_width": width,
-        "image_height": height,
+        "image_width": c.width,
+        "image_height": c.height,
         "distortion_model": c.distortion_model,
         "board": {**asdict(fit.board), "words": fit.board.words},
         "rms_left_px": fit.rms_left,
@@ -31,11 +29,11 @@ def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]
         "held_out": None if fit.held_out is None else asdict(fit.held_out),
         "baseline_m": c.baseline,
         "focal_px": [float(c.K1[0, 0]), float(c.K2[0, 0])],
-        "field_of_view_deg": [across, down],
-        "rotation_deg": rotation.tolist(),
+        "field_of_view_deg": fit.field_of_view_deg,
+        "rotation_deg": np.degrees(Rotation.from_matrix(c.R).as_rotvec()).tolist(),
         "uncertainty": asdict(fit.uncertainty),
-        "depth_bias": [list(row) for row in fit.depth_bias.covariances],
-        "coverage": list(fit.coverage),
+        "depth_bias": fit.depth_bias.covariances,
+        "coverage": fit.coverage,
         "board_bend": None if fit.bend is None else asdict(fit.bend),
         "verdict": None if verdict is None else asdict(verdict),
     }

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Corners
-from observer.calibration.board import Board
-from observer.calibration.views import FEWEST_CORNERS, BoardSighting, BoardView
+from observer.calibration.board import FEWEST_CORNERS, Board, BoardSighting, BoardView
 from observer.geometry import Float64Array
 
 # What lies so far outside the image, of its size, was never found in it.
@@ -25,17 +24,12 @@ def refused_sightings(
     """Return why views (by index) cannot be used, in words that follow the view's name."""
     refused = {}
     for index, view in enumerate(views):
-        sides = (("left", view.left), ("right", view.right))
-        reasons = [
-            reason
-            for name, sighting in sides
-            if sighting is not None
-            and (reason := _problem(sighting, name, board, width, height)) is not None
-        ]
-        if reasons:
-            refused[index] = reasons[0]
-        elif view.left is None and view.right is None:
-            refused[index] = "the board was found in neither image"
+        left = _problem(view.left, "left", board, width, height)
+        reason = left or _problem(view.right, "right", board, width, height)
+        if view.left is None and view.right is None:
+            reason = "the board was found in neither image"
+        if reason is not None:
+            refused[index] = reason
     return refused
 
 
@@ -43,10 +37,11 @@ def corners_of(
     views: Sequence[BoardView], board: Board, usable: NDArray[np.bool_]
 ) -> tuple[Corners, Corners]:
     """The corners of both cameras in the usable (V,) views."""
+    seen = [(index, views[index]) for index in np.flatnonzero(usable).tolist()]
     points = board.object_points
     return (
-        _joined([(i, v.left) for i, v in enumerate(views) if usable[i]], points),
-        _joined([(i, v.right) for i, v in enumerate(views) if usable[i]], points),
+        _joined([(index, view.left) for index, view in seen], points),
+        _joined([(index, view.right) for index, view in seen], points),
     )
 
 
@@ -75,8 +70,10 @@ def _joined(sightings: Sequence[tuple[int, BoardSighting | None]], points: Float
 
 
 def _problem(
-    sighting: BoardSighting, camera: str, board: Board, width: int, height: int
+    sighting: BoardSighting | None, camera: str, board: Board, width: int, height: int
 ) -> str | None:
+    if sighting is None:
+        return None
     if len(sighting) < FEWEST_CORNERS:
         return (
             f"the {camera} image shows {len(sighting)} corners; at least {FEWEST_CORNERS} are "

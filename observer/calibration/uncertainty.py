@@ -45,26 +45,6 @@ class FitUncertainty:
     roll_deg: float
 
 
-def calibration_of(rig: Rig, width: int, height: int) -> StereoCalibration:
-    """The rig as a calibration.
-
-    Raises:
-        CalibrationError: it is impossible.
-    """
-    left, right = rig.lenses
-    return StereoCalibration(
-        width=width,
-        height=height,
-        K1=left.K,
-        D1=left.D,
-        K2=right.K,
-        D2=right.D,
-        R=rig.R,
-        T=rig.T,
-        distortion_model=left.model,
-    )
-
-
 def view_angles_deg(calibration: StereoCalibration) -> Float64Array:
     """(3,) pitch, vergence and roll: how what the two images show is turned against each other.
 
@@ -85,18 +65,18 @@ def view_angles_deg(calibration: StereoCalibration) -> Float64Array:
     return np.asarray(np.degrees([pitch, vergence, roll]), dtype=np.float64)
 
 
-def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> FitUncertainty:
+def uncertainty(rig: Rig, covariance: Float64Array) -> FitUncertainty:
     """Return the uncertainty of a pair by the covariance (G, G) of its global parameters."""
     sigma = np.sqrt(np.diag(covariance))
-    each = int(np.count_nonzero(rig.free))
+    each = rig.free_count
     along = rig.T / np.linalg.norm(rig.T)
     T_cov = covariance[-3:, -3:]
     turn = np.rad2deg(sigma[-6:-3])
 
     def angles(change: Float64Array) -> Float64Array:
-        return view_angles_deg(calibration_of(rig.changed(change), width, height))
+        return view_angles_deg(rig.changed(change).calibration)
 
-    J = _derivative(angles, sigma)
+    J = numeric_jacobian(angles, np.zeros_like(sigma), _STEP * sigma)
     view = np.sqrt(np.einsum("ai,ij,aj->a", J, covariance, J))
     return FitUncertainty(
         focal_left_px=float(sigma[0]),
@@ -111,7 +91,7 @@ def uncertainty(rig: Rig, covariance: Float64Array, width: int, height: int) -> 
     )
 
 
-def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int) -> Float64Array:
+def depth_covariance(rig: Rig, covariance: Float64Array) -> Float64Array:
     """Return the covariance of the two causes of depth errors, valid at every distance.
 
     To first order the relative error of depth Z is ``scale - offset Z / (f B)``: a wrong
@@ -121,14 +101,14 @@ def depth_covariance(rig: Rig, covariance: Float64Array, width: int, height: int
     Returns:
         (2, 2) covariance of (scale, offset in pixels), the mean over five places in the image.
     """
-    truth = calibration_of(rig, width, height)
+    truth = rig.calibration
 
     def changes(change: Float64Array) -> Float64Array:
-        wrong = calibration_of(rig.changed(change), width, height)
-        return depth_change(truth, wrong).reshape(-1)
+        return depth_change(truth, rig.changed(change).calibration).reshape(-1)
 
     sigma = np.sqrt(np.diag(covariance))
-    J = _derivative(changes, sigma).reshape(len(_PLACES), 2, -1)
+    J = numeric_jacobian(changes, np.zeros_like(sigma), _STEP * sigma)
+    J = J.reshape(len(_PLACES), 2, -1)
     parts = np.einsum("pig,gh,pjh->pij", J, covariance, J)
     return np.asarray(parts.mean(axis=0), dtype=np.float64)
 
@@ -208,13 +188,9 @@ def _project(model: str, K: Float64Array, D: Float64Array, points: Float64Array)
     return np.asarray(px, dtype=np.float64).reshape(-1, 2)
 
 
-def _derivative(
-    function: Callable[[Float64Array], Float64Array], sigma: Float64Array
+def numeric_jacobian(
+    function: Callable[[Float64Array], Float64Array], at: Float64Array, steps: Float64Array
 ) -> Float64Array:
-    """(M, G) by central differences, of a function of (G,) at zero."""
-    columns = []
-    for k, s in enumerate(sigma):
-        step = np.zeros(len(sigma))
-        step[k] = _STEP * s
-        columns.append((function(step) - function(-step)) / (2 * _STEP * s))
-    return np.stack(columns, axis=1)
+    """(M, N) derivative of a function (N,) -> (M,), by central differences of steps (N,)."""
+    pairs = zip(np.diag(steps), steps, strict=True)
+    return np.stack([(function(at + d) - function(at - d)) / (2 * step) for d, step in pairs], 1)

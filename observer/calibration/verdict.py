@@ -5,12 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from observer.calibration.speed_limits import (
-    Detectable,
-    Thing,
-    depth_noise_m,
-    slowest_reported,
-)
+from observer.calibration.speed_limits import Detectable, Thing, depth_noise_m, slowest_reported
 from observer.calibration.stereo_fit import DepthBias, StereoFit
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError

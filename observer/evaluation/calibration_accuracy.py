@@ -15,12 +15,12 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
+from observer.calibration.board import BoardView
 from observer.calibration.detection import detect_board, same_numbering
 from observer.calibration.fit import fit_stereo
 from observer.calibration.held_out import vertical_errors
 from observer.calibration.lens import directions
 from observer.calibration.uncertainty import view_angles_deg
-from observer.calibration.views import BoardView
 from observer.camera import StereoCalibration, as_gray
 from observer.errors import ScenarioError
 from observer.evaluation.targets import Target

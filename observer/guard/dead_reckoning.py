@@ -31,23 +31,17 @@ class DeadReckoning:
             False where what was before is forgotten: the calls are too far apart, or time ran
             backwards.
         """
-        if self._count == 0:
-            self._append(now, 0.0, 0.0, 0.0)
-            return False
-        before, x, y, yaw = self._rows[self._count - 1].tolist()
-        dt = now - before
-        if not 0 <= dt <= _LONGEST_GAP_S:
-            self._count = 0
-            self._append(now, 0.0, 0.0, 0.0)
-            return False
-        middle, way = yaw + turn_rate_radps * dt / 2, speed_mps * dt
-        self._append(
-            now,
-            x + way * math.cos(middle),
-            y + way * math.sin(middle),
-            yaw + turn_rate_radps * dt,
-        )
-        return True
+        if self._count:
+            before, x, y, yaw = self._rows[self._count - 1].tolist()
+            dt = now - before
+            if 0 <= dt <= _LONGEST_GAP_S:
+                middle, way = yaw + turn_rate_radps * dt / 2, speed_mps * dt
+                x, y = x + way * math.cos(middle), y + way * math.sin(middle)
+                self._append(now, x, y, yaw + turn_rate_radps * dt)
+                return True
+        self._count = 0
+        self._append(now, 0.0, 0.0, 0.0)
+        return False
 
     def _append(self, *row: float) -> None:
         if self._count == _CAPACITY:

@@ -17,7 +17,7 @@ from observer.guard.outline import Outline
 from observer.guard.parameters import GuardParameters
 from observer.guard.side import WHOLE, Side
 from observer.guard.sight import SIGHT_FRESH_S, Sight
-from observer.guard.zones import Polygon
+from observer.guard.zones import Polygon, slow_zone, stop_zone
 from observer.rig.rig import Role
 from observer.robots.contract import SonarReading
 from observer.types import Status
@@ -130,7 +130,7 @@ class Guard:
             side.see(sight)
         if role == "observer":
             side.watch.listen(sonars, now, side.past, p)
-        zones = side.zones(outline, wanted, p)
+        zones = stop_zone(outline, wanted, p), slow_zone(outline, wanted, p)
         if trouble is not None:
             side.permitted = (0.0, 0.0)
             return Verdict("stop", True, 0.0, 0.0, trouble, 0.0, *zones)

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import inverse, moved
-from observer.guard.outline import Outline, is_spot_turn
+from observer.guard.outline import Outline, is_spot_turn, swept
 from observer.guard.parameters import GuardParameters
 from observer.guard.separation import Approach, Stopping, approach
 from observer.guard.side import WHOLE, Limit, Side
@@ -46,7 +46,7 @@ def limit_of(
     """
     view = fresh_sonar(sonars, now, side.past, p)
     if sight is None:
-        return _limit_by_echo(side, wanted, view, outline, p)
+        return _limit_by_echo(wanted, view, outline, p)
     age = now - sight.received
     then = side.past.then_from_now(np.array([sight.received]))[0]
     near = approach(sight.obstacles, inverse(then), age, wanted, outline, p)
@@ -95,7 +95,7 @@ def _limit_by_ground(
     stopping = Stopping.of(*wanted, p)
     stop_s = stopping.way_s()
     seconds = max(stop_s, p.slow_time_s)
-    points, times, beside, step = side.way(outline, wanted, seconds, p.margin_m)
+    points, times, beside, step = swept(outline, *wanted, seconds, p.margin_m)
     # Beyond where the robot would stand nothing has to be known.
     needed = (times <= stop_s) & ~beside
     free = blocked = np.zeros(len(points), np.bool_)
@@ -124,17 +124,13 @@ def _limit_by_ground(
 
 
 def _limit_by_echo(
-    side: Side,
-    wanted: tuple[float, float],
-    view: SonarView | None,
-    outline: Outline,
-    p: GuardParameters,
+    wanted: tuple[float, float], view: SonarView | None, outline: Outline, p: GuardParameters
 ) -> Limit:
     """Limit a robot without eyes: where nothing echoes it may drive, also without any sonar."""
     if view is None or is_spot_turn(*wanted):
         return Limit(1.0)
     stopping = Stopping.of(*wanted, p)
-    points, times, _, step = side.way(outline, wanted, stopping.way_s(), p.margin_m)
+    points, times, _, step = swept(outline, *wanted, stopping.way_s(), p.margin_m)
     near = _near_echo(points, wanted, view, outline, p)
     if near is not None:
         return Limit(0.0, f"sonar {near} has an echo within {p.sonar_stop_m:.2f} m")

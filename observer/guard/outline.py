@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -82,6 +83,8 @@ class Way(NamedTuple):
     step_s: float
 
 
+# Most ticks of either robot want the same as the one before.
+@lru_cache(maxsize=4)
 def swept(
     outline: Outline, speed_mps: float, turn_rate_radps: float, seconds: float, margin_m: float
 ) -> Way:

@@ -7,11 +7,10 @@ from dataclasses import dataclass, replace
 
 from observer.guard.dead_reckoning import DeadReckoning
 from observer.guard.intruders import SonarWatch
-from observer.guard.outline import Outline, Way, is_spot_turn, swept
+from observer.guard.outline import is_spot_turn
 from observer.guard.parameters import GuardParameters
 from observer.guard.seen_ground import RememberedGround, ScanView
 from observer.guard.sight import Sight
-from observer.guard.zones import Polygon, slow_zone, stop_zone
 
 # A share that differs by less is not worth a word.
 WHOLE = 0.999
@@ -50,8 +49,6 @@ class Side:
         self._calls: deque[tuple[float, float, Limit]] = deque()
         self._heading: tuple[int, int] | None = None
         self._stopped = False
-        self._drawn: tuple[object, tuple[Polygon, Polygon]] | None = None
-        self._way: tuple[object, Way] | None = None
 
     def advance(self, now: float, measured: tuple[float | None, float | None]) -> None:
         """Take in the measured velocity; forget all where the way since is unknown."""
@@ -63,24 +60,6 @@ class Side:
             self.ground.forget()
             self.watch.forget()
             self.release()
-
-    def zones(
-        self, outline: Outline, wanted: tuple[float, float], p: GuardParameters
-    ) -> tuple[Polygon, Polygon]:
-        """Return the stop and the slow zone; most ticks want the same as the one before."""
-        key = (outline, wanted, p)
-        if self._drawn is None or self._drawn[0] != key:
-            self._drawn = key, (stop_zone(outline, wanted, p), slow_zone(outline, wanted, p))
-        return self._drawn[1]
-
-    def way(
-        self, outline: Outline, wanted: tuple[float, float], seconds: float, margin_m: float
-    ) -> Way:
-        """Return the ground to be passed over; most ticks want the same as the one before."""
-        key = (outline, wanted, seconds, margin_m)
-        if self._way is None or self._way[0] != key:
-            self._way = key, swept(outline, *wanted, seconds, margin_m)
-        return self._way[1]
 
     def see(self, sight: Sight) -> None:
         """Take over a frame that was not there at the last tick."""

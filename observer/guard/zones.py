@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
 
@@ -17,11 +18,14 @@ _CIRCLE = 16
 _ALONG = 6
 
 
+# Most ticks of either robot want the same as the one before.
+@lru_cache(maxsize=4)
 def stop_zone(outline: Outline, wanted: tuple[float, float], p: GuardParameters) -> Polygon:
     """Return what must be free for the wanted velocity until the robot stands, with the margin."""
     return _zone(outline, wanted, Stopping.of(*wanted, p).way_s(), p.margin_m)
 
 
+@lru_cache(maxsize=4)
 def slow_zone(outline: Outline, wanted: tuple[float, float], p: GuardParameters) -> Polygon:
     """Return where a thing makes the robot slow down: what it would reach in ``slow_time_s``."""
     way_s = max(p.slow_time_s, Stopping.of(*wanted, p).way_s())

@@ -56,12 +56,7 @@ def round_s(profile: MotionProfile) -> float:
 
 
 def velocity_at(
-    profile: MotionProfile,
-    role: Role,
-    elapsed_s: float,
-    *,
-    repeat: int = 1,
-    reverse: bool = False,
+    profile: MotionProfile, role: Role, elapsed_s: float, *, repeat: int = 1, reverse: bool = False
 ) -> tuple[float, float] | None:
     """Return the velocity that a robot shall drive at ``elapsed_s`` of the profile.
 

@@ -91,9 +91,6 @@ def estimate_drive(
         standing: tilt and roll as known otherwise, mostly from the floor
             (``GroundEstimate.mount``); its height and offset do not matter.
         standing_sigma_rad: of its tilt and roll, one standard deviation.
-
-    Returns:
-        What can be told, or why nothing can.
     """
     stretches = drive_stretches(samples)
     if isinstance(stretches, Refused):
@@ -108,8 +105,9 @@ def estimate_drive(
     straight = [stretch for stretch in stretches if stretch.seen_rad < _STRAIGHT]
     if impossible := _impossible_way(straight):
         return Refused(impossible)
-    fit = _fitted(stretches, standing, standing_sigma_rad)
-    turn_scale = _turn_scale(stretches, fit) if turned >= _LEAST_TURN else None
+    turned_enough = turned >= _LEAST_TURN
+    values, sigmas = _fitted(stretches, standing, standing_sigma_rad)
+    turn_scale = _turn_scale(stretches, values) if turned_enough else None
     if turn_scale and not _POSSIBLE_TURN[0] <= turn_scale.value <= _POSSIBLE_TURN[1]:
         return Refused(
             f"the camera turned by {turn_scale.value:.2f} degrees for each degree that the wheels "
@@ -117,7 +115,6 @@ def estimate_drive(
             f"and positive to the left"
         )
     went_straight = sum(stretch.driven_m for stretch in straight) >= _LEAST_WAY_M
-    turned_enough = turned >= _LEAST_TURN
     # Where ahead is, and with it the offset's direction, only a straight way shows.
     offset_shown = turned_enough and went_straight
     shown = (
@@ -126,7 +123,7 @@ def estimate_drive(
     pan, tilt, roll, forward, left, scale = (
         Estimated(value, sigma) if may and sigma <= useful else None
         for value, sigma, useful, may in zip(
-            fit.values.tolist(), fit.sigmas.tolist(), _USEFUL, shown, strict=True
+            values.tolist(), sigmas.tolist(), _USEFUL, shown, strict=True
         )
     )
     needed = []
@@ -140,14 +137,6 @@ def estimate_drive(
         wheel_scale=scale, turn_scale=turn_scale, way_m=way, turned_rad=turned,
         still_needed=tuple(needed), sentence=_sentence(forward, left, pan, scale, needed),
     )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Attributes: (6,) pan, tilt, roll (rad), forward, left (m), scale, and their sigmas."""
-
-    values: Float64Array
-    sigmas: Float64Array
 
 
 class _Model:
@@ -178,7 +167,8 @@ class _Model:
 
 def _fitted(
     stretches: Sequence[Stretch], standing: CameraMount | None, standing_sigma: float
-) -> _Fit:
+) -> tuple[Float64Array, Float64Array]:
+    """(6,) pan, tilt, roll (rad), forward, left (m), scale, and their standard deviations (6,)."""
     model = _Model(stretches)
     middle = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
     prior_sigma = np.array(_PRIOR_SIGMA)
@@ -199,18 +189,14 @@ def _fitted(
     # Where a robot slips or the camera loses its way, a stretch does not count in full.
     best = least_squares(residuals, start, loss="soft_l1", f_scale=2.0, max_nfev=30)
     for _ in range(2):
-        noise = np.array(
-            [
-                _WAY_SIGMA_M * _factor(model.strayed(best.x) / _WAY_SIGMA_M),
-                _TURN_SIGMA * _factor(model.tipped(best.x) / _TURN_SIGMA),
-            ]
-        )
+        noise[0] = _WAY_SIGMA_M * _factor(model.strayed(best.x) / _WAY_SIGMA_M)
+        noise[1] = _TURN_SIGMA * _factor(model.tipped(best.x) / _TURN_SIGMA)
         best = least_squares(residuals, best.x, loss="soft_l1", f_scale=2.0, max_nfev=30)
     values = np.asarray(best.x, np.float64)
     values[0] = math.remainder(values[0], 2 * math.pi)
     J = np.asarray(best.jac, np.float64)
     variance = _EXCESS**2 * np.diagonal(np.linalg.inv(J.T @ J)) + np.array(_BIAS) ** 2
-    return _Fit(values, np.sqrt(variance))
+    return values, np.sqrt(variance)
 
 
 def _first_pan(stretches: Sequence[Stretch]) -> float:
@@ -236,9 +222,9 @@ def _rotation(angles: Float64Array) -> Float64Array:
     return np.asarray(turns @ level, np.float64)
 
 
-def _turn_scale(stretches: Sequence[Stretch], fit: _Fit) -> Estimated | None:
+def _turn_scale(stretches: Sequence[Stretch], values: Float64Array) -> Estimated | None:
     """Return the turn that the camera saw over what the wheels report, by least squares."""
-    seen = _Model(stretches).turned(fit.values)[:, 2]
+    seen = _Model(stretches).turned(values)[:, 2]
     told = np.array([stretch.wheel_turn for stretch in stretches])
     size = float(told @ told)
     if not size > 0:
@@ -253,9 +239,8 @@ def _turn_scale(stretches: Sequence[Stretch], fit: _Fit) -> Estimated | None:
 def _impossible_way(straight: Sequence[Stretch]) -> str | None:
     told = sum(stretch.driven_m for stretch in straight)
     seen = sum(stretch.seen_m for stretch in straight)
-    if told < _LEAST_WAY_M:
-        return None
-    if _POSSIBLE_SCALE[0] <= seen / told <= _POSSIBLE_SCALE[1]:
+    low, high = _POSSIBLE_SCALE
+    if told < _LEAST_WAY_M or low <= seen / told <= high:
         return None
     return (
         f"the camera saw {seen:.2f} m of a straight way that the wheels report as {told:.2f} m; "

@@ -119,27 +119,28 @@ def drive_stretches(samples: Sequence[DriveSample]) -> list[Stretch] | Refused:
 
 @dataclass(frozen=True, eq=False)
 class _Known:
+    """A sample of which both poses are known."""
+
+    time: float
+    segment: int
     T_world_camera: Pose
     odometry: Odometry
 
 
 def _unbroken(samples: Iterable[DriveSample]) -> Iterator[list[_Known]]:
     run: list[_Known] = []
-    last: DriveSample | None = None
-    for sample in samples:
-        if sample.T_world_camera is None or sample.odometry is None:
+    for one in samples:
+        if one.T_world_camera is None or one.odometry is None:
             continue
-        if last is not None and not _follows(last, sample):
+        known = _Known(one.time, one.segment, one.T_world_camera, one.odometry)
+        if run and not _follows(run[-1], known):
             yield run
             run = []
-        run.append(_Known(sample.T_world_camera, sample.odometry))
-        last = sample
+        run.append(known)
     yield run
 
 
-def _follows(before: DriveSample, now: DriveSample) -> bool:
-    assert before.odometry is not None
-    assert now.odometry is not None
+def _follows(before: _Known, now: _Known) -> bool:
     a, b = before.odometry, now.odometry
     return (
         before.segment == now.segment

@@ -3,12 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-
-import numpy as np
-
-from observer.geometry import Float64Array
 
 
 @dataclass(frozen=True)
@@ -33,15 +28,3 @@ class Refused:
     """
 
     sentence: str
-
-
-def numeric_jacobian(
-    function: Callable[[Float64Array], Float64Array], at: Float64Array, steps: Sequence[float]
-) -> Float64Array:
-    """(M, N) derivative of a function (N,) -> (M,), by central differences of these steps."""
-    columns = []
-    for k, step in enumerate(steps):
-        away = np.zeros(len(at))
-        away[k] = step
-        columns.append((function(at + away) - function(at - away)) / (2 * step))
-    return np.stack(columns, axis=1)

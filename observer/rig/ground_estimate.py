@@ -9,20 +9,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from observer.calibration.uncertainty import numeric_jacobian
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.mount import CameraMount
-from observer.rig.estimates import Estimated, Refused, numeric_jacobian
-from observer.rig.ground_planes import (
-    DisparityPoints,
-    LevelPlane,
-    PlaneLimits,
-    level_planes,
-    stand_of,
-)
+from observer.rig.estimates import Estimated, Refused
+from observer.rig.ground_planes import DisparityPoints, LevelPlane, level_planes, stand_of
 
-# A camera on a robot; beyond these a plane is a wall, a ceiling or another room's floor.
-_LIMITS = PlaneLimits(math.radians(45), math.radians(20), (0.05, 3.0))
+# Noise of disparities, one standard deviation. Of a single one; what a calibration leaves at the
+# image's edge, the same for all points, and rising and falling over the image; and what it leaves
+# in focal length times baseline, as a share.
+_SIGMA_PX, _BIAS_PX, _SCALE = 0.35, 0.2, 0.005
 # Of the points below a plane's horizon; mismatches and reflections in the floor come so far.
 _MOST_BENEATH = 0.15
 # With these shares of another plane's points, a second one competes, or is the other's floor.
@@ -35,22 +32,6 @@ _CELLS = 8
 # What is too uncertain to be of use; metres or share of the height, radians.
 _USELESS_HEIGHT_M, _USELESS_HEIGHT, _USELESS_ANGLE = 0.03, 0.06, math.radians(1.5)
 _LEAST_SHARE_OF_VIEWS = 0.5
-
-
-@dataclass(frozen=True)
-class DisparityNoise:
-    """Noise of disparities.
-
-    Attributes:
-        sigma_px: of a single one, one standard deviation.
-        bias_px: what a calibration leaves at the image's edge, the same for all points, and
-            rising and falling over the image; one standard deviation.
-        scale: what a calibration leaves in focal length times baseline, as a share.
-    """
-
-    sigma_px: float = 0.35
-    bias_px: float = 0.2
-    scale: float = 0.005
 
 
 @dataclass(frozen=True)
@@ -78,9 +59,7 @@ class GroundEstimate:
         return CameraMount(self.height_m.value, self.tilt_rad.value, roll_rad=self.roll_rad.value)
 
 
-def estimate_ground(
-    views: Sequence[ArrayLike], camera: StereoCamera, noise: DisparityNoise | None = None
-) -> GroundEstimate | Refused:
+def estimate_ground(views: Sequence[ArrayLike], camera: StereoCamera) -> GroundEstimate | Refused:
     """Estimate the ground plane below a camera from stereo clouds of one or more frames.
 
     The floor is the largest level plane below the camera that has next to nothing beneath it, or
@@ -96,16 +75,11 @@ def estimate_ground(
         views: for each frame points (N, 3), metres, camera frame, as dense stereo gives them;
             rows with NaN are left out.
         camera: of the very grid of pixels that the clouds were made on.
-        noise: how disparities err.
-
-    Returns:
-        The estimate, or why there is none, and what would help.
     """
-    noise = DisparityNoise() if noise is None else noise
     found: list[_GroundView] = []
     refused: list[str] = []
     for number, view in enumerate(views):
-        one = _ground_of_view(_disparity_points(view, camera, number), camera, noise, number)
+        one = _ground_of_view(_disparity_points(view, camera, number), camera, number)
         if isinstance(one, Refused):
             refused.append(one.sentence)
         else:
@@ -114,7 +88,7 @@ def estimate_ground(
         return Refused("no view of the floor was given; at least one stereo cloud is needed")
     if len(found) < _LEAST_SHARE_OF_VIEWS * len(views):
         return Refused(max(refused, key=refused.count))
-    return _combined(found, len(refused), camera, noise)
+    return _combined(found, len(refused), camera)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,15 +111,14 @@ def _disparity_points(view: ArrayLike, camera: StereoCamera, number: int) -> Dis
 
 
 def _ground_of_view(
-    points: DisparityPoints, camera: StereoCamera, noise: DisparityNoise, number: int
+    points: DisparityPoints, camera: StereoCamera, number: int
 ) -> _GroundView | Refused:
     if len(points) < _FEWEST_POINTS:
         return Refused(
             f"only {len(points)} points have a depth, and {_FEWEST_POINTS} are needed; see that "
             f"both cameras are uncovered, in focus and calibrated"
         )
-    fb = camera.fx * camera.baseline
-    planes = level_planes(points, fb, noise.sigma_px, _LIMITS, number)
+    planes = level_planes(points, camera.fx * camera.baseline, _SIGMA_PX, number)
     if not planes:
         return Refused(
             "no level plane is seen below the camera; turn the robot towards open floor, and "
@@ -217,27 +190,23 @@ def _covariance(points: DisparityPoints, floor: LevelPlane) -> Float64Array:
     return np.asarray(information @ (scores.T @ scores) @ information * excess)
 
 
-def _bias_covariance(camera: StereoCamera, noise: DisparityNoise) -> Float64Array:
-    """(3, 3) of the coefficients, by what the calibration leaves: offset and slopes."""
-    edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
-    return np.diag((noise.bias_px / edge) ** 2)
-
-
 def _combined(
-    found: list[_GroundView], left_out: int, camera: StereoCamera, noise: DisparityNoise
+    found: list[_GroundView], left_out: int, camera: StereoCamera
 ) -> GroundEstimate | Refused:
     fb = camera.fx * camera.baseline
     stands = np.array([stand_of(view.coefficients, fb) for view in found])
     middle = np.median(stands, axis=0)
     spread = 1.4826 * np.median(np.abs(stands - middle), axis=0)
-    bias = _bias_covariance(camera, noise)
+    # Of the coefficients, by what the calibration leaves: offset and slopes.
+    edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
+    bias = np.diag((_BIAS_PX / edge) ** 2)
     variances = []
     for view in found:
-        J = numeric_jacobian(lambda c: stand_of(c, fb), view.coefficients, [1e-3] * 3)
+        J = numeric_jacobian(lambda c: stand_of(c, fb), view.coefficients, np.full(3, 1e-3))
         variances.append(np.diagonal(J @ (view.covariance + bias) @ J.T))
     # Views of one floor share its texture and err alike, so their number improves nothing.
     variance = np.median(variances, axis=0) + spread**2
-    variance[0] += (noise.scale * middle[0]) ** 2
+    variance[0] += (_SCALE * middle[0]) ** 2
     sigma = np.sqrt(variance)
     useless_m = max(_USELESS_HEIGHT_M, _USELESS_HEIGHT * middle[0])
     if sigma[0] > useless_m or sigma[1] > _USELESS_ANGLE or sigma[2] > _USELESS_ANGLE:

@@ -31,6 +31,8 @@ _MOST_CANDIDATES = 5
 _REFINEMENTS = 8
 # Of a robust standard deviation: beyond it a point does not belong to the plane.
 _GATE = 3.0
+# A camera on a robot; beyond these a plane is a wall, a ceiling or another room's floor.
+_MOST_TILT, _MOST_ROLL, _HEIGHT_M = math.radians(45), math.radians(20), (0.05, 3.0)
 # Between planes that are level both.
 PARALLEL = math.radians(4)
 
@@ -52,19 +54,6 @@ class DisparityPoints:
 
     def chosen(self, rows: Mask | NDArray[np.intp]) -> DisparityPoints:
         return DisparityPoints(self.ray[rows], self.disparity[rows])
-
-
-@dataclass(frozen=True)
-class PlaneLimits:
-    """Limits of a ground plane, seen from the camera.
-
-    Attributes:
-        tilt_rad, roll_rad: largest absolute angles. height_m: lowest and highest.
-    """
-
-    tilt_rad: float
-    roll_rad: float
-    height_m: tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +113,7 @@ def stand_of(coefficients: Float64Array, fb: float) -> Float64Array:
 
 
 def level_planes(
-    points: DisparityPoints, fb: float, noise_px: float, limits: PlaneLimits, seed: int
+    points: DisparityPoints, fb: float, noise_px: float, seed: int
 ) -> list[LevelPlane]:
     """The level planes below the camera, largest support first; equal seeds, equal planes.
 
@@ -140,7 +129,7 @@ def level_planes(
         rows = np.flatnonzero(left)
         if len(rows) < fewest:
             break
-        start = _best_hypothesis(points.chosen(rows), fb, noise_px, limits, rng)
+        start = _best_hypothesis(points.chosen(rows), fb, noise_px, rng)
         if start is None:
             break
         plane = _refined(points, start, fb, noise_px)
@@ -149,17 +138,13 @@ def level_planes(
         if np.count_nonzero(taken) < fewest:
             break
         left &= ~taken
-        if _within(stand_of(plane.coefficients, fb)[None], limits)[0]:
+        if _possible(stand_of(plane.coefficients, fb)[None])[0]:
             planes.append(plane)
     return sorted(planes, key=lambda plane: -plane.support)
 
 
 def _best_hypothesis(
-    points: DisparityPoints,
-    fb: float,
-    noise_px: float,
-    limits: PlaneLimits,
-    rng: np.random.Generator,
+    points: DisparityPoints, fb: float, noise_px: float, rng: np.random.Generator
 ) -> Float64Array | None:
     """Return the plane through three points that most points lie on (RANSAC)."""
     triples = rng.integers(0, len(points), (_HYPOTHESES, 3))
@@ -170,7 +155,7 @@ def _best_hypothesis(
     if not usable.any():
         return None
     coefficients = np.linalg.solve(A[usable], d[usable][..., None])[..., 0]
-    coefficients = coefficients[_within(_stands(coefficients, fb), limits)]
+    coefficients = coefficients[_possible(_stands(coefficients, fb))]
     if not len(coefficients):
         return None
     few = points.chosen(rng.permutation(len(points))[:_SCORED])
@@ -194,7 +179,8 @@ def _refined(
         A = points.ray[near] * np.sqrt(weight)[:, None]
         b = points.disparity[near] * np.sqrt(weight)
         coefficients = np.asarray(np.linalg.lstsq(A, b, rcond=None)[0], np.float64)
-        sigma = float(np.clip(_robust_sigma(residual[near]), 0.3 * noise_px, 1.5 * noise_px))
+        robust = 1.4826 * np.median(np.abs(residual[near]))
+        sigma = float(np.clip(robust, 0.3 * noise_px, 1.5 * noise_px))
     members = _near(points, coefficients, _GATE * sigma)
     # Beyond its horizon a plane is not seen, and where it is nearer than stereo searches, what is
     # matched there is wrong.
@@ -218,17 +204,9 @@ def _stands(coefficients: Float64Array, fb: float) -> Float64Array:
     return np.stack([fb / length, np.arctan2(z, np.hypot(x, y)), np.arctan2(x, y)], axis=1)
 
 
-def _within(stands: Float64Array, limits: PlaneLimits) -> Mask:
+def _possible(stands: Float64Array) -> Mask:
+    """(N,) which planes a camera that stands so (N, 3) above them may take for the ground."""
     height, tilt, roll = stands.T
-    low, high = limits.height_m
-    return np.asarray(
-        (height >= low)
-        & (height <= high)
-        & (np.abs(tilt) <= limits.tilt_rad)
-        & (np.abs(roll) <= limits.roll_rad),
-        np.bool_,
-    )
-
-
-def _robust_sigma(residual: Float64Array) -> float:
-    return 1.4826 * float(np.median(np.abs(residual)))
+    low, high = _HEIGHT_M
+    level = (np.abs(tilt) <= _MOST_TILT) & (np.abs(roll) <= _MOST_ROLL)
+    return np.asarray(level & (height >= low) & (height <= high), np.bool_)

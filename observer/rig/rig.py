@@ -151,20 +151,14 @@ class Rig:
                     f"body; millimetres must be divided by 1000"
                 )
         for role, model in self.models.items():
-            if role not in ROLES:
-                raise InputError(
-                    f"models.{str(role)[:40]} is no role; the roles are {' and '.join(ROLES)}"
-                )
+            _check_role("models", role)
             if model not in ROBOT_MODELS:
                 raise InputError(
                     f"models.{role} must be one of {', '.join(ROBOT_MODELS)}, "
                     f"not {str(model)[:40]!r}"
                 )
         for role, port in self.ports.items():
-            if role not in ROLES:
-                raise InputError(
-                    f"ports.{str(role)[:40]} is no role; the roles are {' and '.join(ROLES)}"
-                )
+            _check_role("ports", role)
             if not _PORT.fullmatch(port) or not port.isprintable():
                 raise InputError(
                     f"ports.{role} must be a path or address of up to 200 characters without "
@@ -172,14 +166,18 @@ class Rig:
                 )
         if len(set(self.ports.values())) < len(self.ports):
             raise InputError("ports must name two different ports, one for each robot")
-        object.__setattr__(self, "T_body_base", MappingProxyType(dict(self.T_body_base)))
-        object.__setattr__(self, "models", MappingProxyType(dict(self.models)))
-        object.__setattr__(self, "ports", MappingProxyType(dict(self.ports)))
+        for name in ("T_body_base", "models", "ports"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
 
     @property
     def camera_mount(self) -> CameraMount | None:
         """The mount in radians, for the method; None where height or tilt is unknown."""
         return camera_mount(self.mount.values())
+
+
+def _check_role(key: str, role: str) -> None:
+    if role not in ROLES:
+        raise InputError(f"{key}.{str(role)[:40]} is no role; the roles are {' and '.join(ROLES)}")
 
 
 def camera_mount(values: Mapping[str, RigValue]) -> CameraMount | None:

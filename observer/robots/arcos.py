@@ -46,7 +46,6 @@ class Command(IntEnum):
     BUMPSTALL = 44
     HOSTBAUD = 50
     E_STOP = 55
-    E_STALL = 56
     BATTEST = 250
 
 

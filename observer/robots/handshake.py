@@ -1,4 +1,7 @@
-"""Session set-up with an ARCOS robot, whatever state the last client left it in."""
+"""Session set-up with an ARCOS robot, whatever state the last client left it in.
+
+Everything here also raises what the methods of ``PacketLine`` raise.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +56,6 @@ def shake_hands(line: PacketLine) -> Identity:
 
     Raises:
         NoSession: it answers nothing, or nothing that makes sense.
-        PortLost, Closing: as ``PacketLine.receive``.
     """
     answered = line.wait_for(is_status, _LISTEN_S) is not None
     if answered or line.parser.skipped_bytes:
@@ -97,7 +99,6 @@ def open_session(line: PacketLine) -> None:
 
     Raises:
         NoSession: no status packet comes.
-        PortLost, Closing: as ``PacketLine.receive``.
     """
     for _ in range(_OPEN_TRIES):
         line.send(command(Command.OPEN), *STANDSTILL, MOTORS_OFF, command(Command.PULSE))
@@ -107,11 +108,7 @@ def open_session(line: PacketLine) -> None:
 
 
 def ask_config(line: PacketLine) -> ConfigReply:
-    """Ask the robot for its settings; all None where it does not answer.
-
-    Raises:
-        PortLost, Closing: as ``PacketLine.receive``.
-    """
+    """Ask the robot for its settings; all None where it does not answer."""
     for _ in range(_CONFIG_TRIES):
         line.send(command(Command.CONFIG))
         reply = line.wait_for(lambda payload: payload[0] == CONFIG_REPLY, _CONFIG_S)
@@ -125,7 +122,6 @@ def speed_up(line: PacketLine, baud: int) -> bool:
 
     Raises:
         NoSession: it is silent at the old rate as well.
-        PortLost, Closing: as ``PacketLine.receive``.
     """
     before = line.port.baud
     if before is None or baud not in _HOSTBAUD:

@@ -27,6 +27,10 @@ class PacketLine:
 
     Attributes:
         port, parser: the halves.
+
+    Raises:
+        PortLost: by every method: the port is gone or stuck.
+        Closing: by those that receive: see there.
     """
 
     def __init__(self, port: Port, closing: Callable[[], bool]) -> None:
@@ -35,11 +39,7 @@ class PacketLine:
         self._closing = closing
 
     def receive(self) -> list[bytes]:
-        """Return the payloads that came; wait 50 ms at most.
-
-        Raises:
-            PortLost: the port is gone. Closing: see there.
-        """
+        """Return the payloads that came; wait 50 ms at most."""
         if self._closing():
             raise Closing
         data = self.port.read(_QUIET_S)
@@ -48,11 +48,7 @@ class PacketLine:
         return self.parser.abandon() if self.parser.pending else []
 
     def wait_for(self, wanted: Callable[[bytes], bool], timeout_s: float) -> bytes | None:
-        """Return the first wanted payload and drop the others; None if none comes in time.
-
-        Raises:
-            PortLost, Closing: as ``receive``.
-        """
+        """Return the first wanted payload and drop the others; None if none comes in time."""
         until = time.monotonic() + timeout_s
         while time.monotonic() < until:
             for payload in self.receive():
@@ -61,32 +57,20 @@ class PacketLine:
         return None
 
     def drain(self, quiet_s: float, longest_s: float) -> None:
-        """Throw away what comes until it is quiet.
-
-        Raises:
-            PortLost, Closing: as ``receive``.
-        """
+        """Throw away what comes until it is quiet."""
         until = time.monotonic() + longest_s
         while time.monotonic() < until and self.wait_for(lambda _: True, quiet_s) is not None:
             pass
         self.parser.clear()
 
     def send(self, *commands: bytes) -> None:
-        """Write each by itself, with a pause behind it.
-
-        Raises:
-            PortLost: the port is gone or stuck.
-        """
+        """Write each by itself, with a pause behind it."""
         for each in commands:
             self.port.write(each)
             time.sleep(COMMAND_GAP_S)
 
     def change_baud(self, baud: int) -> None:
-        """Change the baud rate once all that was sent is out.
-
-        Raises:
-            PortLost: as ``Port.change_baud``.
-        """
+        """Change the baud rate once all that was sent is out."""
         # There is no sure sign that a USB adapter has sent; a few commands take 40 ms.
         time.sleep(0.05)
         self.port.change_baud(baud)

@@ -30,7 +30,6 @@ class RobotStatus:
     Attributes:
         raw_x, raw_y: 0 to 0x7FFF in units of the model, and raw_heading, 16 bits with sign: as
             ``WheelOdometry`` takes them.
-        moving: by the packet's type.
         speed_mps, turn_rate_radps: of the wheels.
         battery_v: volts.
         stalled: left and right wheel. front_bumpers, rear_bumpers: as many as are fitted.
@@ -38,14 +37,12 @@ class RobotStatus:
             has no flag for.
         ranges_m: by sonar, of those that are new in this packet; None where nothing echoed.
         sonar_overrun: the count of readings exceeds the packet, none of them was taken.
-        charging: in words. fault_flags: as told. temperature_c: of the electronics.
-        state_of_charge: percent.
+        charging: in words. temperature_c: of the electronics.
     """
 
     raw_x: int
     raw_y: int
     raw_heading: int
-    moving: bool
     speed_mps: float
     turn_rate_radps: float
     battery_v: float | None
@@ -59,9 +56,7 @@ class RobotStatus:
     ranges_m: Mapping[int, float | None] = field(default_factory=dict)
     sonar_overrun: bool = False
     charging: str | None = None
-    fault_flags: int | None = None
     temperature_c: float | None = None
-    state_of_charge: int | None = None
 
 
 def is_status(payload: bytes) -> bool:
@@ -99,7 +94,6 @@ def decode_status(
         raw_x=x & 0x7FFF,
         raw_y=y & 0x7FFF,
         raw_heading=heading,
-        moving=payload[0] == MOVING,
         speed_mps=(left + right) / 2 * spec.speed_mmps / 1000,
         turn_rate_radps=(right - left) / 2 * spec.speed_mmps * spec.wheel_turn
         if turn_rate is None
@@ -115,9 +109,7 @@ def decode_status(
         ranges_m={} if overrun else _ranges(payload[_FIXED.size : end], len(spec.sonars)),
         sonar_overrun=overrun,
         charging=None if charging is None else _CHARGING.get(charging),
-        fault_flags=tail(10, 2),
         temperature_c=None if temperature in (None, _NO_TEMPERATURE) else float(temperature),
-        state_of_charge=tail(15, 1),
     )
 
 

@@ -15,7 +15,8 @@ from app.http.api.refusals import refusals
 from app.http.api.robot_models import ProgrammeStart, ProgrammeText
 from app.server import FieldError, Server
 from app.server.robots.profile_library import KeptProfile
-from observer.motion_profiles import duration_s, profile_text
+from observer.motion_profiles.playing import duration_s
+from observer.motion_profiles.profile_file import profile_text
 
 router = APIRouter(prefix="/programmes", tags=["programmes"])
 

@@ -9,13 +9,9 @@ from pathlib import Path
 from app.server.errors import Conflict, FieldError, NotThere
 from app.server.whole_files import write_whole
 from observer.errors import InputError
-from observer.motion_profiles import (
-    MotionProfile,
-    load_profile,
-    profile_from_text,
-    profile_names,
-    read_profile,
-)
+from observer.motion_profiles.library import load_profile, profile_names, read_profile
+from observer.motion_profiles.profile import MotionProfile
+from observer.motion_profiles.profile_file import profile_from_text
 
 FOLDER_NAME = "programmes"
 _SUFFIX = ".yaml"

@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from observer.calibration.board import Board
-from observer.calibration.views import BoardView
+from observer.calibration.board import Board, BoardView
 from observer.camera import DistortionModel
 from observer.types import Image
 

@@ -18,13 +18,13 @@ from app.workers.calibration.messages import (
     Result,
 )
 from observer.calibration.ageing.row_refinement import RefinementRefusal, refine_from_scene
+from observer.calibration.board import BoardSighting
 from observer.calibration.board_images import BoardPair, find_boards
 from observer.calibration.board_pictures import small_picture
 from observer.calibration.fit import fit_stereo
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.calibration.report import fit_report
 from observer.calibration.verdict import judge
-from observer.calibration.views import BoardSighting
 from observer.errors import CalibrationError
 from observer.image_files.reading import decoded_image
 

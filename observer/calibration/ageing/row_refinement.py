@@ -87,9 +87,6 @@ def refine_from_scene(
         pairs: left and right images as taken, of the calibration's size, (H, W) grey or
             (H, W, 3) BGR; best from different places, with texture all over the image.
 
-    Returns:
-        The refinement, or why there is none.
-
     Raises:
         CalibrationError: the calibration cannot be rectified or is for images of another size.
     """
@@ -134,8 +131,9 @@ def refine_from_scene(
             f"the matches tell pitch to {pitch_px:.2f} px and roll to {roll_px:.2f} px only, "
             f"{_MAX_STD_PX:g} px are needed: show the cameras a still scene with more texture"
         )
-    before, before_p95 = _distances(errors(np.zeros(2)))
-    after, after_p95 = _distances(errors(turn))
+    # Median and 95th percentile of the distances.
+    before, before_p95 = np.quantile(np.abs(errors(np.zeros(2))), [0.5, 0.95]).tolist()
+    after, after_p95 = np.quantile(np.abs(errors(turn)), [0.5, 0.95]).tolist()
     if after >= before or not (np.abs(turn) > 2 * std).any():
         return RefinementRefusal(
             f"the rows agree to {before:.2f} px (median of {len(left_px)} matches), and no turn "
@@ -197,14 +195,8 @@ def _tracked(
 
 def _turned_rows(camera: StereoCamera, px: Float64Array, turn: Float64Array) -> Float64Array:
     """Rows (N,) of the pixels (N, 2) after turning the camera by pitch and roll."""
-    rays = np.stack(
-        [
-            (px[:, 0] - camera.cx) / camera.fx,
-            (px[:, 1] - camera.cy) / camera.fy,
-            np.ones(len(px)),
-        ],
-        axis=1,
-    )
+    level = (px - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
+    rays = np.column_stack([level, np.ones(len(px))])
     turned = rays @ _turn(turn).T
     return np.asarray(turned[:, 1] / turned[:, 2] * camera.fy + camera.cy, dtype=np.float64)
 
@@ -228,9 +220,8 @@ def _deviations(
     """
     step = 1e-6
     rows = _turned_rows(camera, right_px, turn)
-    J = np.stack(
-        [(_turned_rows(camera, right_px, turn + step * axis) - rows) / step for axis in np.eye(2)],
-        axis=1,
+    J = np.column_stack(
+        [(_turned_rows(camera, right_px, turn + step * axis) - rows) / step for axis in np.eye(2)]
     )
     # The slope of soft_l1, by which the fit weighs each match.
     weight = 1 / np.sqrt(1 + (errors / _SOFT_PX) ** 2)
@@ -256,9 +247,3 @@ def _cells(camera: StereoCamera, px: Float64Array) -> NDArray[np.intp]:
 def _coverage(camera: StereoCamera, px: Float64Array) -> float:
     counts = np.bincount(_cells(camera, px), minlength=_CELLS[0] * _CELLS[1])
     return float(np.mean(counts >= _MIN_IN_CELL))
-
-
-def _distances(errors: Float64Array) -> tuple[float, float]:
-    """Median and 95th percentile of the absolute errors, pixels."""
-    median, p95 = np.quantile(np.abs(errors), [0.5, 0.95])
-    return float(median), float(p95)

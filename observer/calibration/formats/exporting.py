@@ -10,7 +10,7 @@ from observer.calibration.formats.opencv_file import calibration_text
 from observer.calibration.formats.understanding import NamedFile
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, Pose
 from observer.vision.rectification import Rectification
 
 ExportKind = Literal["opencv", "ros", "kalibr"]
@@ -25,7 +25,6 @@ def export_calibration(
     """The calibration as files of another tool; ``read_any`` reads them back.
 
     Args:
-        calibration: what to write.
         kind: ``opencv``: one FileStorage YAML. ``ros``: two camera_info files, rectified as we
             rectify. ``kalibr``: one camchain.
         name: what the calibration is called; becomes part of the files' names.
@@ -47,29 +46,26 @@ def _file(name: str, text: str) -> NamedFile:
 
 
 def _camera_infos(calibration: StereoCalibration) -> tuple[str, str]:
-    rectification = Rectification(calibration)
+    c, rectification = calibration, Rectification(calibration)
     camera = rectification.camera
-    P1 = np.zeros((3, 4))
-    P1[:, :3] = camera.K
+    P1 = np.column_stack([camera.K, np.zeros(3)])
     P2 = P1.copy()
     P2[0, 3] = -camera.fx * camera.baseline
     return (
-        _camera_info(calibration, "left", rectification.R_rectified_left, P1),
-        _camera_info(calibration, "right", rectification.R_rectified_right, P2),
+        _camera_info(c, "left", c.K1, c.D1, "D1", rectification.R_rectified_left, P1),
+        _camera_info(c, "right", c.K2, c.D2, "D2", rectification.R_rectified_right, P2),
     )
 
 
 def _camera_info(
     calibration: StereoCalibration,
-    side: Literal["left", "right"],
+    side: str,
+    K: Float64Array,
+    D: Float64Array,
+    key: str,
     R: Float64Array,
     P: Float64Array,
 ) -> str:
-    K, D, key = (
-        (calibration.K1, calibration.D1, "D1")
-        if side == "left"
-        else (calibration.K2, calibration.D2, "D2")
-    )
     if calibration.distortion_model == "equidistant":
         model = "equidistant"
     else:
@@ -102,9 +98,7 @@ def _matrix(key: str, matrix: Float64Array) -> list[str]:
 
 
 def _camchain(calibration: StereoCalibration) -> str:
-    T_right_left = np.eye(4)
-    T_right_left[:3, :3] = calibration.R
-    T_right_left[:3, 3] = calibration.T
+    T_right_left = Pose(calibration.R, calibration.T).matrix
     lines = [*_chain_link(calibration, "cam0", calibration.K1, calibration.D1, "D1")]
     lines += _chain_link(calibration, "cam1", calibration.K2, calibration.D2, "D2")
     lines.append("  T_cn_cnm1:")

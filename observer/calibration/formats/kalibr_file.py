@@ -6,23 +6,15 @@ this camera's, metres; intrinsics are fx, fy, cx, cy.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated
 
 import numpy as np
 from pydantic import Field, PlainValidator, ValidationInfo
 
 from observer.calibration.formats.numbers import PinholeCamera, Transformation, shaped
-from observer.calibration.formats.understanding import Draft, check_alike
-from observer.camera import DistortionModel
+from observer.calibration.formats.understanding import Draft, DraftCamera, check_alike
 from observer.geometry import Float64Array
 from observer.text_files import FileModel, PlainData, one_of, validated
-
-_DISTORTION_MODELS: Mapping[str, DistortionModel] = {
-    "radtan": "radtan",
-    "none": "radtan",
-    "equidistant": "equidistant",
-}
 
 
 def _coefficients(value: PlainData, info: ValidationInfo) -> Float64Array:
@@ -45,7 +37,7 @@ class _Camera(PinholeCamera):
     distortion_model: Annotated[
         str,
         one_of(
-            {model: model for model in _DISTORTION_MODELS},
+            {model: model for model in ("radtan", "none", "equidistant")},
             "is {given}, which is not supported; it must be radtan or equidistant",
         ),
     ]
@@ -53,9 +45,15 @@ class _Camera(PinholeCamera):
         default=[], validate_default=True
     )
 
-    @property
-    def model(self) -> DistortionModel:
-        return _DISTORTION_MODELS[self.distortion_model]
+    def drafted(self, key: str) -> DraftCamera:
+        return DraftCamera(
+            self.resolution,
+            self.K,
+            self.distortion_coeffs,
+            "equidistant" if self.distortion_model == "equidistant" else "radtan",
+            f"{key}.intrinsics",
+            f"{key}.distortion_coeffs",
+        )
 
 
 class _SecondCamera(_Camera):
@@ -72,50 +70,28 @@ class _Chain(FileModel):
 
 
 def kalibr_draft(name: str, data: dict[str, PlainData]) -> Draft:
-    """The calibration of ``cam0`` and ``cam1``; ``T_cn_cnm1`` tells which of them is left.
-
-    Raises:
-        InputError: one sentence naming the file, the key and the reason.
-    """
+    """The calibration of ``cam0`` and ``cam1``; ``T_cn_cnm1`` tells which of them is left."""
     chain = validated(_Chain, data, name)
-    cam0, cam1 = chain.cam0, chain.cam1
+    left, right = chain.cam0.drafted("cam0"), chain.cam1.drafted("cam1")
     check_alike(
-        cam0,
-        cam1,
-        name=name,
-        size="cam1.resolution",
-        model="cam1.distortion_model",
-        other="cam0's",
+        left, right, name, size="cam1.resolution", model="cam1.distortion_model", other="cam0's"
     )
     notes = []
-    left: _Camera = cam0
-    right: _Camera = cam1
-    T_right_left = cam1.T_cn_cnm1
+    T_right_left = chain.cam1.T_cn_cnm1
     if T_right_left.inverse().translation[0] < 0:
-        left, right, T_right_left = cam1, cam0, T_right_left.inverse()
+        left, right, T_right_left = right, left, T_right_left.inverse()
         notes.append("cam1 stands to the left of cam0 (T_cn_cnm1): cam1 is taken as left")
     further = [key for key in data if key.startswith("cam") and key not in ("cam0", "cam1")]
     if further:
         notes.append(f"of the cameras of this file cam0 and cam1 are used, not {further[0][:20]}")
-    left_key, right_key = ("cam0", "cam1") if left is cam0 else ("cam1", "cam0")
     return Draft(
-        source=name,
-        format="Kalibr camchain",
-        size=left.size,
-        K1=left.K,
-        D1=left.distortion_coeffs,
-        K2=right.K,
-        D2=right.distortion_coeffs,
-        R=T_right_left.rotation,
-        T=T_right_left.translation,
-        distortion_model=left.model,
-        keys={
-            "K1": f"{left_key}.intrinsics",
-            "D1": f"{left_key}.distortion_coeffs",
-            "K2": f"{right_key}.intrinsics",
-            "D2": f"{right_key}.distortion_coeffs",
-            "R": "cam1.T_cn_cnm1",
-            "T": "cam1.T_cn_cnm1",
-        },
+        name,
+        "Kalibr camchain",
+        left,
+        right,
+        T_right_left.rotation,
+        T_right_left.translation,
+        R_key="cam1.T_cn_cnm1",
+        T_key="cam1.T_cn_cnm1",
         notes=tuple(notes),
     )

@@ -18,6 +18,7 @@ from observer.calibration.formats.understanding import (
     Cameras,
     Choice,
     Draft,
+    DraftCamera,
     Size,
     Wanted,
     size_words,
@@ -38,9 +39,6 @@ def read_kitti_odometry(path: Path, left: int, width: int, height: int) -> Stere
         path: ``calib.txt`` with P0 to P3.
         left: 0 (grey) or 2 (colour).
         width, height: the images' size, which the file does not tell.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
     """
     file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.rectified(f"P{left}", f"P{left + 1}", (width, height)).calibration()
@@ -52,28 +50,20 @@ def read_kitti_raw(path: Path, left: int, width: int, height: int) -> StereoCali
 
     Images of size ``S`` are unrectified (K, D, R, T); those of size ``S_rect``, as in the
     ``_sync`` downloads, are rectified already (P_rect).
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
     """
     file = _KittiFile(path.name, read_text(path, CALIBRATION))
     return file.of_raw(left, (width, height)).calibration()
 
 
 def kitti_odometry_draft(name: str, text: str, wanted: Wanted) -> Draft:
-    """The calibration of an odometry ``calib.txt``.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
-    """
+    """The calibration of an odometry ``calib.txt``."""
     file = _KittiFile(name, text)
-    cameras, notes, choices = file.cameras(wanted.cameras, "P{}")
+    left, notes, choices = file.cameras(wanted.cameras, "P{}")
     if wanted.size is None:
         raise CalibrationError(
             f"{name}: a calib.txt of KITTI odometry does not tell the size of its images; give it "
             f"(image_width and image_height, 1241x376 in sequence 00)"
         )
-    left = _LEFT_CAMERA[cameras]
     notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
     draft = file.rectified(f"P{left}", f"P{left + 1}", wanted.size)
     return replace(
@@ -89,14 +79,11 @@ def kitti_raw_draft(name: str, text: str, wanted: Wanted) -> Draft:
     """The calibration of a raw ``calib_cam_to_cam.txt``.
 
     Without a wanted size it is that of the images before rectification.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
     """
     file = _KittiFile(name, text)
-    cameras, notes, choices = file.cameras(wanted.cameras, "S_0{}")
-    left = _LEFT_CAMERA[cameras]
-    sizes = [file.size(f"{key}_{left:02d}") for key in ("S", "S_rect") if file.has(key, left)]
+    left, notes, choices = file.cameras(wanted.cameras, "S_0{}")
+    keys = f"S_{left:02d}", f"S_rect_{left:02d}"
+    sizes = [file.size(key) for key in keys if key in file.texts]
     size = wanted.size or sizes[0]
     if len(sizes) > 1:
         choices.append(Choice("size", tuple(map(size_words, sizes)), size_words(size)))
@@ -110,32 +97,27 @@ class _KittiFile:
     def __init__(self, name: str, text: str) -> None:
         self._name = name
         entries = (line.partition(":") for line in text.splitlines())
-        self._texts = {key.strip(): value for key, colon, value in entries if colon}
-
-    def has(self, key: str, camera: int) -> bool:
-        return f"{key}_{camera:02d}" in self._texts
+        self.texts = {key.strip(): value for key, colon, value in entries if colon}
 
     def numbers(self, key: str, *shape: int) -> Float64Array:
         count = math.prod(shape)
-        flat = at_key(self._texts, key, lambda text: shaped(text, count), self._name)
+        flat = at_key(self.texts, key, lambda text: shaped(text, count), self._name)
         return flat.reshape(shape)
 
     def size(self, key: str) -> Size:
-        return at_key(self._texts, key, image_size, self._name)
+        return at_key(self.texts, key, image_size, self._name)
 
-    def cameras(self, wanted: Cameras | None, key: str) -> tuple[Cameras, list[str], list[Choice]]:
-        """Return the pair to take, by the numbers of the cameras that the file knows."""
+    def cameras(self, wanted: Cameras | None, key: str) -> tuple[int, list[str], list[Choice]]:
+        """Return the left camera of the pair to take, of those that the file knows."""
         there: list[Cameras] = [
             pair
             for pair, left in _LEFT_CAMERA.items()
-            if key.format(left) in self._texts and key.format(left + 1) in self._texts
+            if key.format(left) in self.texts and key.format(left + 1) in self.texts
         ]
         taken: Cameras = wanted or (there[0] if there else "grey")
         left = _LEFT_CAMERA[taken]
-        notes = [f"cameras {left} and {left + 1} ({taken}) are used"]
-        if len(there) < 2:
-            return taken, notes, []
-        return taken, notes, [Choice("cameras", tuple(there), taken)]
+        choices = [Choice("cameras", tuple(there), taken)] if len(there) > 1 else []
+        return left, [f"cameras {left} and {left + 1} ({taken}) are used"], choices
 
     def of_raw(self, left: int, size: Size) -> Draft:
         a, b = f"{left:02d}", f"{left + 1:02d}"
@@ -159,16 +141,12 @@ class _KittiFile:
         # P[3] is f times the way from camera 0, and cameras 2 and 3 both stand beside it.
         baseline = (P_left[0, 3] - P_right[0, 3]) / P_left[0, 0]
         return Draft(
-            source=self._name,
-            format="KITTI raw calib_cam_to_cam.txt",
-            size=size,
-            K1=P_left[:, :3],
-            D1=np.zeros(5),
-            K2=P_left[:, :3],
-            D2=np.zeros(5),
-            R=np.eye(3),
-            T=np.array([-baseline, 0.0, 0.0]),
-            keys={"K1": left, "K2": right},
+            self._name,
+            "KITTI raw calib_cam_to_cam.txt",
+            DraftCamera(size, P_left[:, :3], np.zeros(5), K_key=left),
+            DraftCamera(size, P_left[:, :3], np.zeros(5), K_key=right),
+            np.eye(3),
+            np.array([-baseline, 0.0, 0.0]),
             derived={"T": f"{left} and {right}"},
             notes=(f"the images are rectified already: baseline from {left} and {right}",),
         )
@@ -177,17 +155,23 @@ class _KittiFile:
         R_a, R_b = (self.numbers(f"R_{c}", 3, 3) for c in (a, b))
         # R_x and T_x map camera 0's coordinates into camera x.
         R = R_b @ R_a.T
+        left, right = (
+            DraftCamera(
+                size,
+                self.numbers(f"K_{c}", 3, 3),
+                self.numbers(f"D_{c}", 5),
+                K_key=f"K_{c}",
+                D_key=f"D_{c}",
+            )
+            for c in (a, b)
+        )
         return Draft(
-            source=self._name,
-            format="KITTI raw calib_cam_to_cam.txt",
-            size=size,
-            K1=self.numbers(f"K_{a}", 3, 3),
-            D1=self.numbers(f"D_{a}", 5),
-            K2=self.numbers(f"K_{b}", 3, 3),
-            D2=self.numbers(f"D_{b}", 5),
-            R=R,
-            T=self.numbers(f"T_{b}", 3) - R @ self.numbers(f"T_{a}", 3),
-            keys={"K1": f"K_{a}", "D1": f"D_{a}", "K2": f"K_{b}", "D2": f"D_{b}"},
+            self._name,
+            "KITTI raw calib_cam_to_cam.txt",
+            left,
+            right,
+            R,
+            self.numbers(f"T_{b}", 3) - R @ self.numbers(f"T_{a}", 3),
             derived={"R": f"R_{a} and R_{b}", "T": f"T_{a} and T_{b}"},
             notes=("for the images before rectification (S, K, D, R and T)",),
         )

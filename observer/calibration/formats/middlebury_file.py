@@ -6,25 +6,19 @@ matrices cam0 and cam1 say as well.
 
 from __future__ import annotations
 
-import re
 from typing import Annotated
 
 import numpy as np
 from pydantic import PlainValidator
 
 from observer.calibration.formats.numbers import WholeNumber, array, finite_numbers
-from observer.calibration.formats.understanding import Draft
+from observer.calibration.formats.understanding import Draft, DraftCamera
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 from observer.text_files import FileModel, PlainData, validated
 
 # The files give three decimals.
 _DOFFS_TOLERANCE_PX = 0.01
-
-
-def is_middlebury(text: str) -> bool:
-    """Return whether a text has a line ``cam0=[``."""
-    return re.search(r"^\s*cam0\s*=\s*\[", text, re.MULTILINE) is not None
 
 
 def _camera_matrix(value: PlainData) -> Float64Array:
@@ -49,17 +43,12 @@ class _Calibration(FileModel):
 
 
 def middlebury_draft(name: str, text: str) -> Draft:
-    """The calibration of a ``calib.txt``.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
-    """
+    """The calibration of a ``calib.txt``."""
     entries = (line.partition("=") for line in text.splitlines())
     data = {key.strip(): value for key, equal, value in entries if equal}
     read = validated(_Calibration, data, name)
-    K1, K2, baseline = read.cam0, read.cam1, float(read.baseline[0])
     notes = ["the images are rectified already"]
-    apart = K2[0, 2] - K1[0, 2]
+    apart = read.cam1[0, 2] - read.cam0[0, 2]
     if read.doffs is not None:
         doffs = float(read.doffs[0])
         if abs(doffs - apart) > _DOFFS_TOLERANCE_PX:
@@ -69,17 +58,15 @@ def middlebury_draft(name: str, text: str) -> Draft:
             )
     if apart:
         notes.append(f"the principal points are {apart:g} px apart (doffs), which is evened out")
+    size = read.width, read.height
     return Draft(
-        source=name,
-        format="Middlebury calib.txt",
-        size=(read.width, read.height),
-        K1=K1,
-        D1=np.zeros(5),
-        K2=K2,
-        D2=np.zeros(5),
-        R=np.eye(3),
-        T=np.array([-baseline, 0.0, 0.0]),
+        name,
+        "Middlebury calib.txt",
+        DraftCamera(size, read.cam0, np.zeros(5), K_key="cam0"),
+        DraftCamera(size, read.cam1, np.zeros(5), K_key="cam1"),
+        np.eye(3),
+        np.array([-float(read.baseline[0]), 0.0, 0.0]),
         unit="mm",
-        keys={"K1": "cam0", "K2": "cam1", "T": "baseline"},
+        T_key="baseline",
         notes=tuple(notes),
     )

@@ -115,10 +115,6 @@ class PinholeCamera(FileModel):
     resolution: ImageSize
 
     @property
-    def size(self) -> tuple[int, int]:
-        return self.resolution
-
-    @property
     def K(self) -> Float64Array:
         fx, fy, cx, cy = self.intrinsics
         return np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]])

@@ -20,10 +20,11 @@ from observer.calibration.formats.numbers import (
 )
 from observer.calibration.formats.plain_data import (
     CALIBRATION,
+    NamedData,
     calibration_errors,
     parse_plain_data,
 )
-from observer.calibration.formats.understanding import Draft, Size, Wanted, size_words
+from observer.calibration.formats.understanding import Draft, DraftCamera, Size, Wanted, size_words
 from observer.camera import DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, rotation_matrix
@@ -71,8 +72,7 @@ class _Stereo(FileModel):
     """A calibration by our own names; ``R`` may be a rotation vector."""
 
     distortion_model: Annotated[
-        DistortionModel,
-        one_of(_DISTORTION_MODELS, "must be radtan or equidistant, not {given}"),
+        DistortionModel, one_of(_DISTORTION_MODELS, "must be radtan or equidistant, not {given}")
     ] = "radtan"
     image_width: WholeNumber | None = None
     image_height: WholeNumber | None = None
@@ -111,27 +111,19 @@ def read_calibration(text: str, *, name: str) -> StereoCalibration:
     ``distortion_model: equidistant`` where the lenses are fisheye lenses.
 
     Args:
-        text: the whole file.
-        name: what it is called in messages, mostly the file's name.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
+        name: what the text is called in messages, mostly the file's name.
     """
     # In an XML of FileStorage the root is <opencv_storage>, and its children are the keys.
     return opencv_draft([(name, parse_plain_data(text, name=name))], Wanted()).calibration()
 
 
-def opencv_draft(files: Sequence[tuple[str, dict[str, PlainData]]], wanted: Wanted) -> Draft:
+def opencv_draft(files: Sequence[NamedData], wanted: Wanted) -> Draft:
     """The calibration of one file, or of several that together hold all keys.
 
     OpenCV's sample stereo_calib, for one, writes ``intrinsics.yml`` and ``extrinsics.yml``.
 
     Args:
-        files: name and top-level mapping of each file.
         wanted: ``size`` is taken where no file tells the size of the images.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
     """
     name, data = _merged(files)
     found = {key: next((n for n in names if n in data), "") for key, names in _KEYS.items()}
@@ -158,19 +150,18 @@ def opencv_draft(files: Sequence[tuple[str, dict[str, PlainData]]], wanted: Want
         notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
     if read.R.ndim == 1:
         notes.append(f"{found['R']} holds three numbers, taken as a rotation vector")
+    used = size or wanted.size or (0, 0)
+    model: DistortionModel = "equidistant" if fisheye else read.distortion_model
     return Draft(
-        source=name,
-        format="OpenCV FileStorage" + (" in two files" if len(files) > 1 else ""),
-        size=size or wanted.size or (0, 0),
-        K1=read.K1,
-        D1=read.D1,
-        K2=read.K2,
-        D2=read.D2,
-        R=rotation_matrix(read.R) if read.R.ndim == 1 else read.R,
-        T=read.T,
-        distortion_model="equidistant" if fisheye else read.distortion_model,
+        name,
+        "OpenCV FileStorage" + (" in two files" if len(files) > 1 else ""),
+        DraftCamera(used, read.K1, read.D1, model, found["K1"], found["D1"]),
+        DraftCamera(used, read.K2, read.D2, model, found["K2"], found["D2"]),
+        rotation_matrix(read.R) if read.R.ndim == 1 else read.R,
+        read.T,
         size_was_told=size is None,
-        keys=found,
+        R_key=found["R"],
+        T_key=found["T"],
         notes=tuple(notes),
     )
 
@@ -197,9 +188,7 @@ def calibration_text(calibration: StereoCalibration) -> str:
         lines.append(f"{_MODEL_KEY}: {calibration.distortion_model}")
     for key in _KEYS:
         values: Float64Array = getattr(calibration, key)
-        matrix = values if values.ndim == 2 else values.reshape(-1, 1)
-        if key in ("D1", "D2"):
-            matrix = matrix.reshape(1, -1)
+        matrix = values[None] if key in ("D1", "D2") else values.reshape(3, -1)
         numbers = ", ".join(repr(float(value)) for value in matrix.ravel())
         lines += [
             f"{key}: !!opencv-matrix",
@@ -224,9 +213,7 @@ def _missing_sentence(missing: list[str]) -> str:
     return f"{names} {verb} missing; {hint}"
 
 
-def _merged(
-    files: Sequence[tuple[str, dict[str, PlainData]]],
-) -> tuple[str, dict[str, PlainData]]:
+def _merged(files: Sequence[NamedData]) -> NamedData:
     """Return what to call all files together in messages, and all their keys."""
     merged: dict[str, PlainData] = {}
     whose: dict[str, str] = {}

@@ -10,9 +10,13 @@ import re
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TypeAlias
 
 from observer.errors import CalibrationError, InputError
 from observer.text_files import MAX_BYTES, MAX_DEPTH, PlainData, checked_text, parse_text
+
+# Name of a file, and the top-level mapping that it holds.
+NamedData: TypeAlias = tuple[str, dict[str, PlainData]]
 
 CALIBRATION = "a calibration"
 _FORM = "YAML, XML or JSON as OpenCV's FileStorage writes it"

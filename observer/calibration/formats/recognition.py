@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -14,10 +14,11 @@ from observer.calibration.formats.euroc_file import euroc_draft
 from observer.calibration.formats.kalibr_file import kalibr_draft
 from observer.calibration.formats.kitti_file import kitti_odometry_draft, kitti_raw_draft
 from observer.calibration.formats.matlab_file import is_matlab, matlab_draft
-from observer.calibration.formats.middlebury_file import is_middlebury, middlebury_draft
+from observer.calibration.formats.middlebury_file import middlebury_draft
 from observer.calibration.formats.opencv_file import is_opencv, opencv_draft
 from observer.calibration.formats.plain_data import (
     CALIBRATION,
+    NamedData,
     calibration_errors,
     parse_plain_data,
 )
@@ -32,7 +33,7 @@ from observer.calibration.formats.understanding import (
     Wanted,
     understood,
 )
-from observer.calibration.formats.zed_file import is_zed, zed_draft
+from observer.calibration.formats.zed_file import zed_draft
 from observer.errors import CalibrationError
 from observer.text_files import PlainData, check_length, decoded, read_bytes
 
@@ -57,8 +58,13 @@ _UNDERSTOOD = (
 # intrinsics.yml and extrinsics.yml, or one file for each camera.
 _MOST_FILES = 2
 _CHAIN = ("cam0", "cam1")
-_KITTI_RAW = re.compile(r"^(S|K|D|R|T|S_rect|R_rect|P_rect)_0[0-3]:[ \t]*[-+.\d]", re.MULTILINE)
-_KITTI_ODOMETRY = re.compile(r"^P[0-3]:[ \t]*[-+.\d]", re.MULTILINE)
+# Texts that are no YAML, XML or JSON, by a line that each has.
+_LINES: Mapping[_Kind, str] = {
+    "zed": r"(?i)^\s*\[\s*(LEFT|RIGHT)_CAM_\w+\s*\]",
+    "middlebury": r"^\s*cam0\s*=\s*\[",
+    "kitti raw": r"^(S|K|D|R|T|S_rect|R_rect|P_rect)_0[0-3]:[ \t]*[-+.\d]",
+    "kitti odometry": r"^P[0-3]:[ \t]*[-+.\d]",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,8 +77,19 @@ class _Recognised:
     data: dict[str, PlainData] | None = None
 
     @property
-    def mapping(self) -> tuple[str, dict[str, PlainData]]:
+    def mapping(self) -> NamedData:
         return self.file.name, self.data or {}
+
+
+# The readers of what one file holds for both cameras.
+_OF_ONE_FILE: Mapping[_Kind, Callable[[_Recognised, Wanted], Draft]] = {
+    "kalibr": lambda one, _: kalibr_draft(*one.mapping),
+    "matlab": lambda one, wanted: matlab_draft(one.file.name, one.file.content, wanted),
+    "middlebury": lambda one, _: middlebury_draft(one.file.name, one.text),
+    "zed": lambda one, wanted: zed_draft(one.file.name, one.text, wanted),
+    "kitti raw": lambda one, wanted: kitti_raw_draft(one.file.name, one.text, wanted),
+    "kitti odometry": lambda one, wanted: kitti_odometry_draft(one.file.name, one.text, wanted),
+}
 
 
 @calibration_errors()
@@ -164,18 +181,7 @@ def _draft(files: list[_Recognised], wanted: Wanted) -> Draft:
             f"{first.file.name}: {_WORDS[kind]} is one file for both cameras, but "
             f"{len(files)} were given; bring one"
         )
-    name, text = first.file.name, first.text
-    if kind == "kalibr":
-        return kalibr_draft(*first.mapping)
-    if kind == "matlab":
-        return matlab_draft(name, first.file.content, wanted)
-    if kind == "middlebury":
-        return middlebury_draft(name, text)
-    if kind == "zed":
-        return zed_draft(name, text, wanted)
-    if kind == "kitti raw":
-        return kitti_raw_draft(name, text, wanted)
-    return kitti_odometry_draft(name, text, wanted)
+    return _OF_ONE_FILE[kind](first, wanted)
 
 
 def _recognised(file: NamedFile) -> _Recognised:
@@ -186,14 +192,8 @@ def _recognised(file: NamedFile) -> _Recognised:
     if content.startswith(b"PK\x03\x04"):
         raise CalibrationError(f"{name}: this is a ZIP archive; unpack it and bring its files")
     text = decoded(content, name=name)
-    kinds: tuple[tuple[_Kind, bool], ...] = (
-        ("zed", is_zed(text)),
-        ("middlebury", is_middlebury(text)),
-        ("kitti raw", _KITTI_RAW.search(text) is not None),
-        ("kitti odometry", _KITTI_ODOMETRY.search(text) is not None),
-    )
-    for kind, is_kind in kinds:
-        if is_kind:
+    for kind, line in _LINES.items():
+        if re.search(line, text, re.MULTILINE):
             return _Recognised(file, kind, text=text)
     data = parse_plain_data(text, name=name)
     return _Recognised(file, _kind_of_mapping(name, data), data=data)

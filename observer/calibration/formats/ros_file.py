@@ -6,20 +6,20 @@ cameras is not written down; it follows from both rectifications and the baselin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Any
 
 import numpy as np
 from pydantic import AfterValidator
 
 from observer.calibration.formats.numbers import RowOrColumn, WholeNumber, array
-from observer.calibration.formats.understanding import Draft, Size, check_alike
+from observer.calibration.formats.plain_data import NamedData
+from observer.calibration.formats.understanding import Draft, DraftCamera, check_alike
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array, is_rotation
-from observer.text_files import FileModel, PlainData, one_of, validated
+from observer.text_files import FileModel, one_of, validated
 
-_DISTORTION_MODELS: Mapping[str, DistortionModel] = {
+_DISTORTION_MODELS: dict[str, DistortionModel] = {
     "plumb_bob": "radtan",
     "rational_polynomial": "radtan",
     # Drivers of cameras that rectify by themselves leave it out.
@@ -55,8 +55,7 @@ class _Camera(FileModel):
     distortion_model: Annotated[
         DistortionModel,
         one_of(
-            _DISTORTION_MODELS,
-            "must be plumb_bob, rational_polynomial or equidistant, not {given}",
+            _DISTORTION_MODELS, "must be plumb_bob, rational_polynomial or equidistant, not {given}"
         ),
     ] = "radtan"
     camera_matrix: Annotated[Float64Array, array(3, 3), AfterValidator(_calibrated)]
@@ -65,13 +64,15 @@ class _Camera(FileModel):
     distortion_coefficients: RowOrColumn
     camera_name: Any = ""
 
-    @property
-    def size(self) -> Size:
-        return self.image_width, self.image_height
-
-    @property
-    def model(self) -> DistortionModel:
-        return self.distortion_model
+    def drafted(self, whose: str) -> DraftCamera:
+        return DraftCamera(
+            (self.image_width, self.image_height),
+            self.camera_matrix,
+            self.distortion_coefficients,
+            self.distortion_model,
+            f"camera_matrix{whose}",
+            f"distortion_coefficients{whose}",
+        )
 
     @property
     def offset(self) -> float:
@@ -81,17 +82,8 @@ class _Camera(FileModel):
         return side in f"{self.name} {self.camera_name}".lower()
 
 
-def ros_draft(
-    first: tuple[str, dict[str, PlainData]], second: tuple[str, dict[str, PlainData]]
-) -> Draft:
-    """The calibration of two ``camera_info`` files; the baseline in P tells which one is right.
-
-    Args:
-        first, second: name and top-level mapping of each file.
-
-    Raises:
-        CalibrationError: one sentence naming the file, the key and the reason.
-    """
+def ros_draft(first: NamedData, second: NamedData) -> Draft:
+    """The calibration of two ``camera_info`` files; the baseline in P tells which one is right."""
     a, b = (validated(_Camera, data | {"name": name}, name) for name, data in (first, second))
     left, right = (a, b) if b.offset <= a.offset else (b, a)
     if left.offset == right.offset:
@@ -99,14 +91,8 @@ def ros_draft(
             f"{right.name}: projection_matrix has the same offset P[3] in both files, so there "
             f"is no baseline; calibrate the two cameras together as a stereo pair"
         )
-    check_alike(
-        left,
-        right,
-        name=right.name,
-        size="image_width x image_height",
-        model="distortion_model",
-        other="the left camera's",
-    )
+    cameras = left.drafted(" of the left camera"), right.drafted("")
+    check_alike(*cameras, right.name, size="image_width x image_height")
     notes = [
         f"{left.name} is the left camera (projection_matrix)",
         "rotation and baseline follow from rectification_matrix and projection_matrix",
@@ -117,22 +103,11 @@ def ros_draft(
     # R_right X_right = R_left X_left - (baseline, 0, 0).
     baseline = left.offset - right.offset
     return Draft(
-        source=right.name,
-        format="ROS camera_info of two cameras",
-        size=left.size,
-        K1=left.camera_matrix,
-        D1=left.distortion_coefficients,
-        K2=right.camera_matrix,
-        D2=right.distortion_coefficients,
-        R=right.rectification_matrix.T @ left.rectification_matrix,
-        T=right.rectification_matrix.T @ np.array([-baseline, 0.0, 0.0]),
-        distortion_model=left.model,
-        keys={
-            "K1": "camera_matrix of the left camera",
-            "D1": "distortion_coefficients of the left camera",
-            "K2": "camera_matrix",
-            "D2": "distortion_coefficients",
-        },
+        right.name,
+        "ROS camera_info of two cameras",
+        *cameras,
+        right.rectification_matrix.T @ left.rectification_matrix,
+        right.rectification_matrix.T @ np.array([-baseline, 0.0, 0.0]),
         derived={
             "R": "rectification_matrix of both cameras",
             "T": "rectification_matrix and projection_matrix of both cameras",

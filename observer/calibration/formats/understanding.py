@@ -11,16 +11,11 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
-from typing import Literal, Protocol
+from typing import Literal
 
 import numpy as np
 
-from observer.camera import (
-    MAX_BASELINE_M,
-    MIN_BASELINE_M,
-    DistortionModel,
-    StereoCalibration,
-)
+from observer.camera import MAX_BASELINE_M, MIN_BASELINE_M, DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
@@ -95,30 +90,37 @@ class UnderstoodCalibration:
     choices: tuple[Choice, ...] = ()
 
 
-class FileCamera(Protocol):
-    """One camera of a pair, as its file or section tells it.
+@dataclass(frozen=True, eq=False)
+class DraftCamera:
+    """One camera of a pair, as a reader took it from its file or section.
 
     Attributes:
-        size: width and height, pixels. model: as in ``StereoCalibration``.
+        size: width and height, pixels. K, D, model: as in ``StereoCalibration``.
+        K_key, D_key: how the file calls K and D; empty where it does not.
     """
 
-    @property
-    def size(self) -> Size: ...
-    @property
-    def model(self) -> DistortionModel: ...
+    size: Size
+    K: Float64Array
+    D: Float64Array
+    model: DistortionModel = "radtan"
+    K_key: str = ""
+    D_key: str = ""
 
 
 def check_alike(
-    first: FileCamera, second: FileCamera, *, name: str, size: str, model: str, other: str
+    first: DraftCamera,
+    second: DraftCamera,
+    name: str,
+    *,
+    size: str = "resolution",
+    model: str = "distortion_model",
+    other: str = "the left camera's",
 ) -> None:
     """Check that two cameras have images of one size and lenses of one model.
 
     Args:
         name: the file of ``second``. size, model: how its keys are called there. other: how the
-            sentence calls those of ``first``, as in ``the left camera's``.
-
-    Raises:
-        CalibrationError: naming file, key and both values.
+            sentence calls those of ``first``.
     """
     if first.size != second.size:
         raise CalibrationError(
@@ -139,13 +141,11 @@ class Draft:
     Attributes:
         source: what messages begin with: the file's name.
         format: what kind of file it is, in words.
-        size: width and height, pixels.
-        K1, D1, K2, D2, R: as in ``StereoCalibration``.
-        T: (3,) as in ``StereoCalibration``, but in ``unit``.
+        left, right: the cameras; size and model are those of the left one.
+        R: as in ``StereoCalibration``. T: (3,) the same, but in ``unit``.
         unit: what T is in unless the person says otherwise.
-        distortion_model: as in ``StereoCalibration``.
         size_was_told: whether the size is not the file's own but was given by the person.
-        keys: how the file calls K1, D1, K2, D2, R or T, where it does not call them so.
+        R_key, T_key: how the file calls R and T.
         derived: what R or T was computed from, where the file has no such key.
         notes: what the reader decided.
         choices: what the file left open.
@@ -153,28 +153,21 @@ class Draft:
 
     source: str
     format: str
-    size: Size
-    K1: Float64Array
-    D1: Float64Array
-    K2: Float64Array
-    D2: Float64Array
+    left: DraftCamera
+    right: DraftCamera
     R: Float64Array
     T: Float64Array
     unit: Unit = "m"
-    distortion_model: DistortionModel = "radtan"
     size_was_told: bool = False
-    keys: Mapping[str, str] = field(default_factory=dict)
+    R_key: str = "R"
+    T_key: str = "T"
     derived: Mapping[str, str] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     choices: tuple[Choice, ...] = ()
 
     def calibration(self, unit: Unit | None = None) -> StereoCalibration:
-        """The calibration, T in metres.
-
-        Raises:
-            CalibrationError: naming file, key and reason.
-        """
-        used = unit or self.unit
+        """The calibration, T in metres."""
+        used, left, right = unit or self.unit, self.left, self.right
         length = float(np.linalg.norm(self.T))
         if used != "m" and length and not _is_plausible(length * _METRES[used]):
             hint = "; in metres it would fit" if _is_plausible(length) else ""
@@ -186,15 +179,9 @@ class Draft:
                 )
             )
         try:
+            T = self.T * _METRES[used]
             return StereoCalibration(
-                *self.size,
-                self.K1,
-                self.D1,
-                self.K2,
-                self.D2,
-                self.R,
-                self.T * _METRES[used],
-                distortion_model=self.distortion_model,
+                *left.size, left.K, left.D, right.K, right.D, self.R, T, left.model
             )
         except CalibrationError as error:
             raise CalibrationError(self.told(str(error))) from None
@@ -206,7 +193,13 @@ class Draft:
             return f"{self.source}: {sentence}"
         key = found[0]
         origin = f"; {key} follows from {self.derived[key]}" if key in self.derived else ""
-        return f"{self.source}: {self.keys.get(key, key)}{sentence[found.end() :]}{origin}"
+        return f"{self.source}: {self.own_key(key)}{sentence[found.end() :]}{origin}"
+
+    def own_key(self, key: str) -> str:
+        """Return how the file calls K1, D1, K2, D2, R or T."""
+        left, right = self.left, self.right
+        lenses = {"K1": left.K_key, "D1": left.D_key, "K2": right.K_key, "D2": right.D_key}
+        return (lenses | {"R": self.R_key, "T": self.T_key})[key] or key
 
 
 def understood(
@@ -215,12 +208,8 @@ def understood(
     """The draft, checked as a whole, with the notes of what was made of it.
 
     Args:
-        draft: what a reader took from the files.
         unit: what lengths are in, where the person knows better than the format.
         expected_size: width and height that the camera's images have.
-
-    Raises:
-        CalibrationError: naming file, key and reason.
     """
     notes = list(draft.notes)
     calibration = draft.calibration(unit)
@@ -229,20 +218,20 @@ def understood(
     calibration = _without_skew(calibration)
     if draft.size_was_told:
         _check_central(draft, calibration)
-    if expected_size is not None and draft.size != expected_size:
+    size = draft.left.size
+    if expected_size is not None and size != expected_size:
         raise CalibrationError(
-            f"{draft.source}: the calibration is for images of {size_words(draft.size)} pixels, "
+            f"{draft.source}: the calibration is for images of {size_words(size)} pixels, "
             f"but the camera's are {size_words(expected_size)}; calibrate at the camera's size, or "
-            f"set the camera to {size_words(draft.size)}"
+            f"set the camera to {size_words(size)}"
         )
     try:
         calibration.check_side_by_side()
     except CalibrationError as error:
         raise CalibrationError(draft.told(str(error))) from None
     used = unit or draft.unit
-    key = draft.keys.get("T", "T")
     verb = "read in" if used == "m" else "converted from"
-    notes.append(f"{key} {verb} {_UNIT_WORDS[used]}: baseline {calibration.baseline:.5g} m")
+    notes.append(f"{draft.T_key} {verb} {_UNIT_WORDS[used]}: baseline {calibration.baseline:.5g} m")
     return UnderstoodCalibration(calibration, draft.format, tuple(notes), draft.choices)
 
 
@@ -257,7 +246,7 @@ def _is_plausible(baseline_m: float) -> bool:
 
 def _check_camera_matrix(draft: Draft, key: str, K: Float64Array) -> list[str]:
     """Notes on a camera matrix; refused is what is none, or needs what rectification lacks."""
-    name = draft.keys.get(key, key)
+    name = draft.own_key(key)
     if K[2, 0] or K[2, 1] or K[1, 0]:
         transposed = not K[0, 2] and not K[1, 2]
         hint = "it is transposed" if transposed else "is this a camera matrix?"
@@ -266,7 +255,7 @@ def _check_camera_matrix(draft: Draft, key: str, K: Float64Array) -> list[str]:
         )
     if not K[0, 1]:
         return []
-    shift = abs(K[0, 1]) / K[1, 1] * max(K[1, 2], draft.size[1] - K[1, 2])
+    shift = abs(K[0, 1]) / K[1, 1] * max(K[1, 2], draft.left.size[1] - K[1, 2])
     if shift > _MAX_SKEW_PX:
         raise CalibrationError(
             f"{draft.source}: {name} has a skew of {K[0, 1]:.4g}, which moves pixels by up to "
@@ -286,11 +275,11 @@ def _without_skew(calibration: StereoCalibration) -> StereoCalibration:
 def _check_central(draft: Draft, calibration: StereoCalibration) -> None:
     for key in ("K1", "K2"):
         centre = getattr(calibration, key)[:2, 2]
-        part = centre / np.array(draft.size)
+        part = centre / draft.left.size
         if (part < _CENTRAL[0]).any() or (part > _CENTRAL[1]).any():
             raise CalibrationError(
-                f"{draft.source}: {draft.keys.get(key, key)} has its principal point at "
+                f"{draft.source}: {draft.own_key(key)} has its principal point at "
                 f"({centre[0]:.5g}, {centre[1]:.5g}), which is far from the middle of "
-                f"{size_words(draft.size)} images; give the size of the images that were "
+                f"{size_words(draft.left.size)} images; give the size of the images that were "
                 f"calibrated with"
             )

@@ -107,8 +107,6 @@ class ExternalClient:
         self._sequence = 0
         # Reason why the connection is over; None while it stands.
         self._over: str | None = None
-        # Smallest (arrival - time of saying): in this bucket, and in the one before.
-        self._least = self._least_before = math.inf
         self._forget("not connected")
 
     def connect(self) -> None:
@@ -230,6 +228,7 @@ class ExternalClient:
             # A permit ran out: until a stop is heard, nothing that moves is taken.
             self._lapsed = False
             self._expires_s = _EXPIRES_S
+            # Smallest (arrival - time of saying): in this bucket, and in the one before.
             self._least = self._least_before = math.inf
             self._bucket = -math.inf
 

@@ -36,6 +36,15 @@ _CHUNK = 16 * 1024
 _SEND_BUFFER = 4096
 
 
+@dataclass(frozen=True)
+class ExternalPort:
+    """Address to listen at, and the key that a robot must give; None if it needs none."""
+
+    host: str
+    port: int
+    key: str | None
+
+
 @dataclass(eq=False)
 class _Connection:
     """One accepted connection."""
@@ -52,21 +61,19 @@ class ExternalLink:
     """Listens, and sends permits every 50 ms and at once on a change.
 
     Args:
-        host, port: where to listen. key: the robot must give it; None: none is needed.
+        port: where to listen.
         watch, lock: what is known and permitted, and what guards it.
         clock: the host's monotonic clock.
     """
 
     def __init__(
         self,
-        host: str,
-        port: int,
-        key: str | None,
+        port: ExternalPort,
         watch: ExternalWatch,
         lock: threading.Lock,
         clock: Callable[[], float],
     ) -> None:
-        self._host, self._port, self._key = host, port, key
+        self._host, self._port, self._key = port.host, port.port, port.key
         self._watch, self._lock, self._clock = watch, lock, clock
         self._closing = threading.Event()
         self._strangers: list[_Connection] = []
@@ -79,7 +86,7 @@ class ExternalLink:
         for each in (self._woken, self._waker):
             each.setblocking(False)
         self._selector.register(self._woken, selectors.EVENT_READ)
-        self._thread = threading.Thread(target=self._run, name=f"external {port}", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=f"external {port.port}", daemon=True)
         self._thread.start()
 
     def wake(self) -> None:

@@ -9,7 +9,8 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
+from functools import partial
 from typing import Any, Literal, cast
 
 from observer.errors import DynamicObserverError
@@ -111,10 +112,7 @@ def permit_line(permit: Permit, sequence: int, now: float, expires_s: float) -> 
             "type": "permit",
             "sequence": sequence,
             "time": round(now, 6),
-            "speed_mps": permit.speed_mps,
-            "turn_rate_radps": permit.turn_rate_radps,
-            "stop": permit.stop,
-            "reason": permit.reason,
+            **asdict(permit),
             "expires_ms": round(1000 * expires_s),
         }
     )
@@ -177,7 +175,7 @@ def parse_odometry(line: bytes) -> OdometryMessage:
         BadMessage: it is no odometry of this protocol.
     """
     data = _object(line, "odometry")
-    what = "odometry"
+    number = partial(_number, data, what="odometry")
     wanted = data.get("wanted")
     if wanted is not None and not isinstance(wanted, dict):
         raise BadMessage("odometry: wanted must be an object with speed_mps and turn_rate_radps")
@@ -186,12 +184,12 @@ def parse_odometry(line: bytes) -> OdometryMessage:
         raise BadMessage("odometry: enabled must be true or false")
     return OdometryMessage(
         sequence=_count(data, "sequence"),
-        time=_number(data, "time", math.inf, what),
-        x=_number(data, "x", _FAR_M, what),
-        y=_number(data, "y", _FAR_M, what),
-        yaw=_number(data, "yaw", _FAR_M, what),
-        speed_mps=_number(data, "speed_mps", _FAST_MPS, what),
-        turn_rate_radps=_number(data, "turn_rate_radps", _FAST_RADPS, what),
+        time=number("time", math.inf),
+        x=number("x", _FAR_M),
+        y=number("y", _FAR_M),
+        yaw=number("yaw", _FAR_M),
+        speed_mps=number("speed_mps", _FAST_MPS),
+        turn_rate_radps=number("turn_rate_radps", _FAST_RADPS),
         enabled=enabled,
         permit=_count(data, "permit"),
         wanted=None
@@ -200,10 +198,8 @@ def parse_odometry(line: bytes) -> OdometryMessage:
             _number(wanted, "speed_mps", _FAST_MPS, "odometry: wanted"),
             _number(wanted, "turn_rate_radps", _FAST_RADPS, "odometry: wanted"),
         ),
-        battery_v=None
-        if data.get("battery_v") is None
-        else _number(data, "battery_v", 1000.0, what),
-        fault=None if data.get("fault") is None else _text(data, "fault", what),
+        battery_v=None if data.get("battery_v") is None else number("battery_v", 1000.0),
+        fault=None if data.get("fault") is None else _text(data, "fault", "odometry"),
     )
 
 

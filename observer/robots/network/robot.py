@@ -12,27 +12,17 @@ import re
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from observer.errors import InputError
 from observer.robots.contract import RobotReport, Sent
 from observer.robots.models import robot_spec
-from observer.robots.network.link import EXPIRES_S, ExternalLink
+from observer.robots.network.link import EXPIRES_S, ExternalLink, ExternalPort
 from observer.robots.network.watch import ExternalWatch
 from observer.robots.ports import EXTERNAL, shown_port
 
 _ADDRESS = re.compile(r"(\[(?P<six>[0-9A-Fa-f:.]+)\]|(?P<name>[A-Za-z0-9_.-]+)):(?P<port>\d{1,5})")
 _KEY = re.compile(r"[A-Za-z0-9_-]{16,128}")
 _CLOSE_WITHIN_S = 2.0
-
-
-@dataclass(frozen=True)
-class ExternalPort:
-    """Address to listen at, and the key that a robot must give; None if it needs none."""
-
-    host: str
-    port: int
-    key: str | None
 
 
 def parse_external(text: str) -> ExternalPort:
@@ -61,33 +51,25 @@ def parse_external(text: str) -> ExternalPort:
     return ExternalPort(host, port, key)
 
 
-def open_external(
-    spec: str, model: str | None = None, *, clock: Callable[[], float] = time.monotonic
-) -> ExternalRobot:
-    """The robot that will connect to ``external:HOST:PORT``; listens from now on.
+class ExternalRobot:
+    """Implements ``observer.robots.contract.Robot``; listens from its construction on.
 
     Args:
+        port: ``external:HOST:PORT``, to which the robot will connect.
         model: of ``observer.robots.models``, whose limits then hold besides the robot's own.
 
     Raises:
         InputError: the text is not of this form, or there is no such model.
     """
-    return ExternalRobot(parse_external(spec), model, clock)
-
-
-class ExternalRobot:
-    """Implements ``observer.robots.contract.Robot``; see the module."""
 
     def __init__(
-        self,
-        port: ExternalPort,
-        model: str | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        self, port: str, model: str | None = None, *, clock: Callable[[], float] = time.monotonic
     ) -> None:
+        where = parse_external(port)
         self._clock = clock
         self._lock = threading.Lock()
         self._watch = ExternalWatch(None if model is None else robot_spec(model))
-        self._link = ExternalLink(port.host, port.port, port.key, self._watch, self._lock, clock)
+        self._link = ExternalLink(where, self._watch, self._lock, clock)
 
     def report(self) -> RobotReport:
         """Return the robot's present state; callable from any thread."""
@@ -107,15 +89,7 @@ class ExternalRobot:
         self._link.wake()
 
     def drive(self, speed_mps: float, turn_rate_radps: float) -> Sent:
-        """Permit this velocity until the next one, for ``SETPOINT_FRESH_S`` at most.
-
-        Args:
-            speed_mps, turn_rate_radps: finite; anything else is taken for zero.
-
-        Returns:
-            What it is clamped to; zero while it has a fault, is not connected or its motors are
-            off.
-        """
+        """Permit a velocity, as ``Robot.drive`` says."""
         now = self._clock()
         with self._lock:
             speed, turn_rate = self._watch.drive(speed_mps, turn_rate_radps, now)

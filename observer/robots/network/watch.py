@@ -20,6 +20,9 @@ _ENABLE_WITHIN_S = 1.0
 # More permits than are sent until they count as not confirmed.
 _MOST_UNCONFIRMED = 100
 _ZERO = (0.0, 0.0)
+# Fields of a report that are those of the robot's hello, and of its newest odometry.
+_OF_HELLO = ("name", "radius_m", "width_m", "length_m")
+_OF_ODOMETRY = ("speed_mps", "turn_rate_radps", "battery_v")
 
 
 class ExternalWatch:
@@ -67,7 +70,7 @@ class ExternalWatch:
         self._permit_times.clear()
         self._place.begin_anew()
         self._delay = _Delay()
-        self._switch_off()
+        self.disable()
 
     def said(self, message: OdometryMessage, now: float) -> None:
         """Take odometry; old or repeated messages count as bad and change nothing."""
@@ -115,7 +118,7 @@ class ExternalWatch:
 
     def closed(self) -> None:
         """Take the end of listening."""
-        self._switch_off()
+        self.disable()
         self.phase, self.trouble = RobotPhase.CLOSED, None
 
     def silent(self, now: float) -> bool:
@@ -134,11 +137,13 @@ class ExternalWatch:
 
     def disable(self) -> None:
         """Command zero velocity and motors off."""
-        self._switch_off()
+        self._enabled_at = self._enabled_by = None
+        self._seen_enabled = self._halted = False
+        self._setpoint, self._reason, self._setpoint_at = _ZERO, None, -math.inf
 
     def stop(self) -> None:
         """Do as ``disable``; the reason differs."""
-        self._switch_off()
+        self.disable()
         self._halted = True
 
     def drive(self, speed_mps: float, turn_rate_radps: float, now: float) -> tuple[float, float]:
@@ -215,21 +220,16 @@ class ExternalWatch:
             trouble=self.trouble,
             fault=self._fault,
             received=None if said is None else self._heard,
-            name=None if hello is None else hello.name,
             model=None if self._spec is None else self._spec.model,
             odometry=self._place.odometry,
-            speed_mps=None if said is None else said.speed_mps,
-            turn_rate_radps=None if said is None else said.turn_rate_radps,
             motors_enabled=None if said is None else said.enabled,
-            battery_v=None if said is None else said.battery_v,
             watchdog_s=watchdog_s,
             limits=self.limits,
             sent=self.sent,
             wanted=self._wanted,
-            radius_m=None if hello is None else hello.radius_m,
-            width_m=None if hello is None else hello.width_m,
-            length_m=None if hello is None else hello.length_m,
             counters=dict(self._counters),
+            **{name: getattr(hello, name) for name in _OF_HELLO if hello},
+            **{name: getattr(said, name) for name in _OF_ODOMETRY if said},
         )
 
     @property
@@ -254,12 +254,7 @@ class ExternalWatch:
     def _fail(self, sentence: str) -> None:
         # The first reason counts; what follows is mostly its consequence.
         self._fault = self._fault or sentence
-        self._switch_off()
-
-    def _switch_off(self) -> None:
-        self._enabled_at = self._enabled_by = None
-        self._seen_enabled = self._halted = False
-        self._setpoint, self._reason, self._setpoint_at = _ZERO, None, -math.inf
+        self.disable()
 
 
 class _Place:

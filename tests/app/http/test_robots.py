@@ -22,7 +22,7 @@ from app.contract.drive import (
     TakeLease,
 )
 from app.contract.robots import RobotsNow
-from observer.motion_profiles import profile_names
+from observer.motion_profiles.library import profile_names
 from observer.rig.rig_file import read_rig
 from observer.robots.contract import RobotPort
 

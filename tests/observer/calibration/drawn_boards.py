@@ -5,9 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting
 from observer.calibration.detection import charuco_board
-from observer.calibration.views import BoardSighting
 
 SIZE = (640, 480)
 BLACK, WHITE, WALL = 40.0, 200.0, 120.0

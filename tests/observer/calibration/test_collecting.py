@@ -2,9 +2,8 @@ import cv2
 import numpy as np
 import pytest
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting
 from observer.calibration.collecting import Look, ViewCollector
-from observer.calibration.views import BoardSighting
 from observer.errors import CalibrationError
 
 from .drawn_boards import SIZE, camera_matrix, seen_by
@@ -67,7 +66,7 @@ def hold(
 def test_a_new_pose_is_captured_when_it_was_still_for_a_while() -> None:
     collector = ViewCollector(BOARD, SIZE)
     looks = hold(collector, Rig(), MIDDLE, 10.0)
-    captured = [k for k, look in enumerate(looks) if look.captured]
+    captured = [k for k, look in enumerate(looks) if look.view]
     assert captured == [3]
     assert looks[0].words == "Hold it still"
     assert looks[0].still is None
@@ -76,7 +75,7 @@ def test_a_new_pose_is_captured_when_it_was_still_for_a_while() -> None:
     assert looks[4].words.startswith("Seen already: ")
     assert [view.name for view in collector.views] == ["1"]
     view = collector.views[0]
-    assert len(view.common) == BOARD.corner_count
+    assert len(view.left.common_px(view.right)[0]) == BOARD.corner_count
 
 
 def test_a_moving_board_is_not_captured() -> None:
@@ -84,7 +83,7 @@ def test_a_moving_board_is_not_captured() -> None:
     # 8 cm a second at 0.6 m: 67 pixels a second.
     for k in range(20):
         look = collector.look(*rig.see(FACING, np.add(MIDDLE, (0.008 * k - 0.08, 0, 0))), 0.1 * k)
-        assert not look.captured
+        assert not look.view
     assert look.still is False
     assert look.words == "Hold it still"
 
@@ -99,7 +98,7 @@ def test_slow_motion_matters_where_both_images_are_not_taken_at_once() -> None:
             )
             for k in range(8)
         ]
-        assert any(look.captured for look in looks) is taken
+        assert any(look.view for look in looks) is taken
 
 
 def test_what_is_not_seen_is_said_by_camera() -> None:
@@ -120,8 +119,8 @@ def test_a_moment_without_detection_does_not_start_stillness_anew() -> None:
     for k in range(3):
         collector.look(*rig.see(FACING, MIDDLE), 0.1 * k)
     collector.look(None, None, 0.25)
-    assert collector.look(*rig.see(FACING, MIDDLE), 0.35).captured
-    assert not collector.look(None, None, 5.0).captured
+    assert collector.look(*rig.see(FACING, MIDDLE), 0.35).view
+    assert not collector.look(None, None, 5.0).view
 
 
 def test_the_first_pose_wanted_is_in_the_middle() -> None:
@@ -155,11 +154,11 @@ def test_what_was_taken_back_is_not_taken_again_before_it_moved() -> None:
     assert taken is not None
     assert taken.name == "1"
     looks = hold(collector, rig, MIDDLE, 0.6)
-    assert not any(look.captured for look in looks)
+    assert not any(look.view for look in looks)
     assert looks[-1].words == "Taken back: move it before the next view"
     assert max(looks[-1].coverage.bars.values()) == 0
     there = hold(collector, rig, np.add(MIDDLE, (0.12, 0.1, 0.1)), 2.0)
-    assert any(look.captured for look in there)
+    assert any(look.view for look in there)
     assert ViewCollector(BOARD, SIZE).undo() is None
 
 
@@ -183,7 +182,7 @@ def test_after_a_crash_it_goes_on_with_the_views_it_had() -> None:
     assert again.views == collector.views
     assert again.coverage.bars == pytest.approx(collector.coverage.bars, abs=0.05)
     looks = hold(again, rig, MIDDLE, 0.0)
-    assert not any(look.captured for look in looks)
+    assert not any(look.view for look in looks)
     assert looks[-1].words.startswith("Seen already")
 
 
@@ -224,7 +223,7 @@ def test_whoever_follows_the_outline_fills_all_bars(
         for _ in range(7):
             time += 0.1
             look = collector.look(*rig.see(turn, place), time)
-            if look.captured:
+            if look.view:
                 break
     assert look.ghost is None
     assert look.coverage.complete

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting
 from observer.calibration.coverage import (
     PairMeasures,
     ViewMeasures,
@@ -9,7 +9,6 @@ from observer.calibration.coverage import (
     is_new,
     measure_view,
 )
-from observer.calibration.views import BoardSighting
 
 BOARD = Board()
 SIZE = (640, 480)

@@ -4,14 +4,13 @@ import cv2
 import numpy as np
 import pytest
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting
 from observer.calibration.detection import (
     detect_board,
     same_numbering,
     size_shown,
     turns_alike,
 )
-from observer.calibration.views import BoardSighting
 from observer.types import Image
 
 from .drawn_boards import SIZE, board_to_image, draw

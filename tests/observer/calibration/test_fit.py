@@ -10,11 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from observer.calibration.board import BoardSighting, BoardView
 from observer.calibration.fit import fit_stereo
 from observer.calibration.held_out import vertical_errors
 from observer.calibration.stereo_fit import StereoFit
 from observer.calibration.uncertainty import depth_change, view_angles_deg
-from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 

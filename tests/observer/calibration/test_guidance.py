@@ -2,10 +2,9 @@ import cv2
 import numpy as np
 import pytest
 
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting
 from observer.calibration.coverage import PairMeasures, ViewMeasures
 from observer.calibration.guidance import Guide, SeenPose, WantedPose
-from observer.calibration.views import BoardSighting
 
 from .drawn_boards import SIZE, camera_matrix
 

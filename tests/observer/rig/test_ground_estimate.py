@@ -13,8 +13,9 @@ from observer.camera import StereoCamera, as_gray
 from observer.geometry import Float64Array
 from observer.mount import CameraMount
 from observer.parameters import StereoParameters
+from observer.rig import ground_estimate
 from observer.rig.estimates import Refused
-from observer.rig.ground_estimate import DisparityNoise, GroundEstimate, estimate_ground
+from observer.rig.ground_estimate import GroundEstimate, estimate_ground
 from observer.rig.ground_views import ground_points
 from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import Scenario, load_scenario
@@ -172,13 +173,14 @@ def test_views_that_differ_widen_the_uncertainty_and_are_refused_in_the_end() ->
     assert "the views differ" in refused(nodding(5))
 
 
-def test_a_bias_of_the_calibration_is_within_what_is_said() -> None:
+def test_a_bias_of_the_calibration_is_within_what_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     mount = CameraMount(0.4, math.radians(5))
     for bias in (-0.3, 0.3):
         estimate = found(estimate_ground([cloud(mount, bias=bias)], CAMERA))
         assert abs(estimate.tilt_rad.value - mount.tilt_rad) < 2 * estimate.tilt_rad.sigma
         assert abs(estimate.height_m.value - mount.height_m) < 2 * estimate.height_m.sigma
-    careful = found(estimate_ground([cloud(mount)], CAMERA, DisparityNoise(bias_px=1.0)))
+    monkeypatch.setattr(ground_estimate, "_BIAS_PX", 1.0)
+    careful = found(estimate_ground([cloud(mount)], CAMERA))
     assert careful.tilt_rad.sigma > 2 * estimate.tilt_rad.sigma
 
 

@@ -13,7 +13,7 @@ import pytest
 
 from observer.robots import handshake, pioneer
 from observer.robots.contract import RobotPhase, RobotReport
-from observer.robots.network.robot import ExternalRobot, open_external
+from observer.robots.network.robot import ExternalRobot
 from observer.robots.pioneer import Pioneer
 from observer.simulation.robots.emulated import EmulatedRobot
 from observer.simulation.robots.serving import Serving, serve_pty, serve_tcp
@@ -184,7 +184,7 @@ def until() -> Callable[..., RobotReport]:
 @pytest.fixture
 def robot(free_port: int) -> Iterator[ExternalRobot]:
     """A robot of one's own as we see it: nobody has connected yet."""
-    robot = open_external(f"external:127.0.0.1:{free_port}")
+    robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
     until_it_holds(lambda: robot.report().phase is RobotPhase.WAITING)
     yield robot
     robot.close()

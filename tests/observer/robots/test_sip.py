@@ -57,9 +57,7 @@ def test_the_manual_packet() -> None:
     # The word is fefe: all bumper bits are set and none is fitted.
     assert status.front_bumpers == status.rear_bumpers == ()
     assert status.ranges_m == {4: None, 7: None}
-    assert not status.moving
-    assert status.charging is status.temperature_c is status.fault_flags is None
-    assert status.state_of_charge is None
+    assert status.charging is status.temperature_c is None
 
 
 def test_fitted_bumpers_are_told_and_others_are_masked() -> None:
@@ -72,7 +70,6 @@ def test_fitted_bumpers_are_told_and_others_are_masked() -> None:
 
 def test_speeds_and_their_factors() -> None:
     plain = decode_status(sip(left=200, right=300, kind=0x33), P3DX)
-    assert plain.moving
     assert plain.speed_mps == pytest.approx(0.25)
     assert plain.turn_rate_radps == pytest.approx(50 * 0.0056)
     amigo = decode_status(sip(left=-100, right=-100), AMIGO)
@@ -85,9 +82,7 @@ def test_the_whole_tail() -> None:
     assert status.battery_v == 12.6
     assert status.charging == "bulk"
     assert status.turn_rate_radps == pytest.approx(math.radians(-15))
-    assert status.fault_flags == 3
     assert status.temperature_c == 31.0
-    assert status.state_of_charge == 77
 
 
 @pytest.mark.parametrize("length", range(17))
@@ -97,7 +92,6 @@ def test_a_tail_may_end_anywhere(length: int) -> None:
     assert status.charging == ("bulk" if length >= 8 else None)
     assert status.turn_rate_radps == pytest.approx(math.radians(-15) if length >= 10 else 0.056)
     assert status.temperature_c == (31.0 if length >= 15 else None)
-    assert status.state_of_charge == (77 if length >= 16 else None)
 
 
 def test_what_is_unknown_is_none() -> None:

@@ -10,8 +10,7 @@ from app.contract.commands import BeginCalibration, ChangeCalibration
 from app.runtime.jobs import Progress
 from app.server import Server
 from app.workers.calibration.messages import BoardsFound, Fitted, FitViews
-from observer.calibration.board import Board
-from observer.calibration.views import BoardView
+from observer.calibration.board import Board, BoardView
 
 from ..servers import until
 

@@ -14,8 +14,7 @@ from app.engine.supervisor import EngineRefused
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage
-from observer.calibration.board import Board
-from observer.calibration.views import BoardSighting, BoardView
+from observer.calibration.board import Board, BoardSighting, BoardView
 
 from ...peer_engine import sighting_of
 from ..servers import begin, opens, started, until

@@ -30,9 +30,8 @@ from app.workers.calibration.messages import (
 )
 from app.workers.calibration.process import work
 from app.workers.calibration.work import do_job
-from observer.calibration.board import Board
+from observer.calibration.board import Board, BoardSighting, BoardView
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
-from observer.calibration.views import BoardSighting, BoardView
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 

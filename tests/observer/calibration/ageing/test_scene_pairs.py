@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from observer.calibration.ageing.scene_pairs import ScenePairs
+from observer.calibration.ageing.watch import ScenePairs
 
 
 def grey(value: int, width: int = 40) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 from observer.robots.contract import Explained, RobotPhase
 from observer.robots.network import link as external_link
 from observer.robots.network.client import ExternalClient, ExternalClientError
-from observer.robots.network.robot import ExternalRobot, open_external
+from observer.robots.network.robot import ExternalRobot
 
 from .sides import RawRobot, Wire, driving, reporting, tell, until
 
@@ -23,7 +23,7 @@ def test_a_driver_that_fails_waits_for_nobody(
         raise RuntimeError("a mistake in the driver")
 
     monkeypatch.setattr(external_link.ExternalLink, "_serve", failing)
-    robot = open_external(f"external:127.0.0.1:{free_port}")
+    robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
     until(lambda: robot.report().phase is RobotPhase.REFUSED)
     assert robot.report().trouble == "its driver failed"
     robot.close()
@@ -144,7 +144,7 @@ def test_closing_our_side_stops_the_robot_and_frees_the_port(
     assert robot.report().phase is RobotPhase.CLOSED
     with pytest.raises(ExternalClientError, match="nobody listens"):
         ExternalClient("127.0.0.1", free_port).connect()
-    again = open_external(f"external:127.0.0.1:{free_port}")
+    again = ExternalRobot(f"external:127.0.0.1:{free_port}")
     until(lambda: again.report().phase is RobotPhase.WAITING)
     with reporting(free_port):
         assert again.report().phase is RobotPhase.CONNECTED

@@ -22,7 +22,7 @@ from observer.robots.network.messages import (
     permit_line,
     welcome_line,
 )
-from observer.robots.network.robot import open_external, parse_external
+from observer.robots.network.robot import ExternalRobot, parse_external
 
 ROOT = Path(__file__).resolve().parents[4]
 DRIVE_S = 0.02
@@ -64,7 +64,7 @@ def test_the_example_is_driven_and_stops(document: str, free_port: int) -> None:
             # As the end of its process would do.
             names["client"].close()
 
-    robot = open_external(f"external:127.0.0.1:{free_port}")
+    robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
     thread = threading.Thread(target=run)
     try:
         _until(lambda: robot.report().phase is RobotPhase.WAITING)

@@ -11,7 +11,7 @@ import pytest
 from observer.errors import InputError
 from observer.robots.contract import RobotPhase
 from observer.robots.network.client import ExternalClient, ExternalClientError
-from observer.robots.network.robot import ExternalRobot, open_external, parse_external
+from observer.robots.network.robot import ExternalRobot, parse_external
 
 from .sides import RawRobot, driving, reporting, until
 
@@ -93,7 +93,7 @@ def test_one_who_does_not_say_hello_is_sent_away(
 
 
 def test_a_key_is_asked_for_where_one_is_set(free_port: int) -> None:
-    robot = open_external(f"external:127.0.0.1:{free_port}?key={KEY}")
+    robot = ExternalRobot(f"external:127.0.0.1:{free_port}?key={KEY}")
     until(lambda: robot.report().phase is RobotPhase.WAITING)
     for wrong in (None, "", "wrong", KEY + "x"):
         with pytest.raises(ExternalClientError, match="not the key"):
@@ -127,7 +127,7 @@ def test_where_to_listen_is_read_strictly() -> None:
             parse_external(text)
         assert KEY not in str(refused.value)
     with pytest.raises(InputError, match="no robot model"):
-        open_external("external:127.0.0.1:7700", "tank")
+        ExternalRobot("external:127.0.0.1:7700", "tank")
 
 
 def test_a_port_that_is_taken_is_said_and_tried_again(
@@ -135,7 +135,7 @@ def test_a_port_that_is_taken_is_said_and_tried_again(
 ) -> None:
     monkeypatch.setattr("observer.robots.network.link._RETRY_S", 0.05)
     with socket.create_server(("127.0.0.1", free_port)):
-        robot = open_external(f"external:127.0.0.1:{free_port}")
+        robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
         until(lambda: "nobody can listen" in (robot.report().trouble or ""))
     until(lambda: "no robot has connected" in (robot.report().trouble or ""))
     robot.close()
