@@ -12,7 +12,7 @@ import typer
 from app.cli.progress import progress_bar
 from app.cli.results import JsonOption, make_folder, tell, tell_measured
 from observer.errors import InputError
-from observer.evaluation.benchmark import DEFAULT_MAX_FRAMES, Progress, run_benchmark
+from observer.evaluation.benchmark import DEFAULT_MAX_FRAMES, run_benchmark
 from observer.evaluation.breakdown import LAB, ROAD
 from observer.evaluation.calibration_accuracy import (
     CalibrationAccuracy,
@@ -100,17 +100,13 @@ def benchmark(
     figures_to = _figure_paths(figure, output)
     sources = [source] if source else list(simulated_sources(_benchmark_scenarios(), drawn))
     with progress_bar("observing") as progress:
-
-        def report(at: Progress) -> None:
-            progress(at.done, at.total)
-
         method = run_benchmark(
             sources,
             {name: preset(name) for name in preset_names()},
             max_frames=frames,
             scale=ROAD if road else LAB,
             jobs=jobs,
-            progress=report,
+            progress=progress,
         )
     shown_seeds = None if source else drawn
     lines = [machine_line()]
