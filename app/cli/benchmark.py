@@ -107,7 +107,7 @@ def benchmark(
             max_frames=frames,
             scale=ROAD if road else LAB,
             jobs=jobs,
-            progress=lambda at: progress(at.done, at.total),
+            progress=progress,
         )
     shown_seeds = None if source else drawn
     lines = [machine_line()]

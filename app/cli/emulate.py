@@ -34,9 +34,7 @@ def emulate(
     robot = EmulatedRobot(model, now=time.monotonic(), watchdog_s=watchdog, seed=0)
     with serve_pty(robot) if pty else serve_tcp(robot, tcp or 0) as serving:
         typer.echo(serving.port)
-        typer.echo(
-            f"an emulated {robot.firmware.spec.title} waits at this port; Ctrl-C ends it", err=True
-        )
+        typer.echo(f"an emulated {robot.spec.title} waits at this port; Ctrl-C ends it", err=True)
         try:
             threading.Event().wait()
         except KeyboardInterrupt:

@@ -6,7 +6,6 @@ import statistics
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -31,19 +30,6 @@ from observer.parameters import Parameters
 DEFAULT_MAX_FRAMES = 300
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Progress of a benchmark.
-
-    Attributes:
-        done, total: frames. what: the current run, for people.
-    """
-
-    done: int
-    total: int
-    what: str
-
-
 def run_benchmark(
     sources: Sequence[str],
     presets: Mapping[str, Parameters],
@@ -51,7 +37,7 @@ def run_benchmark(
     max_frames: int = DEFAULT_MAX_FRAMES,
     scale: Scale = LAB,
     jobs: int = 1,
-    progress: Callable[[Progress], None] | None = None,
+    progress: Callable[[int, int], None] | None = None,
     clock: Callable[[], float] = time.perf_counter,
 ) -> Benchmark:
     """Run every preset over every source, at full speed.
@@ -67,7 +53,8 @@ def run_benchmark(
         scale: a room or a road.
         jobs: processes to spread the sources over. Accuracy is the same whatever their number;
             cost is measured with one only.
-        progress: called after each frame of a source, or a few times a second with several jobs.
+        progress: called with the frames done and all of them, after each frame of a source, or a
+            few times a second with several jobs.
 
     Raises:
         InputError: nothing to do, or a source cannot be opened or has no calibration.
@@ -78,29 +65,24 @@ def run_benchmark(
     plan = [described(spec) for spec in sources]
     total = sum(source.planned(max_frames) for source in plan)
 
-    def report(done: int, what: str) -> None:
+    def report(done: int) -> None:
         if progress is not None:
-            progress(Progress(done, total, what))
+            progress(done, total)
 
     if jobs > 1:
-        what = f"{len(plan)} sources in {jobs} processes"
-        runs = run_sources_in_processes(
-            plan, presets, max_frames, scale.gate_m, jobs, lambda done: report(done, what)
-        )
+        runs = run_sources_in_processes(plan, presets, max_frames, scale.gate_m, jobs, report)
     else:
         runs = []
         before = 0
         for source in plan:
             planned = source.planned(max_frames)
 
-            def note(
-                number: int, before: int = before, planned: int = planned, spec: str = source.spec
-            ) -> None:
-                report(before + min(number, planned), spec)
+            def note(number: int, before: int = before, planned: int = planned) -> None:
+                report(before + min(number, planned))
 
             runs.append(run_source(source, presets, max_frames, scale.gate_m, note, clock))
             before += planned
-            report(before, source.spec)
+            report(before)
     return Benchmark(
         scale=scale,
         jobs=jobs,

@@ -243,10 +243,7 @@ def exact_row_error_p95(world: World, held: HeldBoard, calibration: StereoCalibr
 
 
 def depth_accuracy(
-    world: World,
-    calibration: StereoCalibration,
-    scenes: Sequence[Scene],
-    parameters: StereoParameters | None = None,
+    world: World, calibration: StereoCalibration, scenes: Sequence[Scene]
 ) -> DepthAccuracy:
     """Compare distances by dense stereo with a calibration with the simulated surfaces.
 
@@ -268,7 +265,7 @@ def depth_accuracy(
     errors, seen = [], 0
     for scene in scenes:
         pair = rectification.apply(scene.left, scene.right)
-        disparity = disparity_map(*pair, parameters or StereoParameters())[v, u]
+        disparity = disparity_map(*pair, StereoParameters())[v, u]
         hits = cast(world, world.T_room_left(scene.time).inverse(), rays[:, :2], scene.time)
         with np.errstate(divide="ignore"):
             z = 1 / hits.inverse_depth

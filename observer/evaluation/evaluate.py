@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from observer.evaluation.lines import Line, checked_lines
-from observer.evaluation.tally import GATE_M, Episode, Sample, Tally, tally
-from observer.truth.contract import Truth
+from observer.evaluation.tally import Episode, Sample, Tally
 from observer.vision.chi_square import quantile
 
 # Three components of velocity, 95 %.
@@ -101,22 +99,6 @@ FIGURE_TITLES: dict[str, str] = {
     "mota": "MOTA",
     "motp_m": "MOTP, m",
 }
-
-
-def evaluate(
-    lines: Iterable[Mapping[str, Any] | Line], truth: Truth, *, gate_m: float = GATE_M
-) -> Evaluation:
-    """Compare the JSON lines of one run with the truth.
-
-    Args:
-        lines: dictionaries as ``observation_line`` makes them, or what ``read_lines`` returns.
-        truth: for a file ``CsvTruth(path)``. Bodies with the role ``observer`` are ignored.
-        gate_m: greatest distance of an instance from its body; ``ROAD_GATE_M`` on the road.
-
-    Raises:
-        InputError: a line is not as it should be.
-    """
-    return summarise([tally(checked_lines(lines), truth, gate_m)])
 
 
 def summarise(tallies: Sequence[Tally]) -> Evaluation:

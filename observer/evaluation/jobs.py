@@ -6,9 +6,7 @@ import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import replace
 from multiprocessing.sharedctypes import Synchronized
-from typing import Any
 
 import cv2
 
@@ -88,8 +86,10 @@ def _work(
 
     runs = run_source(source, presets, max_frames, gate_m, report)
     _count(planned - counted)
-    none: dict[str, Any] = {"times_ms": {}, "opencv_ms": [], "recorded_ms": [], "timed_frames": []}
-    return {name: replace(run, **none) for name, run in runs.items()}
+    return {
+        name: SourceRun(run.image_size, run.frames, run.skipped, run.tally, times_ms={})
+        for name, run in runs.items()
+    }
 
 
 def _count(frames: int) -> None:

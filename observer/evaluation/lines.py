@@ -54,7 +54,7 @@ class Line(_Entry):
     obstacles: tuple[ObstacleEntry, ...]
 
 
-def checked_lines(lines: Iterable[Mapping[str, Any] | Line]) -> tuple[Line, ...]:
+def checked_lines(lines: Iterable[Mapping[str, Any]]) -> tuple[Line, ...]:
     """Check lines as ``observer.jsonl.observation_line`` makes them.
 
     Raises:
@@ -64,27 +64,12 @@ def checked_lines(lines: Iterable[Mapping[str, Any] | Line]) -> tuple[Line, ...]
     return _checked(enumerate(lines, 1))
 
 
-def read_lines(path: Path | str) -> tuple[Line, ...]:
-    """Read a file of JSON lines.
+def read_both(path: Path) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]:
+    """Read a file of JSON lines, and return with them all their content as plain dictionaries.
 
     Raises:
         InputError: the file cannot be read, or as for ``checked_lines``.
     """
-    return _checked(_contents(Path(path)))
-
-
-def read_both(path: Path | str) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]:
-    """Read a file of JSON lines, and return with them all their content as plain dictionaries.
-
-    Raises:
-        InputError: as ``read_lines``.
-    """
-    contents = _contents(Path(path))
-    return _checked(contents), tuple(content for _, content in contents)
-
-
-def _contents(path: Path) -> list[tuple[int, Any]]:
-    """Return number and content of each line that is not empty."""
     try:
         with path.open(encoding="utf-8") as file:
             contents = [(n, text) for n, text in enumerate(file, 1) if text.strip()]
@@ -100,7 +85,7 @@ def _contents(path: Path) -> list[tuple[int, Any]]:
             raise InputError(f"{path.name} line {number} is not valid JSON") from None
     if not lines:
         raise InputError(f"{path.name} holds no lines")
-    return lines
+    return _checked(lines), tuple(content for _, content in lines)
 
 
 def _line(content: Any, number: int) -> Line:

@@ -31,27 +31,27 @@ _WARM_UP_FRAMES = 3
 _RECORDED_SHARE = 1 / 3
 
 
-@dataclass(frozen=True)
+@dataclass
 class SourceRun:
     """Run of a preset on a source.
 
     Attributes:
-        frames: observed. skipped: frames that the source could not read.
         image_size: width, height.
+        frames: observed. skipped: frames that the source could not read.
+        tally: None where the source has no truth, and for a preset that saw only part of it.
         times_ms: by stage, one value for each frame on which they were taken.
         opencv_ms: by call, one mapping for each of the other frames. recorded_ms: time of the
             whole of ``observe`` on these, overhead of timing included.
-        tally: None where the source has no truth, and for a preset that saw only part of it.
         timed_frames: the number of the frame of each value in ``times_ms``.
     """
 
-    frames: int
-    skipped: int
     image_size: tuple[int, int]
-    times_ms: Mapping[str, list[float]]
-    opencv_ms: list[Mapping[str, float]]
-    recorded_ms: list[float]
-    tally: Tally | None
+    frames: int = 0
+    skipped: int = 0
+    tally: Tally | None = None
+    times_ms: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    opencv_ms: list[Mapping[str, float]] = field(default_factory=list)
+    recorded_ms: list[float] = field(default_factory=list)
     timed_frames: list[int] = field(default_factory=list)
 
 
@@ -106,52 +106,41 @@ def run_opened(
         name: Observer(calibration, parameters, mount=opened.source.info.mount, clock=clock)
         for name, parameters in presets.items()
     }
+    info = opened.source.info
+    runs = {name: SourceRun((info.width, info.height)) for name in presets}
     lines: dict[str, list[ObservationLine]] = {name: [] for name in presets}
-    times: dict[str, dict[str, list[float]]] = {name: defaultdict(list) for name in presets}
-    opencv: dict[str, list[Mapping[str, float]]] = {name: [] for name in presets}
-    whole: dict[str, list[float]] = {name: [] for name in presets}
-    timed: dict[str, list[int]] = {name: [] for name in presets}
     spans = {name: (during or {}).get(name, range(max_frames)) for name in presets}
     recorder, draw = OpenCvRecorder(clock), random.Random(0)
-    skipped = 0
     for number, frame in enumerate(_frames(opened.source.read, max_frames)):
         report(number)
         settled = number >= _WARM_UP_FRAMES
         recorded = settled and draw.random() < recorded_share
         if not isinstance(frame, StereoFrame):
-            skipped += 1
+            for run in runs.values():
+                run.skipped += 1
             continue
         for name, observer in observers.items():
+            run = runs[name]
             if number not in spans[name]:
                 continue
             if recorded:
                 with recorder.on():
                     observation = observer.observe(frame)
-                opencv[name].append(recorder.take())
-                whole[name].append(observation.timings_ms["total"])
+                run.opencv_ms.append(recorder.take())
+                run.recorded_ms.append(observation.timings_ms["total"])
             else:
                 observation = observer.observe(frame)
             lines[name].append(observation_line(observation))
             if number - spans[name].start >= _WARM_UP_FRAMES and not recorded:
-                timed[name].append(number)
+                run.timed_frames.append(number)
                 for stage, ms in observation.timings_ms.items():
-                    times[name][stage].append(ms)
-    info = opened.source.info
-    return {
-        name: SourceRun(
-            frames=len(lines[name]),
-            skipped=skipped,
-            image_size=(info.width, info.height),
-            times_ms=dict(times[name]),
-            opencv_ms=opencv[name],
-            recorded_ms=whole[name],
-            tally=None
-            if opened.truth is None or name in (during or {})
-            else tally(checked_lines(lines[name]), opened.truth, gate_m, source.scored_for),
-            timed_frames=timed[name],
-        )
-        for name in presets
-    }
+                    run.times_ms[stage].append(ms)
+    for name, run in runs.items():
+        run.frames = len(lines[name])
+        if opened.truth is not None and name not in (during or {}):
+            checked = checked_lines(lines[name])
+            run.tally = tally(checked, opened.truth, gate_m, source.scored_for)
+    return runs
 
 
 def _frames(read: Callable[[], Any], most: int) -> Iterator[Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.explanation.answer import PixelAnswer, PixelVerdict, count_of, known, look_around
-from observer.methods.monocular.ray_evidence import RayEvidence
+from observer.methods.monocular.motion_test import RayEvidence
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import Parameters
 

@@ -20,7 +20,7 @@ from observer.explanation.answer import (
     radius_px,
 )
 from observer.explanation.texture import texture_around
-from observer.methods.rigid.point_evidence import PointEvidence
+from observer.methods.rigid.point_motion import PointEvidence
 from observer.methods.rigid.tracked_points import NO_OBSTACLE
 from observer.parameters import Parameters
 from observer.types import Image

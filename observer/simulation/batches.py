@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.geometry import Float64Array
-from observer.simulation.facets import Part
+from observer.geometry import Float64Array, cross_matrix
+from observer.simulation.facets import Part, sphere_around
 from observer.simulation.polygons import Corner, ImageCorner
 
 Window = tuple[int, int, int, int]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class View:
     """A pinhole camera's image.
 
@@ -80,9 +80,7 @@ class FacetBatch:
         self._firsts = np.cumsum([0, *counts[:-1]])
         self._ends = np.cumsum(counts).tolist()
         self._vertices = np.concatenate([f.vertices for f in facets])
-        low, high = self._vertices.min(axis=0), self._vertices.max(axis=0)
-        self.centre = (low + high) / 2
-        self.radius = float(np.linalg.norm(self._vertices - self.centre, axis=1).max())
+        self._centre, self._radius = sphere_around(self._vertices)
         own = np.repeat(np.arange(len(facets)), counts)
         neighbours = []
         for part, start in zip(parts, self.starts, strict=False):
@@ -98,14 +96,14 @@ class FacetBatch:
         self._down_origin = np.cross(down, origin)
         self._origin_along = np.cross(origin, along)
         self._along_down = np.cross(along, down)
-        self._cross_down = _cross_matrices(down)
-        self._cross_along = _cross_matrices(along)
+        self._cross_down = cross_matrix(down)
+        self._cross_along = cross_matrix(along)
         self._offsets = np.einsum("ij,ij->i", self._along_down, origin)
 
     def outside(self, R: Float64Array, t: Float64Array, view: View) -> bool:
         """True if the bounding sphere lies outside the view, given ``T_camera_frame``."""
-        x, y, z = (R @ self.centre + t).tolist()
-        r = self.radius
+        x, y, z = (R @ self._centre + t).tolist()
+        r = self._radius
         if z < -r:
             return True
         left, right = (view.cx + 1) / view.fx, (view.width - view.cx) / view.fx
@@ -173,11 +171,3 @@ class FacetBatch:
                 corners[a:b], image_corners[a:b], bounds[k], near_list[k], far_list[k], inverse[k]
             )
         return result
-
-
-def _cross_matrices(vectors: Float64Array) -> Float64Array:
-    """Return (N, 3, 3) of vectors v (N, 3): the matrices [v]x with [v]x w = v x w."""
-    x, y, z = vectors.T
-    zero = np.zeros_like(x)
-    rows = [[zero, -z, y], [z, zero, -x], [-y, x, zero]]
-    return np.ascontiguousarray(np.array(rows).transpose(2, 0, 1))

@@ -8,7 +8,7 @@ to which its normal points; its vertices run counter-clockwise as seen from ther
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -73,28 +73,31 @@ class Part:
 
     Attributes:
         facets: in the order in which they are drawn.
-        centre: (3,), radius: of a sphere around all vertices, metres.
     """
 
     facets: tuple[Facet, ...]
-    normals: Float64Array = field(init=False)
-    offsets: Float64Array = field(init=False)
-    centre: Float64Array = field(init=False)
-    radius: float = field(init=False)
 
-    def __post_init__(self) -> None:
-        normals = np.array([f.normal for f in self.facets])
-        vertices = np.concatenate([f.vertices for f in self.facets])
-        centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    @cached_property
+    def sphere(self) -> tuple[Float64Array, float]:
+        """Centre (3,) and radius of a sphere around all vertices, metres."""
+        return sphere_around(np.concatenate([f.vertices for f in self.facets]))
+
+    @cached_property
+    def _planes(self) -> tuple[Float64Array, Float64Array]:
+        """Normals (F, 3) and their distances (F,) from the origin, metres."""
         offsets = np.array([f.normal @ f.origin for f in self.facets])
-        object.__setattr__(self, "normals", normals)
-        object.__setattr__(self, "offsets", offsets)
-        object.__setattr__(self, "centre", centre)
-        object.__setattr__(self, "radius", float(np.linalg.norm(vertices - centre, axis=1).max()))
+        return np.array([f.normal for f in self.facets]), offsets
 
     def facing(self, eye: Float64Array) -> Float64Array:
         """Return (F,) metres by which ``eye`` (3,), part frame, lies in front of each facet."""
-        return np.asarray(self.normals @ eye - self.offsets, dtype=np.float64)
+        normals, offsets = self._planes
+        return np.asarray(normals @ eye - offsets, dtype=np.float64)
+
+
+def sphere_around(vertices: Float64Array) -> tuple[Float64Array, float]:
+    """Return centre (3,) and radius of a sphere around vertices (N, 3), metres."""
+    centre = (vertices.min(axis=0) + vertices.max(axis=0)) / 2
+    return centre, float(np.linalg.norm(vertices - centre, axis=1).max())
 
 
 def moved(part: Part, pose: Pose) -> Part:

@@ -35,6 +35,25 @@ class PlanarState:
     turn_rate: float = 0.0
 
 
+def state_on_arc(
+    start: PlanarState, way: float, turned: float, speed: float, turn_rate: float
+) -> PlanarState:
+    """Return the state at the end of an arc that begins along the heading of ``start``.
+
+    Args:
+        way: along the arc, metres. turned: over the way, radians.
+        speed: along the heading at its end, m/s. turn_rate: rad/s.
+    """
+    heading = start.heading + turned
+    return PlanarState(
+        *along_arc(start.x, start.y, start.heading, way, turned),
+        heading,
+        speed * math.cos(heading),
+        speed * math.sin(heading),
+        turn_rate,
+    )
+
+
 class PlanarMotion(Protocol):
     """A motion over the floor, defined for every time >= 0."""
 
@@ -206,30 +225,21 @@ class _TimedLeg:
     ramp: Ramp | None
     begins: float
     duration: float
-    x: float
-    y: float
-    heading: float
+    start: PlanarState
 
     def state(self, time: float) -> PlanarState:
         """Return the state ``time`` seconds after the leg's own start."""
+        start = self.start
         if self.ramp is None:
-            return PlanarState(self.x, self.y, self.heading)
+            return start
         way, speed = self.ramp.way_and_speed(time)
         if not self.leg.travels:
             sign = math.copysign(1.0, self.leg.angle)
-            return PlanarState(self.x, self.y, self.heading + sign * way, turn_rate=sign * speed)
+            return PlanarState(start.x, start.y, start.heading + sign * way, turn_rate=sign * speed)
         sign = math.copysign(1.0, self.leg.distance)
         way, speed = sign * way, sign * speed
         curvature = self.leg.angle / self.leg.distance
-        turned = curvature * way
-        heading = self.heading + turned
-        return PlanarState(
-            *along_arc(self.x, self.y, self.heading, way, turned),
-            heading,
-            speed * math.cos(heading),
-            speed * math.sin(heading),
-            curvature * speed,
-        )
+        return state_on_arc(start, way, curvature * way, speed, curvature * speed)
 
     def commanded_speed(self, time: float) -> float:
         if self.ramp is None or not self.leg.travels:
@@ -264,7 +274,7 @@ class Course:
             raise ScenarioError("a course needs at least one leg")
         self._after = after
         self._timed: list[_TimedLeg] = []
-        now = 0.0
+        now, start = 0.0, PlanarState(x, y, heading)
         for k, leg in enumerate(legs):
             ramp: Ramp | None = None
             if leg.travels:
@@ -278,10 +288,10 @@ class Course:
             elif leg.angle:
                 ramp = Ramp.over(abs(leg.angle), 0.0, leg.rate, 0.0, angular_acceleration)
             duration = leg.seconds if ramp is None else ramp.duration
-            timed = _TimedLeg(leg, ramp, now, duration, x, y, heading)
+            timed = _TimedLeg(leg, ramp, now, duration, start)
             self._timed.append(timed)
             end = timed.state(duration)
-            x, y, heading = end.x, end.y, end.heading
+            start = PlanarState(end.x, end.y, end.heading)
             now += duration
         self.period = now
         self._begins = [t.begins for t in self._timed]
@@ -326,7 +336,7 @@ class Course:
 
     def _repeated(self, cycles: int, state: PlanarState) -> PlanarState:
         """Return ``state`` of the first cycle as it lies after ``cycles`` whole ones."""
-        start, end = self._timed[0], self._once(self.period)
+        start, end = self._timed[0].start, self._once(self.period)
         turn = end.heading - start.heading
         whole = math.remainder(turn, 2 * math.pi)
         closed = math.hypot(end.x - start.x, end.y - start.y) < _CLOSED_M

@@ -8,7 +8,6 @@ cameras comes last; if the camera stands and nothing else moves, the rest is dra
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -41,14 +40,15 @@ class Renderer:
             if body.shadow is not None:
                 shadows.append(moved(Part((body.shadow,)), T_room_body))
         # All that stands is one batch in the room's frame; each moving body is another.
-        self._standing = _Thing(None, room, shadows, standing)
+        self._standing = _Thing(lambda _: Pose.identity(), room, shadows, standing)
         self._moving = tuple(_moving_thing(body) for body in moving)
         self._board: _Thing | None = None
         if world.board is not None:
             self._board = _Thing(world.T_room_board, (), (), (world.board.part,))
         # Otherwise no two images share a background, and keeping it would only cost.
         self._keeps = self._board is not None and world.camera_stands and not moving
-        self._backgrounds: dict[tuple[object, ...], _Background] = {}
+        # Of the board: (H, W, 3) BGR of the drawn rows, and (H, W) 1/m.
+        self._backgrounds: dict[tuple[View, bytes], tuple[Image, Float32Array]] = {}
         self._textures: dict[int, Texture] = {}
         self._painted: dict[tuple[Material, tuple[float, float]], Texture] = {}
 
@@ -61,56 +61,36 @@ class Renderer:
             self._draw_lab(Drawing(self.texture, view, image), view, T_room_camera, time)
             return
         drawing = self._background(view, T_room_camera, time, image)
-        for facet, one, gain in self._seen(self._board, view, T_room_camera, time).facets(
-            self._board.solids
-        ):
+        board = _SeenThing(self._board, view, T_room_camera, time)
+        for facet, one, gain in board.facets(self._board.solids):
             drawing.facet(facet, one, gain, hides=True)
 
     def _background(self, view: View, T_room_camera: Pose, time: float, image: Image) -> Drawing:
         """Return the drawing of all but the board, reused if it is unchanged."""
         rows = slice(*view.rows)
-        geometry = (view.width, view.height, view.fx, view.fy, view.cx, view.cy, view.rows)
-        key = (*geometry, T_room_camera.matrix.tobytes())
-        kept = self._backgrounds.get(key)
-        if kept is not None:
-            image[rows] = kept.image
-            return Drawing(self.texture, view, image, kept.inverse_depth.copy())
+        key = (view, T_room_camera.matrix.tobytes())
+        if key in self._backgrounds:
+            image[rows], inverse_depth = self._backgrounds[key]
+            return Drawing(self.texture, view, image, inverse_depth.copy())
         drawing = Drawing(self.texture, view, image)
         self._draw_lab(drawing, view, T_room_camera, time)
         if self._keeps:
-            self._backgrounds[key] = _Background(image[rows].copy(), drawing.inverse_depth.copy())
+            self._backgrounds[key] = image[rows].copy(), drawing.inverse_depth.copy()
         return drawing
 
-    def _seen(self, thing: _Thing, view: View, T_room_camera: Pose, time: float) -> _SeenThing:
-        R, eye = T_room_camera.rotation.T, T_room_camera.translation
-        if thing.T_room is None:
-            return _SeenThing(thing, R, -R @ eye, eye, None, view)
-        T_room_thing = thing.T_room(time)
-        R_room = T_room_thing.rotation
-        return _SeenThing(
-            thing,
-            R @ R_room,
-            R @ (T_room_thing.translation - eye),
-            R_room.T @ (eye - T_room_thing.translation),
-            R_room,
-            view,
-        )
-
     def _draw_lab(self, drawing: Drawing, view: View, T_room_camera: Pose, time: float) -> None:
-        seen = [self._seen(self._standing, view, T_room_camera, time)]
-        for thing in self._moving:
-            one = self._seen(thing, view, T_room_camera, time)
-            if one.may_be_in_view:
-                seen.append(one)
-        for facet, part, _ in seen[0].facets(self._standing.room):
+        things = (self._standing, *self._moving)
+        every = [_SeenThing(thing, view, T_room_camera, time) for thing in things]
+        seen = [one for one in every if one.may_be_in_view]
+        for facet, part, _ in every[0].facets(self._standing.room):
             drawing.facet(facet, part, 1.0, hides=False)
-        for things in seen:
-            for facet, part, _ in things.facets(things.thing.shadows):
+        for one in seen:
+            for facet, part, _ in one.facets(one.thing.shadows):
                 drawing.shadow(facet, part)
-        ordered = [(things.distance(k), things, k) for things in seen for k in things.thing.solids]
+        ordered = [(one.distance(k), one, k) for one in seen for k in one.thing.solids]
         ordered.sort(key=lambda item: -item[0])
-        for _, things, k in ordered:
-            for facet, part, gain in things.facets(range(k, k + 1)):
+        for _, one, k in ordered:
+            for facet, part, gain in one.facets(range(k, k + 1)):
                 drawing.facet(facet, part, gain, hides=True)
             drawing.hide_behind()
 
@@ -127,25 +107,17 @@ class Renderer:
         return found
 
 
-@dataclass(frozen=True, eq=False)
-class _Background:
-    """Background of the board: (H, W, 3) BGR of the drawn rows, and (H, W) 1/m."""
-
-    image: Image
-    inverse_depth: Float32Array
-
-
 class _Thing:
     """Parts that share one frame.
 
     Attributes:
-        T_room: their frame's pose in the room at a time; None for the room's own frame.
+        T_room: their frame's pose in the room at a time.
         room, shadows, solids: index ranges in ``parts``.
     """
 
     def __init__(
         self,
-        T_room: Callable[[float], Pose] | None,
+        T_room: Callable[[float], Pose],
         room: Sequence[Part],
         shadows: Sequence[Part],
         solids: Sequence[Part],
@@ -156,7 +128,6 @@ class _Thing:
         self.shadows = range(len(room), len(room) + len(shadows))
         self.solids = range(len(room) + len(shadows), len(self.parts))
         self.batch = FacetBatch(self.parts)
-        self.normals = tuple(tuple(f.normal for f in part.facets) for part in self.parts)
 
 
 def _moving_thing(body: Body) -> _Thing:
@@ -165,32 +136,26 @@ def _moving_thing(body: Body) -> _Thing:
 
 
 class _SeenThing:
-    """A thing as one camera sees it: ``T_camera_thing``, and the eye in the thing's frame.
+    """A thing as one camera sees it at one time."""
 
-    ``R_room`` turns its normals into the room's axes; None if they are already.
-    """
-
-    def __init__(
-        self,
-        thing: _Thing,
-        R: Float64Array,
-        t: Float64Array,
-        eye: Float64Array,
-        R_room: Float64Array | None,
-        view: View,
-    ) -> None:
+    def __init__(self, thing: _Thing, view: View, T_room_camera: Pose, time: float) -> None:
+        R, eye = T_room_camera.rotation.T, T_room_camera.translation
+        T_room_thing = thing.T_room(time)
         self.thing = thing
-        self._eye = eye
-        self._R_room = R_room
+        # Turns the thing's normals into the room's axes.
+        self._R_room = T_room_thing.rotation
+        # In the thing's frame.
+        self._eye = self._R_room.T @ (eye - T_room_thing.translation)
+        R, t = R @ self._R_room, R @ (T_room_thing.translation - eye)
         # The facets of a thing beside the view are not computed at all.
-        self.may_be_in_view = thing.T_room is None or not thing.batch.outside(R, t, view)
+        self.may_be_in_view = not thing.batch.outside(R, t, view)
         self._seen: list[SeenFacet | None] = []
         if self.may_be_in_view:
-            self._seen = thing.batch.seen(R, t, eye, view, NEAR_M)
+            self._seen = thing.batch.seen(R, t, self._eye, view, NEAR_M)
 
     def distance(self, part: int) -> float:
         """Return the squared distance of a part's centre from the eye, m^2."""
-        to_eye = self.thing.parts[part].centre - self._eye
+        to_eye = self.thing.parts[part].sphere[0] - self._eye
         return float(to_eye @ to_eye)
 
     def facets(self, parts: range) -> Iterator[tuple[Facet, SeenFacet, float]]:
@@ -202,10 +167,7 @@ class _SeenThing:
             for index, facet in enumerate(self.thing.parts[k].facets):
                 one = self._seen[first + index]
                 if one is not None:
-                    normal = self.thing.normals[k][index]
-                    if self._R_room is not None:
-                        normal = self._R_room @ normal
-                    yield facet, one, _light(normal)
+                    yield facet, one, _light(self._R_room @ facet.normal)
 
 
 def _light(normal: Float64Array) -> float:

@@ -59,7 +59,7 @@ _PAINTERS: dict[str, tuple[Painter, float]] = {
     "poster_sign": (posters.framed(posters.sign), 320),
     "board_chessboard": (boards.chessboard, 2500),
     "board_charuco": (boards.charuco, 2500),
-    "poster_checkerboard": (posters.plain(posters.checkerboard), 320),
+    "poster_checkerboard": (posters.checkerboard, 320),
 }
 
 

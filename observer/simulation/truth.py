@@ -6,7 +6,7 @@ World frame: the rectified left camera at time 0, see ``world``.
 from __future__ import annotations
 
 import math
-from collections import OrderedDict
+from functools import lru_cache
 
 import numpy as np
 
@@ -24,29 +24,21 @@ class SimulatedTruth:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._remembered: OrderedDict[tuple[int, float], tuple[TrueBody, ...]] = OrderedDict()
+        self._remembered = lru_cache(_REMEMBERED_INSTANTS)(self._bodies)
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """Return the observer first, then the obstacles, at ``time`` seconds."""
         # A world whose robots are driven takes another course each time it begins again.
-        instant = (self._world.beginnings, time)
-        found = self._remembered.get(instant)
-        if found is None:
-            found = (
-                self._state(self._world.observer, time, None),
-                *(
-                    self._state(body, time, visible_share(self._world, body, time))
-                    for body in self._world.obstacles
-                ),
-            )
-            self._remembered[instant] = found
-            if len(self._remembered) > _REMEMBERED_INSTANTS:
-                self._remembered.popitem(last=False)
-        return found
+        return self._remembered(self._world.beginnings, time)
 
     def camera_pose(self, time: float) -> Pose:
         """Return ``T_world_camera`` of the rectified left camera."""
         return self._world.T_world_camera(time)
+
+    def _bodies(self, _: int, time: float) -> tuple[TrueBody, ...]:
+        world = self._world
+        obstacles = (self._state(b, time, visible_share(world, b, time)) for b in world.obstacles)
+        return (self._state(world.observer, time, None), *obstacles)
 
     def _state(self, body: Body, time: float, visible: float | None) -> TrueBody:
         T_world_room = self._world.T_world_room

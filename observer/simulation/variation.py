@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,20 +12,21 @@ from observer.simulation.held_board import drawn_anew
 from observer.simulation.motion import Course, Leg, Oscillation, Parked, PlanarMotion, Sway
 from observer.simulation.rig import true_calibration
 from observer.simulation.scenarios import Scenario
-from observer.simulation.specs.base import SineSpec
+from observer.simulation.specs.base import SineSpec, Spec
 from observer.simulation.specs.boards import BoardSpec
 from observer.simulation.specs.places import BoxSpec, PosterSpec
 from observer.simulation.specs.vehicles import (
     ArcLeg,
     DriveLeg,
     LegSpec,
-    MotionSpec,
     RobotSpec,
     SwaySpec,
     TurnLeg,
     VehicleSpec,
     WaypointsSpec,
 )
+
+_S = TypeVar("_S", bound=Spec)
 
 
 def build_motion(spec: VehicleSpec | BoxSpec) -> PlanarMotion:
@@ -42,9 +44,9 @@ def build_motion(spec: VehicleSpec | BoxSpec) -> PlanarMotion:
             spec.x,
             spec.y,
             heading,
-            _sine(motion.forward, 1.0),
-            _sine(motion.left, 1.0),
-            _sine(motion.turn, math.pi / 180),
+            oscillation(motion.forward),
+            oscillation(motion.left),
+            oscillation(motion.turn, math.pi / 180),
         )
     if isinstance(motion, WaypointsSpec):
         legs = _legs_between(spec.x, spec.y, heading, motion)
@@ -61,7 +63,8 @@ def build_motion(spec: VehicleSpec | BoxSpec) -> PlanarMotion:
     )
 
 
-def _sine(spec: SineSpec, unit: float) -> Oscillation:
+def oscillation(spec: SineSpec, unit: float = 1.0) -> Oscillation:
+    """Build an oscillation; ``unit`` is that of the amplitude."""
     return Oscillation(spec.amplitude * unit, spec.period_s, math.radians(spec.phase_deg))
 
 
@@ -118,12 +121,10 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
 
     robots: list[RobotSpec] = []
     for robot in scenario.robots:
-        motion = _faster(robot.motion, 1 + draw(bounds.speed))
-        robots.append(robot.model_copy(update={**moved(robot), "motion": motion}))
+        driven = _faster(robot, 1 + draw(bounds.speed))
+        robots.append(driven.model_copy(update=moved(robot)))
     # The observer keeps its place, which is the room frame's origin; its motion varies.
-    observer = scenario.observer.model_copy(
-        update={"motion": _faster(scenario.observer.motion, 1 + draw(bounds.speed))}
-    )
+    observer = _faster(scenario.observer, 1 + draw(bounds.speed))
     designs = [item.design for item in scenario.objects if isinstance(item, PosterSpec)]
     rng.shuffle(designs)
     objects: list[BoxSpec | PosterSpec] = []
@@ -150,33 +151,18 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
     return scenario.model_copy(update={**things, "observer": observer, "board": board})
 
 
-def _faster(motion: MotionSpec | None, factor: float) -> MotionSpec | None:
+def _faster(spec: _S, factor: float) -> _S:
     """Return the same path at ``factor`` times the speed."""
-    if motion is None:
-        return None
-    if isinstance(motion, SwaySpec):
-        sines = {name: getattr(motion, name) for name in ("forward", "left", "turn")}
-        return motion.model_copy(
-            update={
-                name: sine.model_copy(update={"period_s": sine.period_s / factor})
-                for name, sine in sines.items()
-            }
-        )
-    change: dict[str, object] = {
-        "acceleration": motion.acceleration * factor**2,
-        "angular_acceleration_deg": motion.angular_acceleration_deg * factor**2,
-    }
-    if isinstance(motion, WaypointsSpec):
-        change["speed"] = motion.speed * factor
-        change["turn_rate_deg"] = motion.turn_rate_deg * factor
-    else:
-        change["legs"] = tuple(_faster_leg(leg, factor) for leg in motion.legs)
-    return motion.model_copy(update=change)
-
-
-def _faster_leg(leg: LegSpec, factor: float) -> LegSpec:
-    if isinstance(leg, TurnLeg):
-        return leg.model_copy(update={"rate_deg": leg.rate_deg * factor})
-    if isinstance(leg, DriveLeg | ArcLeg):
-        return leg.model_copy(update={"speed": leg.speed * factor})
-    return leg
+    change: dict[str, object] = {}
+    for name, value in spec:
+        if name in ("speed", "rate_deg", "turn_rate_deg"):
+            change[name] = value * factor
+        elif name in ("acceleration", "angular_acceleration_deg"):
+            change[name] = value * factor**2
+        elif name == "period_s":
+            change[name] = value / factor
+        elif name == "legs":
+            change[name] = tuple(_faster(leg, factor) for leg in value)
+        elif isinstance(value, Spec):
+            change[name] = _faster(value, factor)
+    return spec.model_copy(update=change)

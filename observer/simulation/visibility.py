@@ -1,4 +1,4 @@
-"""Exact ray casting: depth, body, true flow and visible share.
+"""Exact ray casting: depth, body and visible share.
 
 Independent of the renderer: every ray is intersected with every facet in closed form. On the
 plane n . p = d the inverse depth along the ray (x, y, 1) is n . (x, y, 1) / d.
@@ -6,7 +6,7 @@ plane n . p = d the inverse depth along the ray (x, y, 1) is n . (x, y, 1) / d.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose
 from observer.simulation.facets import Part
-from observer.simulation.imaging import undistorted_rays
 from observer.simulation.world import Body, World
 
 # Body numbers of the room with its posters, and of a board that is held before the cameras.
@@ -41,32 +40,19 @@ class Hits:
 
 def cast(world: World, T_camera_room: Pose, rays: Float64Array, time: float) -> Hits:
     """Cast rays (..., 2), given by their points on z = 1, from a camera."""
-    inverse = np.zeros(rays.shape[:-1])
-    body = np.full(rays.shape[:-1], ROOM, dtype=np.int64)
-    for part in (world.room, *(Part((poster,)) for poster in world.posters)):
-        _nearest(part, T_camera_room, rays, inverse, body, ROOM)
-    for thing in world.bodies:
-        T_camera_body = T_camera_room @ thing.T_room_body(time)
-        for part in thing.parts:
-            _nearest(part, T_camera_body, rays, inverse, body, thing.id)
+    room = (world.room, *(Part((poster,)) for poster in world.posters))
+    things: list[tuple[int, Iterable[Part], Pose]] = [(ROOM, room, T_camera_room)]
+    things += [(b.id, b.parts, T_camera_room @ b.T_room_body(time)) for b in world.bodies]
     if world.board is not None:
         T_camera_board = T_camera_room @ world.T_room_board(time)
-        _nearest(world.board.part, T_camera_board, rays, inverse, body, BOARD)
+        things.append((BOARD, (world.board.part,), T_camera_board))
+    inverse = np.zeros(rays.shape[:-1])
+    body = np.full(rays.shape[:-1], ROOM, dtype=np.int64)
+    for number, parts, T_camera_parts in things:
+        depth = _nearest_inverse_depth(parts, T_camera_parts, rays)
+        nearer = depth > inverse
+        inverse[nearer], body[nearer] = depth[nearer], number
     return Hits(inverse, body)
-
-
-def _nearest(
-    part: Part,
-    T_camera_part: Pose,
-    rays: Float64Array,
-    inverse: Float64Array,
-    body: NDArray[np.int64],
-    number: int,
-) -> None:
-    for hit, depth in _intersections(part, T_camera_part, rays):
-        nearer = hit & (depth > inverse)
-        inverse[nearer] = depth[nearer]
-        body[nearer] = number
 
 
 def _intersections(
@@ -93,49 +79,6 @@ def _along(rays: Float64Array, vector: Float64Array) -> Float64Array:
     """Return (...) scalar products of the rays (x, y, 1) with a vector (3,)."""
     x, y, z = vector.tolist()
     return np.asarray(rays[..., 0] * x + (rays[..., 1] * y + z), dtype=np.float64)
-
-
-def left_rays(world: World) -> Float64Array:
-    """Return (H, W, 2), the rays of the left image's pixels before rectification."""
-    c = world.true_calibration
-    return undistorted_rays(c.width, c.height, c.K1, c.D1)
-
-
-def left_hits(world: World, time: float) -> Hits:
-    """Cast the rays of the left image's pixels (global shutter)."""
-    return cast(world, world.T_room_left(time).inverse(), left_rays(world), time)
-
-
-def render_depth(world: World, time: float) -> Float64Array:
-    """Return (H, W) metres along the left camera's z, for the left image as delivered."""
-    return np.asarray(1 / left_hits(world, time).inverse_depth, dtype=np.float64)
-
-
-def true_flow(world: World, t0: float, t1: float) -> Float64Array:
-    """Return (H, W, 2), the optical flow in pixels of the left image from t0 to t1.
-
-    For images as delivered and a global shutter. Points may be hidden or outside the image at t1;
-    points behind the camera at t1 give NaN.
-    """
-    rays = left_rays(world)
-    T_room_left = world.T_room_left(t0)
-    hits = cast(world, T_room_left.inverse(), rays, t0)
-    depth = 1 / hits.inverse_depth
-    points = np.concatenate([rays, np.ones((*depth.shape, 1))], axis=-1) * depth[..., None]
-    points = T_room_left.apply(points)
-    for body in world.bodies:
-        mask = hits.body == body.id
-        if mask.any():
-            motion = body.T_room_body(t1) @ body.T_room_body(t0).inverse()
-            points[mask] = motion.apply(points[mask])
-    if world.board is not None:
-        mask = hits.body == BOARD
-        motion = world.T_room_board(t1) @ world.T_room_board(t0).inverse()
-        points[mask] = motion.apply(points[mask])
-    seen = world.T_room_left(t1).inverse().apply(points)
-    height, width = depth.shape
-    start = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1)
-    return project(world, seen) - start
 
 
 def project(world: World, points: Float64Array) -> Float64Array:
@@ -172,10 +115,7 @@ def visible_share(world: World, body: Body, time: float) -> float:
     steps = (np.arange(_SHARE_RAYS) + 0.5) / _SHARE_RAYS
     x, y = (a + steps * (b - a) for a, b in zip(low, high, strict=True))
     rays = np.stack(np.meshgrid(x, y), axis=-1)
-    own = np.zeros(rays.shape[:-1])
-    for part in body.parts:
-        for hit, depth in _intersections(part, T_camera_body, rays):
-            own = np.where(hit & (depth > own), depth, own)
+    own = _nearest_inverse_depth(body.parts, T_camera_body, rays)
     covered = own > 0
     if not covered.any():
         return 0.0
@@ -191,23 +131,31 @@ def visible_share(world: World, body: Body, time: float) -> float:
         others.append(((world.board.part,), world.T_room_board(time)))
     for parts, T_room_other in others:
         T_camera_other = T_camera_room @ T_room_other
-        for part in parts:
-            if _apart(part, T_camera_other, low, high):
-                continue
-            for hit, depth in _intersections(part, T_camera_other, rays):
-                blocked = np.where(hit & (depth > blocked), depth, blocked)
+        near = [part for part in parts if not _apart(part, T_camera_other, low, high)]
+        np.maximum(blocked, _nearest_inverse_depth(near, T_camera_other, rays), out=blocked)
     seen &= own >= blocked
     return float(seen.sum() / covered.sum())
 
 
+def _nearest_inverse_depth(
+    parts: Iterable[Part], T_camera_parts: Pose, rays: Float64Array
+) -> Float64Array:
+    """Return (...) 1/m of the first intersections with parts that share one frame; 0 without."""
+    nearest = np.zeros(rays.shape[:-1])
+    for part in parts:
+        for hit, depth in _intersections(part, T_camera_parts, rays):
+            np.maximum(nearest, depth, out=nearest, where=hit)
+    return nearest
+
+
 def _apart(part: Part, T_camera_part: Pose, low: Float64Array, high: Float64Array) -> bool:
     """True if a part's bounding sphere surely lies outside a window on z = 1."""
-    x, y, z = T_camera_part.apply(part.centre)
-    if z + part.radius <= 0:
+    centre, reach = part.sphere
+    x, y, z = T_camera_part.apply(centre)
+    if z + reach <= 0:
         return True
-    if z - part.radius <= _NEAR_M:
+    if z - reach <= _NEAR_M:
         return False
-    reach = part.radius
     near = z - reach
     return bool(
         max((x + reach) / near, (x + reach) / (z + reach)) < low[0]

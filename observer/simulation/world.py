@@ -34,12 +34,11 @@ from observer.simulation.bodies import (
 )
 from observer.simulation.facets import Facet, Part
 from observer.simulation.held_board import HeldBoard, held_board
-from observer.simulation.motion import Oscillation, Parked, PlanarMotion, PlanarState
+from observer.simulation.motion import Parked, PlanarMotion, PlanarState
 from observer.simulation.rig import small_rotation, true_calibration
 from observer.simulation.scenarios import Scenario
-from observer.simulation.specs.base import SineSpec
 from observer.simulation.specs.vehicles import AMIGOBOT_SIZE
-from observer.simulation.variation import build_motion, varied
+from observer.simulation.variation import build_motion, oscillation, varied
 
 # From a vehicle's axes (x forward, y left, z up) to a camera's (x right, y down, z forward).
 _R_CAMERA_BASE = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])
@@ -139,7 +138,7 @@ class World:
         self.posters: tuple[Facet, ...] = tuple(posters)
         self.room: Part = room_part(s.room, s.texture, texture_seed)
         self._shake = {
-            name: _oscillation(getattr(s.shake, name)) for name in ("roll", "pitch", "yaw", "up")
+            name: oscillation(getattr(s.shake, name)) for name in ("roll", "pitch", "yaw", "up")
         }
         self.board: HeldBoard | None = None if s.board is None else held_board(s.board)
         self._check_room()
@@ -280,7 +279,3 @@ class World:
 
 def _moving_as(body: Body, motions: Mapping[int, PlanarMotion]) -> Body:
     return replace(body, motion=motions[body.id]) if body.id in motions else body
-
-
-def _oscillation(spec: SineSpec) -> Oscillation:
-    return Oscillation(spec.amplitude, spec.period_s, math.radians(spec.phase_deg))

@@ -28,7 +28,7 @@ class CameraRate:
 
     @staticmethod
     def of(T_current_previous: Pose, dt: float) -> CameraRate:
-        """From the motion over ``dt`` seconds."""
+        """Make it of the motion over ``dt`` seconds."""
         return CameraRate(T_current_previous.rotvec / dt, T_current_previous.translation / dt)
 
     def over(self, dt: float) -> Pose:

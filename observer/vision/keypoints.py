@@ -144,7 +144,9 @@ def strongest_corners(
     step = np.float32(_REDUCTION * _FINER / parameters.spacing_px)
     v, u = ((np.arange(n, dtype=np.float32) * step).astype(np.intp) for n in (height, width))
     best = _strongest(strength, v, u, marked)
-    best[~_free(taken, marked, turn) | (best < _least(parameters))] = np.inf
+    # The least strength of a corner that can be followed.
+    least = float((_SMOOTHED * parameters.min_texture / _GREY_PER_ROOT) ** 2)
+    best[~_free(taken, marked, turn) | (best < least)] = np.inf
     # Numbered over the whole image, they are found several times faster than by row and column.
     found = np.flatnonzero(strength == best.take(v, axis=0).take(u, axis=1))
     row, column = np.divmod(found, width)
@@ -178,11 +180,6 @@ def first_in_empty(
     index = np.flatnonzero(chosen)
     _, first = np.unique(grid_cells(px[index], marked, parameters), return_index=True)
     return np.asarray(index[first], np.intp)
-
-
-def _least(parameters: KltTrackingParameters) -> float:
-    """The least strength of a corner that can be followed."""
-    return float((_SMOOTHED * parameters.min_texture / _GREY_PER_ROOT) ** 2)
 
 
 def _strongest(

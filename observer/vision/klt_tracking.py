@@ -127,14 +127,10 @@ def track_points(
     p = parameters
     if p.match_brightness:
         second = as_bright_as(first, second, ignore_black=True)
-    end, found, error = _lucas_kanade(
-        first, second, px, None, p.window_px, p.pyramid_levels, p.min_texture
-    )
+    end, found, error = _flow(first, second, px, None, p.pyramid_levels, p)
     good = found & (error <= p.max_error) & _inside(end, first, 0.0)
     if back_check:
-        back, found, _ = _lucas_kanade(
-            second, first, end, None, p.window_px, p.pyramid_levels, p.min_texture
-        )
+        back, found, _ = _flow(second, first, end, None, p.pyramid_levels, p)
         good &= found & (np.linalg.norm(back - px, axis=1) <= p.back_check_px)
     return end, good
 
@@ -233,29 +229,13 @@ def _flow(
     first: Image,
     second: Image,
     px: NDArray[np.float32],
-    start: NDArray[np.float32],
+    start: NDArray[np.float32] | None,
     levels: int,
-    parameters: KltTrackingParameters,
+    parameters: KltTrackingParameters | FlowParameters,
     *,
     want_texture: bool = False,
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
-    """Track from where points are expected; see ``_lucas_kanade``."""
-    return _lucas_kanade(
-        first, second, px, start, parameters.window_px, levels, parameters.min_texture, want_texture
-    )
-
-
-def _lucas_kanade(
-    first: Image,
-    second: Image,
-    px: NDArray[np.float32],
-    start: NDArray[np.float32] | None,
-    window_px: int,
-    levels: int,
-    min_texture: float,
-    want_texture: bool = False,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
-    """Track points from one image to another, with the quality of the match or of the texture.
+    """Track points by Lucas-Kanade, with the quality of the match or of the texture.
 
     Args:
         px, start: (N, 2) in the first image, and about where in the second; None: where they were.
@@ -267,17 +247,18 @@ def _lucas_kanade(
     if len(px) == 0:
         return px.copy(), np.zeros(0, np.bool_), np.zeros(0, np.float32)
     steps = _STEPS if start is None else _STEPS_FROM_EXPECTED
+    side = parameters.window_px | 1
     end, status, error = cv2.calcOpticalFlowPyrLK(
         first,
         second,
         np.ascontiguousarray(px),
         cast(Any, None if start is None else np.array(start, np.float32)),
-        winSize=(window_px | 1, window_px | 1),
+        winSize=(side, side),
         maxLevel=levels,
         criteria=(cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, steps, _CONVERGED_PX),
         flags=(0 if start is None else cv2.OPTFLOW_USE_INITIAL_FLOW)
         | (cv2.OPTFLOW_LK_GET_MIN_EIGENVALS if want_texture else 0),
-        minEigThreshold=min_texture**2 / _EIGENVALUE_UNIT,
+        minEigThreshold=parameters.min_texture**2 / _EIGENVALUE_UNIT,
     )
     found = np.asarray(status, dtype=np.uint8)[:, 0] > 0
     # OpenCV leaves the quality of lost points as it found the memory.

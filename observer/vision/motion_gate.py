@@ -57,7 +57,7 @@ class CameraMotion:
     def from_pose(
         time: float, dt: float, T_current_previous: Pose, covariance: Float64Array | None
     ) -> CameraMotion:
-        """From the motion between two frames and its (6, 6) covariance (rad, m), if known.
+        """Make it of the motion between two frames and its (6, 6) covariance (rad, m), if known.
 
         Raises:
             ValueError: ``dt`` is not positive.
@@ -90,7 +90,7 @@ class ImageReach:
 
     @staticmethod
     def of(camera: StereoCamera, disparity: Float64Array, reach_px: float) -> ImageReach | None:
-        """With the depth of features of these disparities (N,) px; None if all are unknown."""
+        """Make it of features with these disparities (N,) px; None if all are unknown."""
         known = disparity[np.isfinite(disparity)]
         if len(known) == 0:
             return None

@@ -47,7 +47,7 @@ class SeenPoints:
         disparity: Float64Array,
         sigma: Float64Array,
     ) -> SeenPoints:
-        """From (N, 3), (N, 3, 3), (N, 2), (N,) with NaN for unknown, and (N, 3)."""
+        """Make them of (N, 3), (N, 3, 3), (N, 2), (N,) with NaN for unknown, and (N, 3)."""
         known = np.isfinite(disparity)
         seen = np.empty((3, len(px)))
         seen[0], seen[1], seen[2] = px[:, 0], px[:, 1], np.where(known, disparity, 0.0)

@@ -1,8 +1,6 @@
-"""From two images of a calibrated pair to the rectified pair that all other stages work on."""
+"""Rectification of a calibrated pair's two images, for all other stages."""
 
 from __future__ import annotations
-
-from typing import Literal
 
 import cv2
 import numpy as np
@@ -15,7 +13,6 @@ from observer.types import Image
 
 # cv2.initUndistortRectifyMap's pair of maps: (H, W, 2) int16 and (H, W) uint16.
 _Maps = tuple[NDArray[np.int16], NDArray[np.uint16]]
-_Side = Literal["left", "right"]
 
 # A plane image of a fisheye lens grows without bound towards 90 degrees, and what is there gets
 # ever blurrier; further than this from the axis the rectified image does not look sideways.
@@ -51,25 +48,22 @@ class Rectification:
     R_rectified_right: Float64Array
 
     def __init__(self, calibration: StereoCalibration) -> None:
-        self._calibration = calibration
+        c = self._calibration = calibration
+        self._fisheye = c.distortion_model == "equidistant"
+        # K and D of the left and of the right camera.
+        self._lenses = ((c.K1, _distortion(c.D1)), (c.K2, _distortion(c.D2)))
         self._maps: tuple[_Maps, _Maps] | None = None
         calibration.check_side_by_side()
         if calibration.is_rectified:
-            K = calibration.K1
-            self.camera = _camera(calibration, K, calibration.baseline)
+            self.camera = _camera(calibration, c.K1, calibration.baseline)
             self.R_rectified_left = self.R_rectified_right = np.eye(3)
             return
         size = (calibration.width, calibration.height)
-        if calibration.distortion_model == "equidistant":
-            R1, R2, P1, P2 = self._fisheye_rectification()
-        else:
-            R1, R2, P1, P2 = self._pinhole_rectification()
+        R1, R2, P1, P2 = self._rotations_and_projections(size)
         self.camera = _camera(calibration, P1, float(-P2[0, 3] / P2[0, 0]))
         self.R_rectified_left, self.R_rectified_right = R1, R2
-        self._maps = (
-            _maps(calibration, "left", R1, P1),
-            _maps(calibration, "right", R2, P2),
-        )
+        left, right = self._lenses
+        self._maps = self._map(*left, R1, P1, size), self._map(*right, R2, P2, size)
         for name, maps in zip(("D1", "D2"), self._maps, strict=True):
             if not _is_one_view(maps[0], size):
                 raise CalibrationError(
@@ -113,26 +107,29 @@ class Rectification:
             Pixels of the rectified images; NaN where a pixel is none of a point in front of the
             rectified camera, or the lens model does not reach that far.
         """
-        return self._rectified_points("left", left_px), self._rectified_points("right", right_px)
+        left, right = self._lenses
+        return (
+            self._rectified_points(*left, self.R_rectified_left, left_px),
+            self._rectified_points(*right, self.R_rectified_right, right_px),
+        )
 
-    def _rectified_points(self, side: _Side, px: ArrayLike) -> Float64Array:
+    def _rectified_points(
+        self, K: Float64Array, D: Float64Array, R: Float64Array, px: ArrayLike
+    ) -> Float64Array:
         given = np.array(px, dtype=np.float64).reshape(-1, 2)
         if self._maps is None or not len(given):
             return given
-        K, D = _lens(self._calibration, side)
-        R = self.R_rectified_left if side == "left" else self.R_rectified_right
-        fisheye = self._calibration.distortion_model == "equidistant"
         criteria = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-9)
         finite = np.asarray(np.isfinite(given).all(axis=1), dtype=np.bool_)
         points = np.where(finite.reshape(-1, 1), given, 0.0).reshape(-1, 1, 2)
-        undistort = cv2.fisheye.undistortPoints if fisheye else cv2.undistortPointsIter
+        undistort = cv2.fisheye.undistortPoints if self._fisheye else cv2.undistortPointsIter
         # As seen by the camera itself, so that what lies behind the rectified one is told apart.
         plane = undistort(points, K, D, R=np.eye(3), P=np.eye(3), criteria=criteria)
         rays = np.ones((len(given), 3))
         rays[:, :2] = np.asarray(plane, dtype=np.float64).reshape(-1, 2)
         came_from = (
             fisheye_pixels(rays, K, D)
-            if fisheye
+            if self._fisheye
             else cv2.projectPoints(rays, np.zeros(3), np.zeros(3), K, D)[0].reshape(-1, 2)
         )
         turned = rays @ R.T
@@ -144,58 +141,31 @@ class Rectification:
         rectified[~good] = np.nan
         return np.asarray(rectified, dtype=np.float64)
 
-    def _pinhole_rectification(
-        self,
+    def _rotations_and_projections(
+        self, size: tuple[int, int]
     ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
-        """R1, R2, P1 and P2 as OpenCV's stereoRectify returns them."""
-        calibration = self._calibration
-        size = (calibration.width, calibration.height)
-        rotations_and_projections = cv2.stereoRectify(
-            calibration.K1,
-            _distortion(calibration.D1),
-            calibration.K2,
-            _distortion(calibration.D2),
-            size,
-            calibration.R,
-            calibration.T.reshape(3, 1),
-            flags=cv2.CALIB_ZERO_DISPARITY,
-            alpha=0,
-            newImageSize=size,
-        )
-        R1, R2, P1, P2 = (
-            np.asarray(matrix, dtype=np.float64) for matrix in rotations_and_projections[:4]
-        )
-        self._check_result(P1, P2)
-        return R1, R2, P1, P2
-
-    def _fisheye_rectification(
-        self,
-    ) -> tuple[Float64Array, Float64Array, Float64Array, Float64Array]:
-        """R1, R2, P1 and P2 for equidistant lenses.
+        """R1, R2, P1 and P2 as OpenCV's stereoRectify returns them, for equidistant lenses too.
 
         OpenCV's own ``fisheye.stereoRectify`` looks at four pixels to choose the focal length:
         what it chooses leaves the frame at the corners, or makes far less of the images than is
         there. The rotations know no lens and are those of stereoRectify.
         """
-        calibration = self._calibration
-        size = (calibration.width, calibration.height)
-        no_distortion = np.zeros(5)
-        R1, R2 = (
-            np.asarray(rotation, dtype=np.float64)
-            for rotation in cv2.stereoRectify(
-                calibration.K1,
-                no_distortion,
-                calibration.K2,
-                no_distortion,
-                size,
-                calibration.R,
-                calibration.T.reshape(3, 1),
-            )[:2]
+        c, ((K1, D1), (K2, D2)) = self._calibration, self._lenses
+        if self._fisheye:
+            D1 = D2 = np.zeros(5)
+        R1, R2, P1, P2 = (
+            np.asarray(matrix, dtype=np.float64)
+            for matrix in cv2.stereoRectify(
+                *(K1, D1, K2, D2, size, c.R, c.T.reshape(3, 1)),
+                flags=cv2.CALIB_ZERO_DISPARITY,
+                alpha=0,
+                newImageSize=size,
+            )[:4]
         )
-        P1 = np.zeros((3, 4))
-        P1[:, :3] = self._widest_common_view(R1, R2)
-        P2 = P1.copy()
-        P2[0, 3] = -P2[0, 0] * calibration.baseline
+        if self._fisheye:
+            P1[:, :3] = self._widest_common_view(R1, R2)
+            P2 = P1.copy()
+            P2[0, 3] = -P2[0, 0] * c.baseline
         self._check_result(P1, P2)
         return R1, R2, P1, P2
 
@@ -203,7 +173,7 @@ class Rectification:
         """(3, 3) camera matrix of the widest plane image that lies within both fisheye images."""
         calibration = self._calibration
         last = np.array([calibration.width - 1.0, calibration.height - 1.0])
-        lenses = [(*_lens(calibration, "left"), R1), (*_lens(calibration, "right"), R2)]
+        lenses = [(*lens, R) for lens, R in zip(self._lenses, (R1, R2), strict=True)]
         # Both look to the middle of where their two image centres point.
         axis = np.mean(
             [
@@ -248,6 +218,19 @@ class Rectification:
         centre = last / 2 - narrow * axis
         return np.array([[narrow, 0, centre[0]], [0, narrow, centre[1]], [0, 0, 1.0]])
 
+    def _map(
+        self,
+        K: Float64Array,
+        D: Float64Array,
+        R: Float64Array,
+        P: Float64Array,
+        size: tuple[int, int],
+    ) -> _Maps:
+        # Fixed point maps: a third of the memory of float maps, and remap is about twice as fast.
+        module = cv2.fisheye if self._fisheye else cv2
+        fixed, fraction = module.initUndistortRectifyMap(K, D, R, P, size, cv2.CV_16SC2)
+        return np.asarray(fixed, dtype=np.int16), np.asarray(fraction, dtype=np.uint16)
+
     def _check_result(self, P1: Float64Array, P2: Float64Array) -> None:
         focal = float(P1[0, 0])
         usual = float(self._calibration.K1[0, 0])
@@ -283,11 +266,6 @@ def _distortion(D: Float64Array) -> Float64Array:
     return D if D.size else np.zeros(5)
 
 
-def _lens(calibration: StereoCalibration, side: _Side) -> tuple[Float64Array, Float64Array]:
-    K, D = (calibration.K1, calibration.D1) if side == "left" else (calibration.K2, calibration.D2)
-    return K, _distortion(D)
-
-
 def fisheye_pixels(rays: Float64Array, K: Float64Array, D: Float64Array) -> Float64Array:
     """Pixels (N, 2) of rays (N, 3) by an equidistant lens, all in the camera's frame.
 
@@ -304,19 +282,6 @@ def fisheye_pixels(rays: Float64Array, K: Float64Array, D: Float64Array) -> Floa
         px = rays[:, :2] * scale[:, None] * [K[0, 0], K[1, 1]] + [K[0, 2], K[1, 2]]
     px[~(grows & (rays[:, 2] > 0))] = np.nan
     return np.asarray(px, dtype=np.float64)
-
-
-def _maps(calibration: StereoCalibration, side: _Side, R: Float64Array, P: Float64Array) -> _Maps:
-    # Fixed point maps: a third of the memory of float maps, and remap is about twice as fast.
-    K, D = _lens(calibration, side)
-    size = (calibration.width, calibration.height)
-    make = (
-        cv2.fisheye.initUndistortRectifyMap
-        if calibration.distortion_model == "equidistant"
-        else cv2.initUndistortRectifyMap
-    )
-    fixed, fraction = make(K, D, R, P, size, cv2.CV_16SC2)
-    return np.asarray(fixed, dtype=np.int16), np.asarray(fraction, dtype=np.uint16)
 
 
 def _is_one_view(fixed: NDArray[np.int16], size: tuple[int, int]) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,11 +32,11 @@ class RigidEgoMotion:
     status: Status
     reasons: tuple[str, ...]
     inliers: NDArray[np.bool_]
-    T_camera_world: Pose | None
-    T_current_previous: Pose | None
-    pose_covariance: Float64Array | None
-    residual_rms: float
-    noise_scale: float
+    T_camera_world: Pose | None = None
+    T_current_previous: Pose | None = None
+    pose_covariance: Float64Array | None = None
+    residual_rms: float = float("nan")
+    noise_scale: float = 1.0
 
     @property
     def covariance(self) -> Float64Array | None:
@@ -50,14 +50,7 @@ class RigidEgoMotion:
 
     def refused(self, reason: str) -> RigidEgoMotion:
         """The same, lost for this reason."""
-        return replace(
-            self,
-            status=Status.LOST,
-            reasons=(*self.reasons, reason),
-            T_camera_world=None,
-            T_current_previous=None,
-            pose_covariance=None,
-        )
+        return RigidEgoMotion(self.camera, Status.LOST, (*self.reasons, reason), self.inliers)
 
     def predict(self, px: Float64Array, disparity: Float64Array | None) -> Float64Array:
         """Pixels (N, 2) at t+dt of static points at (N, 2) with disparity (N,) at t.

@@ -1,4 +1,4 @@
-"""From what the wheels have summed up to how the camera moved."""
+"""Motion of the camera by what the wheels have summed up."""
 
 from __future__ import annotations
 

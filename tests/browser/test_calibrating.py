@@ -20,11 +20,11 @@ from observer.camera import StereoCalibration, as_gray
 from observer.parameters import StereoParameters
 from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import load_scenario
-from observer.simulation.visibility import left_rays, render_depth
 from observer.simulation.world import World
 from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map
 
+from ..observer.simulation.pixel_truth import left_rays, render_depth
 from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
 
 # The entry of a calibration, and what its file says.

@@ -185,10 +185,10 @@ def test_the_cable_is_pulled(system: System) -> None:
     def once() -> float:
         system.move()
         pulled = time.monotonic()
-        system.robot.unplug()
+        system.robot.robot.faults.unplugged = True
         wait_until("a fault", lambda: system.server.robot()["state"] == "waiting", 2.0)
         seconds = time.monotonic() - pulled
-        system.robot.replug()
+        system.robot.robot.faults.unplugged = False
         wait_until("it is back", lambda: system.server.robot()["state"] == "disarmed", 10.0)
         _stays_still(system, pulled + 0.05, 0.3)
         return seconds

@@ -87,7 +87,7 @@ def test_the_residual_is_observed_minus_predicted() -> None:
         np.array([[1, 2]], np.float32), np.array([[4, 1]], np.float32), np.array([True])
     )
     np.testing.assert_array_equal(flow.residual_px, [[3, -1]])
-    assert len(flow) == 1
+    assert len(flow.px) == 1
 
 
 def test_traces() -> None:

@@ -10,10 +10,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.camera import StereoCamera
-from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import GroundPlane
-from observer.methods.monocular.ground_contact import ground_place, lower_edge
+from observer.geometry import Float64Array
+from observer.methods.monocular.ground import GroundView
+from observer.methods.monocular.ground_contact import (
+    box_around,
+    ground_place,
+    lower_edge,
+    lowest_row,
+)
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import MonocularParameters
 from observer.types import Image
@@ -26,19 +30,16 @@ _ALIKE = 0.25
 _NEARER, _SIGMAS = 2.0, 3.0
 # Depths come from the same poses and are wrong together.
 _SHARED = 3.0
-_LOWEST_PERCENT, _MARGIN_PX = 92.0, 3.0
 
 
-def off_ground(
-    points: RayPoints, T_world_camera: Pose, ground: GroundPlane
-) -> tuple[NDArray[np.bool_], Float64Array]:
+def off_ground(points: RayPoints, view: GroundView) -> tuple[NDArray[np.bool_], Float64Array]:
     """(N,) which points seem to stand clear of the ground, and (N,) their inverse distance now."""
-    here = T_world_camera.translation
+    here = view.T_world_camera.translation
     gap = points.place() - here
     reach = np.linalg.norm(gap, axis=1)
     with np.errstate(invalid="ignore", divide="ignore"):
         inverse = 1 / reach
-        bound = ground.inverse_distance(here, gap / reach[:, None])
+        bound = view.ground.inverse_distance(here, gap / reach[:, None])
     free = ~points.moving & (points.obstacle == NO_OBSTACLE) & (points.age_s >= _LEAST_AGE_S)
     sure = points.inverse > 3 * _SHARED * np.sqrt(points.variance)
     with np.errstate(invalid="ignore"):
@@ -47,7 +48,7 @@ def off_ground(
 
 
 def alike_in_depth(pairs: NDArray[np.intp], inverse: Float64Array) -> NDArray[np.intp]:
-    """Those of the pairs (P, 2) whose inverse distances (N,) are alike."""
+    """Return those of the pairs (P, 2) whose inverse distances (N,) are alike."""
     a, b = inverse[pairs[:, 0]], inverse[pairs[:, 1]]
     return np.asarray(pairs[np.abs(a - b) <= _ALIKE * np.maximum(a, b)])
 
@@ -57,32 +58,31 @@ def floating(
     groups: NDArray[np.int64],
     inverse: Float64Array,
     image: Image,
-    T_world_camera: Pose,
-    ground: GroundPlane,
-    camera: StereoCamera,
+    view: GroundView,
     p: MonocularParameters,
 ) -> tuple[NDArray[np.int64], Float64Array]:
     """The groups (N,) that float, all others -1, and (N,) by how many standard deviations."""
     out, significance = np.full(len(points), -1, np.int64), np.zeros(len(points))
-    here = ground.axes.T @ T_world_camera.translation
     tilt_sigma = float(np.radians(p.tilt_sigma_deg))
     found = 0
     for number in range(int(groups.max(initial=-1)) + 1):
         members = groups == number
         px = points.px[members]
-        (u0, v0), (u1, v1) = px.min(axis=0) - _MARGIN_PX, px.max(axis=0) + _MARGIN_PX
-        lowest = float(np.percentile(px[:, 1], _LOWEST_PERCENT))
-        foot = lower_edge(image, (float(u0), float(v0), float(u1), float(v1)), lowest)
+        box = box_around(px)
+        middle = float(np.mean(box[::2], dtype=np.float32))
+        foot = lower_edge(image, box, lowest_row(px))
         if foot is None:
             continue
         sigma = (p.foot_sigma_px, p.foot_sigma_px)
-        placed = ground_place((float(u0 + u1) / 2, foot), sigma, T_world_camera, ground, camera)
+        placed = ground_place((middle, foot), sigma, view)
         if placed is None:
             continue
-        reach = float(np.linalg.norm(placed[0] - here))
+        reach = float(np.linalg.norm(placed[0] - view.here))
         if reach > p.farthest_m:
             continue
-        share = np.hypot(np.sqrt(np.trace(placed[1])) / reach, tilt_sigma * reach / ground.depth)
+        share = np.hypot(
+            np.sqrt(np.trace(placed[1])) / reach, tilt_sigma * reach / view.ground.depth
+        )
         near = float(np.median(inverse[members]))
         doubt = _SHARED * float(np.median(np.sqrt(points.variance[members])))
         excess = (near - _NEARER / reach) / float(np.hypot(doubt, _NEARER / reach * share))

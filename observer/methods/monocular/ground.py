@@ -42,15 +42,32 @@ class GroundPlane:
         """(N,) 1/m along unit rays (N, 3) from (3,) or (N, 3); negative above the horizon."""
         return np.asarray((ray @ self.down) / self.height_of(centre))
 
-    def contact(
-        self, px: Float64Array, T_world_camera: Pose, camera: StereoCamera
-    ) -> Float64Array | None:
+
+@dataclass(frozen=True, eq=False)
+class GroundView:
+    """The ground as the left camera sees it from one pose."""
+
+    ground: GroundPlane
+    T_world_camera: Pose
+    camera: StereoCamera
+
+    @property
+    def here(self) -> Float64Array:
+        """(2,) metres, ground axes: below the camera."""
+        return self.ground.axes.T @ self.T_world_camera.translation
+
+    def contact(self, px: Float64Array) -> Float64Array | None:
         """(3,) metres, world: where a pixel (2,) sees the ground; None above the horizon."""
-        ray = T_world_camera.rotate(
-            [(px[0] - camera.cx) / camera.fx, (px[1] - camera.cy) / camera.fy, 1.0]
-        )
-        slope = float(ray @ self.down)
+        c = self.camera
+        ray = self.T_world_camera.rotate([(px[0] - c.cx) / c.fx, (px[1] - c.cy) / c.fy, 1.0])
+        slope = float(ray @ self.ground.down)
         if slope <= 1e-6:
             return None
-        reach = float(self.height_of(T_world_camera.translation)) / slope
-        return np.asarray(T_world_camera.translation + reach * ray)
+        centre = self.T_world_camera.translation
+        reach = float(self.ground.height_of(centre)) / slope
+        return np.asarray(centre + reach * ray)
+
+    def seen(self, place: Float64Array) -> Float64Array:
+        """(3,) metres, camera frame: of a place (2,) on the ground."""
+        ground = self.ground
+        return self.T_world_camera.inverse().apply(ground.axes @ place + ground.depth * ground.down)

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from observer.camera import StereoCamera
-from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import GroundPlane
+from observer.geometry import Float64Array
+from observer.methods.monocular.ground import GroundView
 from observer.types import Image
 
+# The lowest points of an obstacle are those below this share of them, but for a stray one; its box
+# has a margin around them.
+_LOWEST_PERCENT, _MARGIN_PX = 92.0, 3.0
 # Of the box: the middle part of its width that is looked at, and how far above and below its
 # lowest points the obstacle may end, as shares of width and height.
 _MIDDLE = 0.35
@@ -18,6 +21,17 @@ _LEAST_PX = 4.0
 _LEAST_EDGE, _FAR_WEIGHT = 3.0, 0.3
 
 Box = tuple[float, float, float, float]
+
+
+def box_around(px: NDArray[np.float32]) -> Box:
+    """The box u0, v0, u1, v1 of points (N, 2), with a margin."""
+    (u0, v0), (u1, v1) = px.min(axis=0) - _MARGIN_PX, px.max(axis=0) + _MARGIN_PX
+    return float(u0), float(v0), float(u1), float(v1)
+
+
+def lowest_row(px: NDArray[np.float32]) -> float:
+    """The row of the lowest points (N, 2), but for a stray one."""
+    return float(np.percentile(px[:, 1], _LOWEST_PERCENT))
 
 
 def lower_edge(image: Image, box: Box, lowest: float) -> float | None:
@@ -47,42 +61,34 @@ def lower_edge(image: Image, box: Box, lowest: float) -> float | None:
 
 
 def ground_place(
-    px: tuple[float, float],
-    sigma_px: tuple[float, float],
-    T_world_camera: Pose,
-    ground: GroundPlane,
-    camera: StereoCamera,
+    px: tuple[float, float], sigma_px: tuple[float, float], view: GroundView
 ) -> tuple[Float64Array, Float64Array] | None:
     """Project a pixel onto the ground: (2,) metres in its axes, and covariance (2, 2).
 
     None above the horizon. The covariance is that of the pixel alone; see ``shared_covariance``.
     """
-    place = ground.contact(np.asarray(px), T_world_camera, camera)
+    place, axes = view.contact(np.asarray(px)), view.ground.axes
     if place is None:
         return None
     columns = []
     for step in ((1.0, 0.0), (0.0, -1.0)):
-        moved = ground.contact(np.add(px, step), T_world_camera, camera)
+        moved = view.contact(np.add(px, step))
         if moved is None:
             return None
-        columns.append(ground.axes.T @ (moved - place))
+        columns.append(axes.T @ (moved - place))
     J = np.stack(columns, axis=1)
-    return ground.axes.T @ place, J @ np.diag(np.square(sigma_px)) @ J.T
+    return axes.T @ place, J @ np.diag(np.square(sigma_px)) @ J.T
 
 
 def shared_covariance(
-    place: Float64Array,
-    T_world_camera: Pose,
-    ground: GroundPlane,
-    height_sigma: float,
-    tilt_sigma: float,
+    place: Float64Array, view: GroundView, height_sigma: float, tilt_sigma: float
 ) -> Float64Array:
     """(2, 2) m^2, ground axes: by how much a wrong height and tilt move a place (2,) on the ground.
 
     Args:
         height_sigma: as a share of the height. tilt_sigma: radians.
     """
-    gap, reach, height = _reach(place, T_world_camera, ground)
+    gap, reach, height = _reach(place, view)
     along = gap / max(reach, 1e-9)
     by_tilt = (reach**2 / height + height) * tilt_sigma
     return np.asarray(
@@ -93,8 +99,7 @@ def shared_covariance(
 def shared_velocity_covariance(
     place: Float64Array,
     velocity: Float64Array,
-    T_world_camera: Pose,
-    ground: GroundPlane,
+    view: GroundView,
     height_sigma: float,
     tilt_sigma: float,
 ) -> Float64Array:
@@ -103,7 +108,7 @@ def shared_velocity_covariance(
     A distance r = h / tan(angle) that is wrong by a share is so for all that moves there; a wrong
     tilt makes the share grow with the distance, and the velocity along it wrong twice as much.
     """
-    gap, reach, height = _reach(place, T_world_camera, ground)
+    gap, reach, height = _reach(place, view)
     along = gap / max(reach, 1e-9)
     across = np.array([-along[1], along[0]])
     share = tilt_sigma * (reach / height + height / max(reach, height))
@@ -113,9 +118,7 @@ def shared_velocity_covariance(
     )
 
 
-def _reach(
-    place: Float64Array, T_world_camera: Pose, ground: GroundPlane
-) -> tuple[Float64Array, float, float]:
-    gap = place - ground.axes.T @ T_world_camera.translation
-    height = max(float(ground.height_of(T_world_camera.translation)), 1e-3)
+def _reach(place: Float64Array, view: GroundView) -> tuple[Float64Array, float, float]:
+    gap = place - view.here
+    height = max(float(view.ground.height_of(view.T_world_camera.translation)), 1e-3)
     return gap, float(np.linalg.norm(gap)), height

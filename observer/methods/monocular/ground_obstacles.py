@@ -9,15 +9,15 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.floating import alike_in_depth, floating, off_ground
-from observer.methods.monocular.ground import GroundPlane
+from observer.methods.monocular.ground import GroundPlane, GroundView
 from observer.methods.monocular.ground_tracking import GroundTracker
 from observer.methods.monocular.inverse_depth import expected_sightings
-from observer.methods.monocular.ray_evidence import RayEvidence
+from observer.methods.monocular.motion_test import RayEvidence
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.methods.monocular.reporting import describe_ground_track
 from observer.parameters import Parameters
 from observer.types import Image, Obstacle
-from observer.vision.lost_pose import while_lost
+from observer.vision.lifecycle import while_lost
 from observer.vision.neighbourhoods import grouped
 
 # Fewer points that seem to float are none.
@@ -53,32 +53,24 @@ class GroundObstacles:
         Args:
             image: (H, W) grey. T_world_camera: the pose now; T_before_world: of the frame before.
         """
-        ground, tracker, q = self._ground, self._tracker, p.monocular
-        if ground is None:
+        tracker, q = self._tracker, p.monocular
+        if self._ground is None:
             return points
+        view = GroundView(self._ground, T_world_camera, self._camera)
         now = expected_sightings(points, T_world_camera.inverse(), self._camera).px
         standing_flow = now - expected_sightings(points, T_before_world, self._camera).px
         points = tracker.follow(
-            points, evidence.significance, evidence.threshold, standing_flow, image,
-            T_world_camera, ground, self._camera, dt, q, p.obstacles,
+            points, evidence.significance, evidence.threshold, standing_flow, image, view, dt,
+            q, p.obstacles,
         )  # fmt: skip
         free = evidence.moving & (points.obstacle == NO_OBSTACLE)
         groups = grouped(evidence.pairs, free, p.obstacles.min_points)
-        points = tracker.found(
-            points, groups, evidence.significance, False, image, T_world_camera, ground,
-            self._camera, q,
-        )  # fmt: skip
-        clear, inverse = off_ground(points, T_world_camera, ground)
+        points = tracker.found(points, groups, evidence.significance, False, image, view, q)
+        clear, inverse = off_ground(points, view)
         groups = grouped(alike_in_depth(evidence.pairs, inverse), clear, _LEAST_FLOATING)
-        groups, significance = floating(
-            points, groups, inverse, image, T_world_camera, ground, self._camera, q
-        )
-        points = tracker.found(
-            points, groups, significance, True, image, T_world_camera, ground, self._camera, q
-        )
-        points = tracker.merge(points, T_world_camera, ground, self._camera)
-        here = ground.axes.T @ T_world_camera.translation
-        return tracker.live(points, p.obstacles, q.farthest_m, here)
+        groups, significance = floating(points, groups, inverse, image, view, q)
+        points = tracker.found(points, groups, significance, True, image, view, q)
+        return tracker.live(tracker.merge(points, view), view, q, p.obstacles)
 
     def described(
         self,
@@ -91,16 +83,9 @@ class GroundObstacles:
         """All obstacles as they are reported; see ``describe_ground_track``."""
         if self._ground is None:
             return ()
+        view = GroundView(self._ground, T_world_camera, self._camera)
         return tuple(
-            describe_ground_track(
-                track,
-                T_world_camera,
-                camera_velocity,
-                scale_sigma,
-                self._ground,
-                time,
-                p.monocular,
-            )
+            describe_ground_track(track, view, camera_velocity, scale_sigma, time, p.monocular)
             for track in self._tracker.tracks
         )
 

@@ -7,17 +7,20 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.camera import StereoCamera
-from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import GroundPlane
-from observer.methods.monocular.ground_contact import ground_place, lower_edge
+from observer.geometry import Float64Array
+from observer.methods.monocular.ground import GroundView
+from observer.methods.monocular.ground_contact import (
+    Box,
+    box_around,
+    ground_place,
+    lower_edge,
+    lowest_row,
+)
 from observer.methods.monocular.ground_track import GroundTrack
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.parameters import MonocularParameters, ObstacleParameters
 from observer.types import Image, MotionState, TrackState
 from observer.vision.lifecycle import TrackIds, expired, next_state
-
-Box = tuple[float, float, float, float]
 
 # A member moves with the others to within so many pixels a frame.
 _TOGETHER_PX = 0.7
@@ -31,8 +34,6 @@ _GATE = 3.5
 _FIRST_SPEED = 0.6
 # Significance of the velocity that supports what the lines of sight say.
 _SUPPORT_SIGMAS = 2.0
-_MARGIN_PX = 3.0
-_LOWEST_PERCENT = 92.0
 # What is nearer than this share of its size, and moves alike in the image, is one obstacle.
 _GAP_SHARE, _ALIKE_PX = 0.5, 0.8
 # Seconds: a tentative track that was not seen for so long, or is not confirmed so long after it
@@ -63,9 +64,7 @@ class GroundTracker:
         threshold: float,
         standing_flow: Float64Array,
         image: Image,
-        T_world_camera: Pose,
-        ground: GroundPlane,
-        camera: StereoCamera,
+        view: GroundView,
         dt: float,
         p: MonocularParameters,
         q: ObstacleParameters,
@@ -87,19 +86,19 @@ class GroundTracker:
                 owner[kept] = NO_OBSTACLE
                 track.points = 0
                 track.missed_s += dt
-                track.box_px = _projected(track, T_world_camera, ground, camera)
+                track.box_px = _projected(track, view)
                 continue
             box = _widened(moved, points.px[kept])
-            foot = lower_edge(image, box, _lowest(points.px[kept]))
+            foot = lower_edge(image, box, lowest_row(points.px[kept]))
             if foot is not None:
                 box = (box[0], box[1], box[2], box[3] + _EDGE_GAIN * (foot - box[3]))
             # The box was mistaken by so much; nothing has moved there.
-            _shift(track, moved, box, T_world_camera, ground, camera)
+            _shift(track, moved, box, view)
             joining = _joining(points, owner, kept, standing_flow, box)
             owner[joining] = track.id
             track.box_px, track.points, track.missed_s = box, len(kept), 0.0
             share = float(np.mean(significance[kept] > threshold))
-            self._measure(track, T_world_camera, ground, camera, p)
+            self._measure(track, view, p)
             self._judge(track, share, p, q)
             if track.state is not TrackState.TENTATIVE:
                 number = self._numbers.confirmed(track.id)
@@ -114,28 +113,23 @@ class GroundTracker:
         significance: Float64Array,
         floating: bool,
         image: Image,
-        T_world_camera: Pose,
-        ground: GroundPlane,
-        camera: StereoCamera,
+        view: GroundView,
         p: MonocularParameters,
     ) -> RayPoints:
         """Begin an obstacle with every group (N,), or give it to one that is expected there."""
         owner = points.obstacle.copy()
         for number in range(int(groups.max(initial=-1)) + 1):
             members = np.flatnonzero(groups == number)
-            box = _first_box(points.px[members])
-            foot = lower_edge(image, box, _lowest(points.px[members]))
+            box = box_around(points.px[members])
+            foot = lower_edge(image, box, lowest_row(points.px[members]))
             if foot is not None:
                 box = (box[0], box[1], box[2], foot)
             sigma = (p.foot_sigma_px, p.foot_sigma_px * (1.0 if foot is not None else 3.0))
-            placed = ground_place(
-                ((box[0] + box[2]) / 2, box[3]), sigma, T_world_camera, ground, camera
-            )
-            if placed is None or box[3] >= camera.height - 2:
+            placed = ground_place(((box[0] + box[2]) / 2, box[3]), sigma, view)
+            if placed is None or box[3] >= view.camera.height - 2:
                 continue
             place, cov = placed
-            here = ground.axes.T @ T_world_camera.translation
-            if np.linalg.norm(place - here) > p.farthest_m:
+            if np.linalg.norm(place - view.here) > p.farthest_m:
                 continue
             track = self._expected_at(place, cov, box)
             if track is None:
@@ -152,13 +146,11 @@ class GroundTracker:
                 track.mean[:2] = place
                 track.covariance[:2, :2], track.covariance[2:, :2] = cov, 0.0
                 track.covariance[:2, 2:] = 0.0
-            track.size = _size(box, place, T_world_camera, ground, camera)
+            track.size = _size(box, place, view)
             owner[members] = track.id
         return points.but(obstacle=owner)
 
-    def merge(
-        self, points: RayPoints, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera
-    ) -> RayPoints:
+    def merge(self, points: RayPoints, view: GroundView) -> RayPoints:
         """Make one obstacle of those that touch in the image and move alike there."""
         owner = points.obstacle.copy()
         flow = (points.px - points.before_px).astype(np.float64)
@@ -174,21 +166,21 @@ class GroundTracker:
                 if _near(one.box_px, other.box_px) and np.linalg.norm(gap) <= _ALIKE_PX:
                     owner[theirs] = one.id
                     box = _union(one.box_px, other.box_px)
-                    _shift(one, one.box_px, box, T_world_camera, ground, camera)
+                    _shift(one, one.box_px, box, view)
                     one.box_px = box
                     gone.add(other.id)
         self.tracks = [track for track in self.tracks if track.id not in gone]
         return points.but(obstacle=owner)
 
     def live(
-        self, points: RayPoints, q: ObstacleParameters, reach: float, here: Float64Array
+        self, points: RayPoints, view: GroundView, p: MonocularParameters, q: ObstacleParameters
     ) -> RayPoints:
         """End what was not seen for too long, never was confirmed, or left the ground in reach."""
         ended = []
         for track in self.tracks:
             if track.missed_s > 0:
                 track.state = next_state(track.state, seen=False, confirmed=False)
-            far = float(np.linalg.norm(track.place - here)) > _OUT_OF_REACH * reach
+            far = float(np.linalg.norm(track.place - view.here)) > _OUT_OF_REACH * p.farthest_m
             never = track.state is TrackState.TENTATIVE and track.age_s > _PATIENCE_S
             over = expired(
                 track.state, track.missed_s, coast=q.coast_s, patience=_TENTATIVE_COAST_S
@@ -211,19 +203,16 @@ class GroundTracker:
                 best, least = track, length
         return best
 
-    def _measure(
-        self, track: GroundTrack, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera,
-        p: MonocularParameters,
-    ) -> None:  # fmt: skip
-        u0, _, u1, v1 = track.box_px
+    def _measure(self, track: GroundTrack, view: GroundView, p: MonocularParameters) -> None:
+        camera, (u0, _, u1, v1) = view.camera, track.box_px
         cut = v1 >= camera.height - 2
         side = u0 <= 1 or u1 >= camera.width - 2
         sigma = (p.foot_sigma_px * (20 if side else 1), p.foot_sigma_px * (20 if cut else 1))
-        placed = ground_place(((u0 + u1) / 2, v1), sigma, T_world_camera, ground, camera)
+        placed = ground_place(((u0 + u1) / 2, v1), sigma, view)
         if placed is None:
             return
         track.update(*placed)
-        size = _size(track.box_px, track.place, T_world_camera, ground, camera)
+        size = _size(track.box_px, track.place, view)
         track.size = size if not track.size.any() else track.size + 0.1 * (size - track.size)
 
     def _judge(
@@ -242,20 +231,13 @@ class GroundTracker:
             track.motion = MotionState.STOPPED
 
 
-def _shift(
-    track: GroundTrack,
-    before: Box,
-    after: Box,
-    T_world_camera: Pose,
-    ground: GroundPlane,
-    camera: StereoCamera,
-) -> None:
+def _shift(track: GroundTrack, before: Box, after: Box, view: GroundView) -> None:
     """Move an obstacle's place, not its velocity, as the foot of its box was corrected."""
     feet = [np.array([(box[0] + box[2]) / 2, box[3]]) for box in (before, after)]
-    old, new = (ground.contact(foot, T_world_camera, camera) for foot in feet)
+    old, new = (view.contact(foot) for foot in feet)
     if old is None or new is None:
         return
-    gap = ground.axes.T @ (new - old)
+    gap = view.ground.axes.T @ (new - old)
     track.mean = track.mean + np.append(gap, [0.0, 0.0])
     track.covariance[:2, :2] += np.outer(gap, gap)
 
@@ -304,19 +286,9 @@ def _joining(
     return np.flatnonzero(inside & (gap <= _TOGETHER_PX) & (gap + _BETTER_PX < still))
 
 
-def _lowest(px: NDArray[np.float32]) -> float:
-    """The row of the lowest points (N, 2), but for a stray one."""
-    return float(np.percentile(px[:, 1], _LOWEST_PERCENT))
-
-
-def _first_box(px: NDArray[np.float32]) -> Box:
-    (u0, v0), (u1, v1) = px.min(axis=0) - _MARGIN_PX, px.max(axis=0) + _MARGIN_PX
-    return float(u0), float(v0), float(u1), float(v1)
-
-
 def _widened(box: Box, px: NDArray[np.float32]) -> Box:
     """The box, following the extent of its points."""
-    u0, v0, u1, _ = _first_box(px)
+    u0, v0, u1, _ = box_around(px)
 
     def to(old: float, new: float, outward: bool) -> float:
         return old + (_SIDE_GAIN if outward else _SIDE_GAIN / 3) * (new - old)
@@ -329,24 +301,19 @@ def _widened(box: Box, px: NDArray[np.float32]) -> Box:
     )
 
 
-def _size(
-    box: Box, place: Float64Array, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera
-) -> Float64Array:
+def _size(box: Box, place: Float64Array, view: GroundView) -> Float64Array:
     """(2,) metres: width and height of a box whose foot is at a place (2,) on the ground."""
-    foot = ground.axes @ place + ground.depth * ground.down
-    depth = max(float(T_world_camera.inverse().apply(foot)[2]), 0.1)
-    return np.array([(box[2] - box[0]) * depth / camera.fx, (box[3] - box[1]) * depth / camera.fy])
+    depth, c = max(float(view.seen(place)[2]), 0.1), view.camera
+    return np.array([(box[2] - box[0]) * depth / c.fx, (box[3] - box[1]) * depth / c.fy])
 
 
-def _projected(
-    track: GroundTrack, T_world_camera: Pose, ground: GroundPlane, camera: StereoCamera
-) -> Box:
+def _projected(track: GroundTrack, view: GroundView) -> Box:
     """The box of an obstacle that is not seen, where it should be by now."""
-    foot = T_world_camera.inverse().apply(ground.axes @ track.place + ground.depth * ground.down)
+    foot = view.seen(track.place)
     if foot[2] <= 0.1:
         return track.box_px
-    (u, v), _ = camera.project(foot)
-    width, height = track.size * camera.fx / foot[2]
+    (u, v), _ = view.camera.project(foot)
+    width, height = track.size * view.camera.fx / foot[2]
     return float(u - width / 2), float(v - height), float(u + width / 2), float(v)
 
 

@@ -7,8 +7,12 @@ import numpy as np
 from observer.geometry import Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import RayPoints
-from observer.methods.monocular.scale import Scale, ground_scale, odometry_scale
-from observer.mount import CameraMount
+from observer.methods.monocular.scale import (
+    correction,
+    ground_scale,
+    odometry_scale,
+    sigma_after_way,
+)
 from observer.parameters import MonocularParameters
 from observer.types import Odometry
 from observer.vision.wheel_odometry import driven_way
@@ -24,21 +28,21 @@ class MapScale:
     def __init__(
         self,
         sigma: float,
-        support: tuple[CameraMount, GroundPlane] | None,
+        ground: GroundPlane | None,
         T_camera_world: Pose,
         odometry: Odometry | None,
     ) -> None:
-        self._scale = Scale(sigma)
-        self._support = support
+        self._sigma = sigma
+        self._ground = ground
         self._T_mark = T_camera_world
         self.odometry = odometry
 
     def sigma(self, p: MonocularParameters) -> float:
         """One standard deviation of all lengths, as a share; what is told can itself be wrong."""
-        told = p.height_sigma if self._support is not None else np.inf
+        told = p.height_sigma if self._ground is not None else np.inf
         if self.odometry is not None:
             told = min(told, p.odometry_sigma)
-        return float(np.hypot(self._scale.sigma, told if np.isfinite(told) else 0.0))
+        return float(np.hypot(self._sigma, told if np.isfinite(told) else 0.0))
 
     def corrected(
         self,
@@ -54,7 +58,7 @@ class MapScale:
             T_camera_world, T_before_world: where the camera is, and was in the frame before.
         """
         moved = T_camera_world @ T_before_world.inverse()
-        self._scale = self._scale.after_way(float(np.linalg.norm(moved.translation)))
+        self._sigma = sigma_after_way(self._sigma, float(np.linalg.norm(moved.translation)))
         here = T_camera_world.inverse()
         factor = self._by_ground(points, here) * self._by_odometry(T_camera_world, odometry, p)
         if factor == 1.0:
@@ -66,11 +70,9 @@ class MapScale:
         )
 
     def _by_ground(self, points: RayPoints, T_world_camera: Pose) -> float:
-        if self._support is None:
+        if self._ground is None:
             return 1.0
-        mount, ground = self._support
-        told = ground_scale(points, T_world_camera, ground, mount.height_m, self._scale)
-        return self._taken(told)
+        return self._taken(ground_scale(points, T_world_camera, self._ground, self._sigma))
 
     def _by_odometry(
         self, T_camera_world: Pose, odometry: Odometry | None, p: MonocularParameters
@@ -87,5 +89,5 @@ class MapScale:
     def _taken(self, told: tuple[float, float] | None) -> float:
         if told is None:
             return 1.0
-        factor, self._scale = self._scale.corrected(*told)
+        factor, self._sigma = correction(self._sigma, *told)
         return factor

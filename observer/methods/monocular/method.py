@@ -27,7 +27,6 @@ from observer.methods.monocular.inverse_depth import (
 from observer.methods.monocular.map_scale import MapScale
 from observer.methods.monocular.motion_test import ray_evidence
 from observer.methods.monocular.pose import PoseEstimate, estimate_pose
-from observer.methods.monocular.ray_evidence import RayEvidence
 from observer.methods.monocular.rays import NO_OBSTACLE, RayPoints
 from observer.methods.monocular.two_views import turned_between
 from observer.mount import CameraMount
@@ -105,7 +104,7 @@ class MonocularMethod:
         self._rate: tuple[Float64Array, Float64Array] | None = None
         self._noise = 1.0
         self._scale = MapScale(
-            parameters.monocular.odometry_sigma, self._support, Pose.identity(), view.odometry
+            parameters.monocular.odometry_sigma, self._ground, Pose.identity(), view.odometry
         )
         # With odometry and mount the motion is known at once, else two views must tell it.
         self._started = self._mount is not None and view.odometry is not None
@@ -137,7 +136,10 @@ class MonocularMethod:
             points = updated(
                 points, ego.T_camera_world, estimate.covariance, self._noise, self._camera
             )
-            evidence = self._evidence(points, ego.T_camera_world, estimate, dt, p)
+            evidence = ray_evidence(
+                points, ego.T_camera_world, estimate.covariance, dt, self._noise, self._ground,
+                float(np.radians(p.monocular.tilt_sigma_deg)), self._camera, p.evidence,
+            )  # fmt: skip
             points = points.but(moving=evidence.moving)
             trace.keep("rays", points)
             trace.keep("ray_evidence", evidence)
@@ -159,13 +161,6 @@ class MonocularMethod:
             T_world_camera, -moved.translation / dt, self._scale.sigma(p.monocular), view.time, p
         )
         return Step(ego, T_world_camera, obstacles, 1.0, None)
-
-    @property
-    def _support(self) -> tuple[CameraMount, GroundPlane] | None:
-        """Mount and ground plane, which keep the camera at its height; None where unknown."""
-        if self._mount is None or self._ground is None:
-            return None
-        return self._mount, self._ground
 
     # ------------------------------------------------------------------ following
 
@@ -223,15 +218,13 @@ class MonocularMethod:
         inliers = np.ones(len(points), np.bool_)
         T = self._T_camera_world if self._started else None
         cov = np.eye(6) * _STEP_TURN**2 if self._started else None
-        ego = RigidEgoMotion(
-            self._camera, status, (reason,), inliers, T, None, cov, float("nan"), 1.0
-        )
+        ego = RigidEgoMotion(self._camera, status, (reason,), inliers, T, pose_covariance=cov)
         trace.keep("ego_motion", ego)
         pose = None if T is None else T.inverse()
         return Step(ego, pose, (), 1.0, None, waiting=not self._started)
 
     def _try_to_start(self, points: RayPoints, view: View, p: Parameters) -> str | None:
-        """None once it is done, else why it cannot be done yet."""
+        """Return None once it is done, else why it cannot be done yet."""
         driven = driven_way(self._scale.odometry, view.odometry)
         if self._mount is None and driven is None:
             self._view, self._points = view, points
@@ -267,7 +260,7 @@ class MonocularMethod:
     def _begin_at(self, beginning: Initialization, view: View, p: Parameters) -> None:
         self._T_camera_world = beginning.T_now_first @ self._T_camera_world
         self._scale = MapScale(
-            beginning.scale_sigma, self._support, self._T_camera_world, view.odometry
+            beginning.scale_sigma, self._ground, self._T_camera_world, view.odometry
         )
         self._points = beginning.points
         self._started = True
@@ -288,7 +281,7 @@ class MonocularMethod:
             density_weights(points.px, p.klt_tracking),
             T_expected,
             prior,
-            self._support,
+            self._ground,
             p.ego_motion.noise_correlation,
             self._camera,
         )
@@ -322,15 +315,6 @@ class MonocularMethod:
     def _turns(self) -> bool:
         return self._rate is not None and bool(np.linalg.norm(self._rate[0]) > _TURNED_RAD)
 
-    def _evidence(
-        self, points: RayPoints, T_camera_world: Pose, estimate: PoseEstimate, dt: float,
-        p: Parameters,
-    ) -> RayEvidence:  # fmt: skip
-        return ray_evidence(
-            points, T_camera_world, estimate.covariance, dt, self._noise, self._ground,
-            float(np.radians(p.monocular.tilt_sigma_deg)), self._camera, p.evidence,
-        )  # fmt: skip
-
     # ------------------------------------------------------------------ points
 
     def _anchor(self, view: View, p: Parameters) -> None:
@@ -342,9 +326,9 @@ class MonocularMethod:
     def _renew_points(self, view: View, p: Parameters) -> None:
         """Leave one point in each square of the image, and find one where there is none."""
         points = self._points
-        moving = points.moving | (points.obstacle != NO_OBSTACLE)
+        moving = points.px[points.moving | (points.obstacle != NO_OBSTACLE)]
         size = (self._camera.width, self._camera.height)
-        marked = attention(size, self._obstacles.boxes_px(), points.px[moving], p.klt_tracking)
+        marked = attention(size, self._obstacles.boxes_px(), moving, p.klt_tracking)
         square = grid_cells(points.px, marked, p.klt_tracking)
         kept = one_per_cell(square, points.sightings)
         px = new_keypoints(view.left, square[kept], marked, p)

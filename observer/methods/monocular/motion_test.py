@@ -7,6 +7,8 @@ a depth that does not fit where it touches the ground (``floating``).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -16,7 +18,6 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2
-from observer.methods.monocular.ray_evidence import RayEvidence
 from observer.methods.monocular.rays import RayPoints
 from observer.parameters import EvidenceParameters
 from observer.vision.chi_square import upper_quantile
@@ -33,6 +34,23 @@ _FLOOR_SHARE, _SLACK = 0.8, 0.02
 _MOST, _EACH_SIGMAS = 0.7, 2.0
 # From frame to frame the pose's errors add up to a random walk.
 _RANDOM_WALK = 1.2
+
+
+@dataclass(frozen=True, eq=False)
+class RayEvidence:
+    """Motion of N points in the image beyond that of static ones.
+
+    Attributes:
+        significance: (N,) standard deviations; 0 where nothing can be said.
+        threshold: above which a point counts as moving.
+        moving: (N,). neighbours: (N,) how many points were pooled. pairs: (P, 2) that agree.
+    """
+
+    significance: Float64Array
+    threshold: float
+    moving: NDArray[np.bool_]
+    neighbours: NDArray[np.int64]
+    pairs: NDArray[np.intp]
 
 
 def ray_evidence(

@@ -17,7 +17,6 @@ from observer.geometry import Float64Array, Pose, cross_matrix
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2, sighting_noise
 from observer.methods.monocular.rays import RayPoints
-from observer.mount import CameraMount
 
 # Residuals beyond so many standard deviations hardly count, round after round.
 _WIDTHS = (30.0, 15.0, 8.0, 5.0, 3.0, 3.0)
@@ -51,7 +50,7 @@ def estimate_pose(
     weight: Float64Array,
     T_expected: Pose,
     prior: Float64Array,
-    support: tuple[CameraMount, GroundPlane] | None,
+    ground: GroundPlane | None,
     noise_correlation: float,
     camera: StereoCamera,
 ) -> PoseEstimate:
@@ -60,7 +59,7 @@ def estimate_pose(
     Args:
         use: (N,) points that are taken to stand. weight: (N,) share of the image each stands for.
         T_expected: about where the camera is. prior: (6, 6) how sure that is, information.
-        support: mount and ground that keep the camera at its height; None where unknown.
+        ground: which keeps the camera at its height and tilt; None where unknown.
         noise_correlation: share of the noise that points have in common.
     """
     chosen = points.take(use)
@@ -87,8 +86,8 @@ def estimate_pose(
         b = np.einsum("nai,na->i", WJ, r)
         gap = _difference(T_expected, pose)
         A, b = A + prior, b + prior @ gap
-        if support is not None:
-            extra, pull = _on_the_ground(pose, *support)
+        if ground is not None:
+            extra, pull = _above_ground(pose, ground)
             A, b = A + extra, b + pull
         information = A
         step = np.linalg.lstsq(A, b, rcond=1e-12)[0]
@@ -114,16 +113,14 @@ def _moved(pose: Pose, step: Float64Array) -> Pose:
     return Pose(turn, np.clip(step[3:], -5.0, 5.0)) @ pose
 
 
-def _on_the_ground(
-    pose: Pose, mount: CameraMount, ground: GroundPlane
-) -> tuple[Float64Array, Float64Array]:
-    """Information (6, 6) and its vector (6,) of standing at the mount's height and tilt."""
+def _above_ground(pose: Pose, ground: GroundPlane) -> tuple[Float64Array, Float64Array]:
+    """Information (6, 6) and its vector (6,) of standing at the first frame's height and tilt."""
     A, b = np.zeros((6, 6)), np.zeros(6)
     down = pose.rotate(ground.down)
     J = -cross_matrix(down)
     A[:3, :3] = J.T @ J / _NOD_SIGMA**2
-    b[:3] = J.T @ (mount.down - down) / _NOD_SIGMA**2
+    b[:3] = J.T @ (ground.down - down) / _NOD_SIGMA**2
     height = float(ground.height_of(pose.inverse().translation))
     A[3:, 3:] = np.outer(down, down) / _BOB_SIGMA_M**2
-    b[3:] = down * (mount.height_m - height) / _BOB_SIGMA_M**2
+    b[3:] = down * (ground.depth - height) / _BOB_SIGMA_M**2
     return A, b

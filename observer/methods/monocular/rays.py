@@ -99,7 +99,7 @@ class RayPoints:
         return self.but(**{f.name: getattr(self, f.name)[which] for f in fields(self)})
 
     def joined(self, other: RayPoints) -> RayPoints:
-        """These points and then the others."""
+        """Return these points and then the others."""
         return self.but(
             **{
                 f.name: np.concatenate([getattr(self, f.name), getattr(other, f.name)])

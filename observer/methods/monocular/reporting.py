@@ -1,11 +1,11 @@
-"""From an obstacle on the ground to the one that is reported, with all that is uncertain of it."""
+"""Conversion of an obstacle on the ground to the one reported, with all that is uncertain."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.ground import GroundPlane
+from observer.methods.monocular.ground import GroundView
 from observer.methods.monocular.ground_contact import shared_covariance, shared_velocity_covariance
 from observer.methods.monocular.ground_track import GroundTrack
 from observer.parameters import MonocularParameters
@@ -18,10 +18,9 @@ _DEPTH_SHARE, _DEPTH_SIGMA = 1.0, 0.3
 
 def describe_ground_track(
     track: GroundTrack,
-    T_world_camera: Pose,
+    view: GroundView,
     camera_velocity: Float64Array,
     scale_sigma: float,
-    ground: GroundPlane,
     time: float,
     p: MonocularParameters,
 ) -> Obstacle:
@@ -31,30 +30,28 @@ def describe_ground_track(
         camera_velocity: (3,) m/s, the camera's own, in its own axes. scale_sigma: of the way that
             it has travelled, as a share. time: of this frame, seconds.
     """
+    ground, T_world_camera = view.ground, view.T_world_camera
     axes, tilt_sigma = ground.axes, float(np.radians(p.tilt_sigma_deg))
-    camera_way = axes.T @ T_world_camera.translation
+    camera_way = view.here
     camera_ground_velocity = axes.T @ T_world_camera.rotate(camera_velocity)
     gap = track.place - camera_way
     along = gap / max(float(np.linalg.norm(gap)), 1e-9)
     width, height = track.size
     place = track.place + _DEPTH_SHARE * width / 2 * along
     cov = track.covariance[:2, :2] + (_DEPTH_SIGMA * width) ** 2 * np.outer(along, along)
-    cov = cov + shared_covariance(track.place, T_world_camera, ground, p.height_sigma, tilt_sigma)
+    cov = cov + shared_covariance(track.place, view, p.height_sigma, tilt_sigma)
     cov = cov + scale_sigma**2 * np.outer(camera_way, camera_way)
     velocity_cov = track.covariance[2:, 2:] + shared_velocity_covariance(
-        track.place, track.velocity - camera_ground_velocity, T_world_camera, ground,
-        p.height_sigma, tilt_sigma,
-    )  # fmt: skip
+        track.place, track.velocity - camera_ground_velocity, view, p.height_sigma, tilt_sigma
+    )
     velocity_cov = velocity_cov + scale_sigma**2 * np.outer(
         camera_ground_velocity, camera_ground_velocity
     )
     position = axes @ place + (ground.depth - height / 2) * ground.down
     velocity = axes @ track.velocity
     T_camera_world = T_world_camera.inverse()
-    position_camera, velocity_camera = (
-        T_camera_world.apply(position),
-        T_camera_world.rotate(velocity),
-    )
+    position_camera = T_camera_world.apply(position)
+    velocity_camera = T_camera_world.rotate(velocity)
     speed = float(np.linalg.norm(velocity))
     # Nothing rises from the ground; what is known of that is as good as the ground is flat.
     upright = np.outer(ground.down, ground.down)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
@@ -26,28 +24,20 @@ _LEVER_M, _STEP_M = 0.10, 0.003
 _WAY_M = 0.12
 
 
-@dataclass(frozen=True)
-class Scale:
-    """Estimate of the map's scale.
+def sigma_after_way(sigma: float, way_m: float) -> float:
+    """One standard deviation of the scale, as a share, after having travelled so far."""
+    return float(np.sqrt(sigma**2 + _DRIFT**2 * way_m))
 
-    Attributes:
-        sigma: one standard deviation, as a share.
+
+def correction(sigma: float, log_ratio: float, told_sigma: float) -> tuple[float, float]:
+    """The factor by which the map is to be enlarged after a measurement, and the sigma then.
+
+    Args:
+        sigma: one standard deviation of the scale, as a share.
+        log_ratio: logarithm of true length over the map's; told_sigma: its standard deviation.
     """
-
-    sigma: float
-
-    def after_way(self, way_m: float) -> Scale:
-        """The scale after having travelled so far."""
-        return replace(self, sigma=float(np.sqrt(self.sigma**2 + _DRIFT**2 * way_m)))
-
-    def corrected(self, log_ratio: float, sigma: float) -> tuple[float, Scale]:
-        """The factor by which the map is to be enlarged after one more measurement of it.
-
-        Args:
-            log_ratio: logarithm of true length over the map's, and its standard deviation.
-        """
-        gain = self.sigma**2 / (self.sigma**2 + sigma**2)
-        return float(np.exp(gain * log_ratio)), Scale(float(np.sqrt(1 - gain) * self.sigma))
+    gain = sigma**2 / (sigma**2 + told_sigma**2)
+    return float(np.exp(gain * log_ratio)), float(np.sqrt(1 - gain) * sigma)
 
 
 def scale_by_ground(
@@ -86,7 +76,7 @@ def scale_by_ground(
 
 
 def ground_scale(
-    points: RayPoints, T_world_camera: Pose, ground: GroundPlane, height: float, scale: Scale
+    points: RayPoints, T_world_camera: Pose, ground: GroundPlane, scale_sigma: float
 ) -> tuple[float, float] | None:
     """The same by points whose depth is known, as the map stands now."""
     slope = points.ray @ ground.down
@@ -95,8 +85,8 @@ def ground_scale(
     below = (points.centre[known] - T_world_camera.translation) @ ground.down
     drop = slope[known] / points.inverse[known] + below
     sigma = np.sqrt(points.variance[known]) / points.inverse[known]
-    inverse = np.where(drop > 0.2 * height, 1 / np.maximum(drop, 1e-6), 0.0)
-    return scale_by_ground(inverse, sigma, height, 3 * scale.sigma)
+    inverse = np.where(drop > 0.2 * ground.depth, 1 / np.maximum(drop, 1e-6), 0.0)
+    return scale_by_ground(inverse, sigma, ground.depth, 3 * scale_sigma)
 
 
 def odometry_scale(

@@ -6,7 +6,7 @@ supplied beside them, by stereo PnP on their inliers, only to express results in
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -50,23 +50,15 @@ class PlanarEgoMotion:
     status: Status
     reasons: tuple[str, ...]
     inliers: NDArray[np.bool_]
-    covariance: Float64Array | None
-    homography: Float64Array | None
-    T_current_previous: Pose | None
-    pose_covariance: Float64Array | None
-    residual_rms_px: float
+    covariance: Float64Array | None = None
+    homography: Float64Array | None = None
+    T_current_previous: Pose | None = None
+    pose_covariance: Float64Array | None = None
+    residual_rms_px: float = float("nan")
 
     def refused(self, reason: str) -> PlanarEgoMotion:
         """The same, lost for this reason."""
-        return replace(
-            self,
-            status=Status.LOST,
-            reasons=(*self.reasons, reason),
-            homography=None,
-            covariance=None,
-            T_current_previous=None,
-            pose_covariance=None,
-        )
+        return PlanarEgoMotion(self.model, Status.LOST, (*self.reasons, reason), self.inliers)
 
     def predict(self, px: Float64Array, disparity: Float64Array | None = None) -> Float64Array:
         """Pixels (N, 2) at t+dt of static points at (N, 2) at t; NaN while lost.
@@ -78,17 +70,6 @@ class PlanarEgoMotion:
         if self.homography is None:
             return np.full_like(px, np.nan)
         return map_pixels(self.homography, px)
-
-    def prediction_covariance(self, px: Float64Array) -> Float64Array:
-        """(N, 2, 2) px^2: how uncertain ``predict`` is at pixels (N, 2), by the parameters'.
-
-        Raises:
-            ValueError: the motion is lost.
-        """
-        if self.covariance is None or self.homography is None:
-            raise ValueError("a lost ego-motion predicts nothing")
-        J = _jacobian(self.model, self.homography, np.asarray(px, np.float64).reshape(-1, 2))
-        return np.asarray(J @ self.covariance @ J.transpose(0, 2, 1), dtype=np.float64)
 
 
 def estimate_ego_motion(
@@ -197,17 +178,7 @@ def decompose_affine(matrix: Float64Array) -> AffineDecomposition:
 
 
 def _lost(model: str, count: int, reason: str) -> PlanarEgoMotion:
-    return PlanarEgoMotion(
-        model=model,
-        status=Status.LOST,
-        reasons=(reason,),
-        inliers=np.zeros(count, np.bool_),
-        covariance=None,
-        homography=None,
-        T_current_previous=None,
-        pose_covariance=None,
-        residual_rms_px=float("nan"),
-    )
+    return PlanarEgoMotion(model, Status.LOST, (reason,), np.zeros(count, np.bool_))
 
 
 def _ransac(

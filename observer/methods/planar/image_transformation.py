@@ -37,16 +37,16 @@ def transform_images(left: Image, right: Image, homography: Float64Array) -> Tra
     height, width = left.shape
     inside = np.full((height, width), 255, np.uint8)
     return TransformedPair(
-        left=_warp(left, homography, cv2.INTER_LINEAR),
-        right=_warp(right, homography, cv2.INTER_LINEAR),
+        left=_warp(left, homography),
+        right=_warp(right, homography),
         # A pixel that is interpolated with the black outside is not known.
-        valid=_warp(inside, homography, cv2.INTER_LINEAR) == 255,
+        valid=_warp(inside, homography) == 255,
     )
 
 
-def _warp(image: Image, homography: Float64Array, interpolation: int) -> Image:
+def _warp(image: Image, homography: Float64Array) -> Image:
     size = (image.shape[1], image.shape[0])
-    flags = interpolation | cv2.WARP_INVERSE_MAP
+    flags = cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP
     if not homography[2, :2].any():
         warped = cv2.warpAffine(image, homography[:2] / homography[2, 2], size, flags=flags)
     else:

@@ -44,7 +44,7 @@ def match_descriptors(
     px_previous, values_previous = _described(previous_image, previous)
     px_current, values_current = _described(current_image, current)
     if len(px_previous) == 0 or len(px_current) == 0:
-        return _no_matches()
+        return Matches(np.empty((0, 2), np.float32), np.empty((0, 2), np.float32))
     distance = _distances(values_previous, values_current)
     shift = parameters.max_shift * previous_image.shape[1]
     gap = px_previous[:, None, :] - px_current[None, :, :]
@@ -84,10 +84,6 @@ def track_features(
     shift = parameters.max_shift * previous_image.shape[1]
     kept &= np.linalg.norm(end - start, axis=1) <= shift
     return Matches(start[kept], end[kept])
-
-
-def _no_matches() -> Matches:
-    return Matches(np.empty((0, 2), np.float32), np.empty((0, 2), np.float32))
 
 
 def _described(image: Image, features: Features) -> tuple[NDArray[np.float32], _Values]:

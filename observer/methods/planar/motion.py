@@ -59,7 +59,7 @@ def measure_motion(
     sigma_px, sigma_d = parameters.motion.pixel_sigma_px, parameters.motion.disparity_sigma_px
     noise = camera.point_covariance(px, disparity, 0.0, sigma_d)
     noise = noise + camera.point_covariance(observed_px, observed_disparity, sigma_px, sigma_d)
-    now_px, now_disparity = _untransformed(observed_px, observed_disparity, ego.homography)
+    now_px, now_disparity = _mapped(observed_px, observed_disparity, ego.homography)
     model_error, model_error_cov = _model_error(previous, ego.homography, ego, camera)
     return PointMotions(
         points_previous=previous,
@@ -74,26 +74,16 @@ def measure_motion(
     )
 
 
-def _untransformed(
+def _mapped(
     px: Float64Array, disparity: Float64Array, homography: Float64Array
 ) -> tuple[Float64Array, Float64Array]:
-    """From the transformed pair back to the pair of t+dt as it was taken.
+    """Map points of the transformed pair to the pair of t+dt as it was taken.
 
-    Left and right were transformed alike, so the disparity follows from where the two pixels of
-    a point come from.
+    The inverse homography maps them back. Left and right were transformed alike, so the
+    disparity follows from where the two pixels of a point come from.
     """
     right = px - np.stack([disparity, np.zeros_like(disparity)], axis=1)
     left, right = map_pixels(homography, px), map_pixels(homography, right)
-    return left, left[:, 0] - right[:, 0]
-
-
-def _transformed(
-    px: Float64Array, disparity: Float64Array, homography: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """The inverse of ``_untransformed``: where the transformed pair shows a point of t+dt."""
-    inverse = np.linalg.inv(homography)
-    right = px - np.stack([disparity, np.zeros_like(disparity)], axis=1)
-    left, right = map_pixels(inverse, px), map_pixels(inverse, right)
     return left, left[:, 0] - right[:, 0]
 
 
@@ -108,9 +98,11 @@ def _model_error(
     if pose is None or covariance is None:
         return np.full_like(points, np.nan), np.full((len(points), 3, 3), np.nan)
 
+    back = np.asarray(np.linalg.inv(homography), dtype=np.float64)
+
     def seen(moved: Pose) -> Float64Array:
         px, disparity = camera.project(moved.apply(points))
-        return camera.triangulate(*_transformed(px, disparity, homography))
+        return camera.triangulate(*_mapped(px, disparity, back))
 
     error = seen(pose)
     # One standard deviation along each component: the scale at which the error varies.

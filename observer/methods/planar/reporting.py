@@ -1,4 +1,4 @@
-"""From a track to the obstacle that is reported: in the world, and relative to the camera."""
+"""Conversion of a track to the obstacle reported: in the world, and relative to the camera."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.planar.results import Detection, Track
 from observer.types import MotionState, Obstacle, TrackState
 from observer.vision.kinematics import closing_speed, speed_std
-from observer.vision.lost_pose import without_pose
+from observer.vision.lifecycle import without_pose
 
 
 def describe_obstacle(

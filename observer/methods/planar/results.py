@@ -31,9 +31,6 @@ class ResidualFlow:
         """Residual (M, 2), observed minus predicted, pixels."""
         return np.asarray(self.observed_px - self.px, dtype=np.float32)
 
-    def __len__(self) -> int:
-        return len(self.px)
-
 
 @dataclass(frozen=True, eq=False)
 class PointMotions:
@@ -61,9 +58,6 @@ class PointMotions:
     point_cov: Float64Array
     model_error: Float64Array
     model_error_cov: Float64Array
-
-    def __len__(self) -> int:
-        return len(self.velocity)
 
 
 @dataclass(frozen=True, eq=False)

@@ -61,7 +61,7 @@ class Tracker:
             for track, index in self._assign(expected, detections, T_track_camera, parameters)
         }
         tracks = [
-            self._sighted(track, seen[i], T_track_camera, parameters)
+            self._continued(track, seen[i], T_track_camera, parameters)
             if i in seen
             else self._missed(track, expected[i])
             for i, track in enumerate(self._tracks)
@@ -72,7 +72,10 @@ class Tracker:
             for detection in detections
             if id(detection) not in taken
         ]
-        self._tracks = [t for t in tracks if not _is_over(t, parameters)]
+        coast, patience = parameters.coast_frames, _TENTATIVE_MISSES
+        self._tracks = [
+            t for t in tracks if not expired(t.state, t.missed, coast=coast, patience=patience)
+        ]
         living = {t.id for t in self._tracks}
         self._expected_velocity = {
             number: v for number, v in self._expected_velocity.items() if number in living
@@ -100,45 +103,45 @@ class Tracker:
     def _begun(
         self, detection: Detection, T_track_camera: Pose, parameters: TrackingParameters
     ) -> Track:
-        velocity = T_track_camera.rotate(detection.velocity)
-        state = _seen_again(TrackState.TENTATIVE, 1, parameters)
-        track = Track(
-            id=self._number(self._numbers.provisional(), state),
-            state=state,
-            detection=detection,
-            position=T_track_camera.apply(detection.position),
-            velocity=velocity,
-            sightings=1,
-            missed=0,
+        number = self._numbers.provisional()
+        track = self._sighted(
+            number, TrackState.TENTATIVE, 1, detection, T_track_camera, parameters
         )
-        self._expected_velocity[track.id] = velocity
+        self._expected_velocity[track.id] = track.velocity
         return track
 
-    def _sighted(
+    def _continued(
         self,
         track: Track,
         detection: Detection,
         T_track_camera: Pose,
         parameters: TrackingParameters,
     ) -> Track:
-        velocity = T_track_camera.rotate(detection.velocity)
-        before = self._expected_velocity[track.id]
-        state = _seen_again(track.state, track.sightings + 1, parameters)
-        number = self._number(track.id, state)
-        self._expected_velocity[number] = before + _NEWEST_WEIGHT * (velocity - before)
+        before, sightings = self._expected_velocity[track.id], track.sightings + 1
+        now = self._sighted(track.id, track.state, sightings, detection, T_track_camera, parameters)
+        self._expected_velocity[now.id] = before + _NEWEST_WEIGHT * (now.velocity - before)
+        return now
+
+    def _sighted(
+        self,
+        number: int,
+        state: TrackState,
+        sightings: int,
+        detection: Detection,
+        T_track_camera: Pose,
+        parameters: TrackingParameters,
+    ) -> Track:
+        """A track after a sighting, under a lasting number once it is confirmed."""
+        state = next_state(state, seen=True, confirmed=sightings >= parameters.confirm_hits)
         return Track(
-            id=number,
+            id=number if state is TrackState.TENTATIVE else self._numbers.confirmed(number),
             state=state,
             detection=detection,
             position=T_track_camera.apply(detection.position),
-            velocity=velocity,
-            sightings=track.sightings + 1,
+            velocity=T_track_camera.rotate(detection.velocity),
+            sightings=sightings,
             missed=0,
         )
-
-    def _number(self, number: int, state: TrackState) -> int:
-        """A lasting one, once it is confirmed."""
-        return number if state is TrackState.TENTATIVE else self._numbers.confirmed(number)
 
     def _missed(self, track: Track, expected: Float64Array) -> Track:
         return replace(
@@ -147,12 +150,3 @@ class Tracker:
             position=expected,
             missed=track.missed + 1,
         )
-
-
-def _seen_again(state: TrackState, sightings: int, parameters: TrackingParameters) -> TrackState:
-    return next_state(state, seen=True, confirmed=sightings >= parameters.confirm_hits)
-
-
-def _is_over(track: Track, parameters: TrackingParameters) -> bool:
-    coast, patience = parameters.coast_frames, _TENTATIVE_MISSES
-    return expired(track.state, track.missed, coast=coast, patience=patience)

@@ -118,7 +118,9 @@ def estimate_rigid_motion(
         reasons.append(f"only {100 * support / count:.0f} % of the points follow one motion")
     # Residuals of three dimensions have a mean square of 3; more means more noise than declared.
     excess = max(1.0, rms**2 / 3)
-    covariance = inverse_information(information) * excess * _shared(support, parameters)
+    # Correlated noise makes the result worse than independent noise would.
+    shared = 1 + parameters.noise_correlation * support
+    covariance = inverse_information(information) * excess * shared
     return RigidEgoMotion(
         camera=camera,
         status=Status.DEGRADED if reasons else Status.OK,
@@ -132,23 +134,8 @@ def estimate_rigid_motion(
     )
 
 
-def _shared(count: int, parameters: EgoMotionParameters) -> float:
-    """Factor by which correlated noise makes the result worse than independent noise would."""
-    return 1 + parameters.noise_correlation * count
-
-
 def _lost(camera: StereoCamera, count: int, reason: str) -> RigidEgoMotion:
-    return RigidEgoMotion(
-        camera=camera,
-        status=Status.LOST,
-        reasons=(reason,),
-        inliers=np.zeros(count, np.bool_),
-        T_camera_world=None,
-        T_current_previous=None,
-        pose_covariance=None,
-        residual_rms=float("nan"),
-        noise_scale=1.0,
-    )
+    return RigidEgoMotion(camera, Status.LOST, (reason,), np.zeros(count, np.bool_))
 
 
 @dataclass(frozen=True, eq=False)

@@ -28,13 +28,13 @@ from observer.methods.rigid.point_tracking import (
     world_sightings,
 )
 from observer.methods.rigid.trace import keep_background, keep_motion, stereo_rows
-from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
+from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import Parameters
 from observer.types import Obstacle, Trace
 from observer.vision.camera_rate import CameraRate
 from observer.vision.keypoints import density_weights
 from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
-from observer.vision.lost_pose import while_lost
+from observer.vision.lifecycle import while_lost
 from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import View
@@ -76,9 +76,8 @@ class RigidMethod:
         with timer("klt_tracking"):
             T_expected = self._expected_pose(dt)
             expected = self._expectation(T_expected, dt, p)
-            seen = track_in_both_cameras(
-                before, previous, view, expected, self._levels, p.klt_tracking
-            )
+            levels = FIRST_LEVELS if self._last is None else LEVELS
+            seen = track_in_both_cameras(before, previous, view, expected, levels, p.klt_tracking)
             points, sigma = sighted_points(before, seen, expected, view, dt, p.klt_tracking)
         with timer("ego_motion"):
             ego = self._ego_motion(points, sigma, T_expected, view, dt, p)
@@ -88,7 +87,11 @@ class RigidMethod:
         if now is None:
             return Step(ego, None, self._unseen(view.time, p), points.stereo_share, rows)
         with timer("motion"):
-            sightings = self._sightings(points, sigma, ego, now, p)
+            # The background shows the noise of all sightings.
+            scale = max(ego.noise_scale, p.evidence.least_noise)
+            self._noise += _NOISE_GAIN * (scale - self._noise)
+            T_world_camera = now.T_world_camera
+            sightings = world_sightings(points, sigma * self._noise, T_world_camera, self._camera)
             points = points.sighted(sightings, dt, p.evidence.memory_s)
             motion = pooled_motion(points, now, p.evidence)
             points = points.but(dynamic=motion.dynamic, velocity=motion.own_velocity)
@@ -98,7 +101,7 @@ class RigidMethod:
         self._view, self._points, self._last = view, points, now
         with timer("features"):
             self._renew_points(p)
-        return Step(ego, now.T_world_camera, self._described(now), points.stereo_share, rows)
+        return Step(ego, T_world_camera, self._described(now), points.stereo_share, rows)
 
     # --- the steps ---------------------------------------------------------------------------
 
@@ -109,11 +112,6 @@ class RigidMethod:
     @property
     def _rate(self) -> CameraRate | None:
         return None if self._last is None else self._last.rate
-
-    @property
-    def _levels(self) -> int:
-        """Pyramid levels by which points are tracked."""
-        return FIRST_LEVELS if self._last is None else LEVELS
 
     def _expected_pose(self, dt: float) -> Pose:
         """``T_camera_world`` after ``dt`` more seconds at the last frame's rate."""
@@ -171,18 +169,6 @@ class RigidMethod:
             reach = ImageReach.of(self._camera, points.disparity, follows)
         reason = self._gate.refusal(time, dt, ego.T_current_previous, ego.pose_covariance, reach)
         return ego if reason is None else ego.refused(reason)
-
-    def _sightings(
-        self,
-        points: TrackedPoints,
-        sigma: Float64Array,
-        ego: RigidEgoMotion,
-        now: CameraStep,
-        p: Parameters,
-    ) -> WorldSightings:
-        """Locate the points in the world, with the noise that the background shows."""
-        self._noise += _NOISE_GAIN * (max(ego.noise_scale, p.evidence.least_noise) - self._noise)
-        return world_sightings(points, sigma * self._noise, now.T_world_camera, self._camera)
 
     def _renew_points(self, p: Parameters) -> None:
         T_camera_world = self._T_camera_world

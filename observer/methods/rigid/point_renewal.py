@@ -53,7 +53,9 @@ class PointRenewal:
                 is looked at.
         """
         points = points.remembered()
-        marked = self._marked(points, boxes_px, parameters)
+        moving = points.px[points.dynamic | (points.obstacle != NO_OBSTACLE)]
+        size = (self._camera.width, self._camera.height)
+        marked = attention(size, boxes_px, moving, parameters.klt_tracking)
         cell = grid_cells(points.px, marked, parameters.klt_tracking)
         kept = one_per_cell(cell, points.sightings)
         points = points.take(kept)
@@ -69,14 +71,6 @@ class PointRenewal:
             points = points.take(np.delete(np.arange(len(points)), wrong))
         new = self._spawned(view, px, coarse[len(due) :], T_camera_world, rate, parameters)
         return points.joined(new)
-
-    def _marked(
-        self, points: TrackedPoints, boxes_px: Float64Array, parameters: Parameters
-    ) -> NDArray[np.bool_]:
-        """(rows, columns) which cells have obstacles or moving points in or beside them."""
-        moving = points.dynamic | (points.obstacle != NO_OBSTACLE)
-        size = (self._camera.width, self._camera.height)
-        return attention(size, boxes_px, points.px[moving], parameters.klt_tracking)
 
     def _spawned(
         self,

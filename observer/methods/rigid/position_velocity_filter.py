@@ -57,7 +57,7 @@ class PositionVelocityFilter:
         return cov
 
     def _with_cov(self, cov: Float64Array) -> PositionVelocityFilter:
-        """These sums, of whose a0 the inverse (N, 3, 3) is known already."""
+        """Return these sums, of whose a0 the inverse (N, 3, 3) is known already."""
         cov.setflags(write=False)
         self.__dict__["_cov"] = cov
         return self
@@ -179,7 +179,7 @@ class PositionVelocityFilter:
         return taken._with_cov(self._cov.take(at, axis=0)) if "_cov" in self.__dict__ else taken
 
     def joined(self, other: PositionVelocityFilter) -> PositionVelocityFilter:
-        """These points and then the others."""
+        """Return these points and then the others."""
         both = PositionVelocityFilter(
             *(np.concatenate([getattr(self, name), getattr(other, name)]) for name in _NAMES)
         )

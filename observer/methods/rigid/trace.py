@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from observer.methods.rigid.point_evidence import PointEvidence
-from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.point_motion import PointEvidence, PooledMotion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.types import EgoMotion, Matches, Trace
 from observer.vision.klt_tracking import Sightings
@@ -29,7 +28,6 @@ def keep_background(
     trace.keep("features_px", before.px)
     trace.keep("matches", Matches(before.px[seen.found], points.px))
     trace.keep("ego_motion", ego)
-    trace.keep("rows", rows)
     trace.keep("rows", rows)
 
 

@@ -68,23 +68,9 @@ class TrackedPoints:
     @staticmethod
     def none() -> TrackedPoints:
         """No points at all."""
-        nothing = np.zeros(0)
-        return TrackedPoints(
-            number=nothing.astype(np.int64),
-            px=np.zeros((0, 2), np.float32),
-            right_px=np.zeros((0, 2), np.float32),
-            flow=np.zeros((0, 2)),
-            disparity=nothing,
-            sightings=nothing.astype(np.int64),
-            age=nothing,
-            sums=PositionVelocityFilter.begin(np.zeros((0, 3)), np.zeros((0, 3, 3))),
-            velocity=np.zeros((0, 3)),
-            dynamic=nothing.astype(np.bool_),
-            obstacle=nothing.astype(np.int64),
-            tenure=nothing.astype(np.int64),
-            shape_information=np.zeros((0, 3, 3)),
-            shape_vector=np.zeros((0, 3)),
-        )
+        px = np.zeros((0, 2), np.float32)
+        sums = PositionVelocityFilter.begin(np.zeros((0, 3)), np.zeros((0, 3, 3)))
+        return TrackedPoints.begin(0, px, px, np.zeros(0), sums)
 
     @staticmethod
     def begin(
@@ -140,7 +126,7 @@ class TrackedPoints:
         return float(np.isfinite(self.disparity).mean()) if len(self) else 0.0
 
     def joined(self, other: TrackedPoints) -> TrackedPoints:
-        """These points and then the others."""
+        """Return these points and then the others."""
         return TrackedPoints(
             *(_joined(getattr(self, name), getattr(other, name)) for name in _NAMES)
         )

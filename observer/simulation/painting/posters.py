@@ -144,21 +144,12 @@ def sign(canvas: Canvas) -> Float32Array:
     return image
 
 
-def checkerboard(canvas: Canvas) -> Float32Array:
+def checkerboard(canvas: Canvas) -> NDArray[np.uint8]:
     """Squares of a tenth of the height, black and white."""
     u = (np.arange(canvas.width) * 10 // canvas.height)[None, :]
     v = (np.arange(canvas.height) * 10 // canvas.height)[:, None]
     image = np.where(((u + v) % 2)[..., None] == 0, 235.0, 25.0)
-    return np.asarray(np.repeat(image, 3, axis=2), np.float32)
-
-
-def plain(paint: Callable[[Canvas], Float32Array]) -> Callable[[Canvas], NDArray[np.uint8]]:
-    """Return a painter of the picture alone."""
-
-    def painter(canvas: Canvas) -> NDArray[np.uint8]:
-        return canvas.finished(paint(canvas))
-
-    return painter
+    return canvas.finished(np.asarray(np.repeat(image, 3, axis=2), np.float32))
 
 
 def framed(paint: Callable[[Canvas], Float32Array]) -> Callable[[Canvas], NDArray[np.uint8]]:

@@ -65,11 +65,6 @@ class CommandLog:
             self.count += 1
             self.unintended += command.unintended
 
-    def clear(self) -> None:
-        """Forget the commands; the counts stay."""
-        with self._lock:
-            self._arrived.clear()
-
     def since(self, time: float = float("-inf")) -> list[Arrived]:
         """Return the commands that arrived at ``time`` or later, the oldest first."""
         with self._lock:

@@ -8,9 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import astuple, dataclass, replace
 
-from observer.geometry import along_arc
 from observer.robots.models import RobotSpec
-from observer.simulation.motion import PlanarMotion, PlanarState
+from observer.simulation.motion import PlanarMotion, PlanarState, state_on_arc
 from observer.simulation.robots.chassis import Drive, Wheels
 from observer.simulation.robots.floor import Outline, Surroundings, outline_at
 from observer.simulation.robots.sonar import sonar_range
@@ -211,14 +210,7 @@ def _onward(state: PlanarState, seconds: float) -> PlanarState:
     c, s = math.cos(state.heading), math.sin(state.heading)
     speed = c * state.vx + s * state.vy
     turned = state.turn_rate * seconds
-    heading = state.heading + turned
-    return PlanarState(
-        *along_arc(state.x, state.y, state.heading, speed * seconds, turned),
-        heading,
-        speed * math.cos(heading),
-        speed * math.sin(heading),
-        state.turn_rate,
-    )
+    return state_on_arc(state, speed * seconds, turned, speed, state.turn_rate)
 
 
 def _between(a: PlanarState, b: PlanarState, share: float) -> PlanarState:

@@ -7,8 +7,6 @@ import math
 from observer.robots.models import robot_spec
 from observer.simulation.motion import PlanarState
 from observer.simulation.robots.chassis import Drive, Wheels
-from observer.simulation.robots.command_log import CommandLog
-from observer.simulation.robots.faults import Faults
 from observer.simulation.robots.firmware import WATCHDOG_S, Firmware
 from observer.simulation.robots.floor import Surroundings
 from observer.simulation.robots.sonar import sonar_range
@@ -19,8 +17,8 @@ _LONGEST_S = 0.5
 _BUMPERS_P3DX = 5
 
 
-class EmulatedRobot:
-    """One robot on a floor, to be served by ``serving``.
+class EmulatedRobot(Firmware):
+    """One robot on a floor, firmware and machine, to be served by ``serving``.
 
     Args:
         model: of ``observer.robots.models``.
@@ -30,7 +28,7 @@ class EmulatedRobot:
         seed: of the wheels' errors; None for exact wheels.
 
     Attributes:
-        firmware, vehicle: its two halves. The status packets round ``firmware.odometry``.
+        vehicle: the machine. The status packets round ``odometry``.
         around: may be replaced while the robot runs.
 
     Raises:
@@ -47,14 +45,12 @@ class EmulatedRobot:
         subtype: str | None = None,
         seed: int | None = None,
     ) -> None:
-        spec = robot_spec(model)
-        bumpers = bumpers_of(model)
-        size = spec.length_m, spec.width_m
-        state = PlanarState(0.0, 0.0, 0.0)
+        spec, bumpers = robot_spec(model), bumpers_of(model)
+        size, state = (spec.length_m, spec.width_m), PlanarState(0.0, 0.0, 0.0)
         self.vehicle = Vehicle(spec, size, state, bumpers=bumpers, seed=seed)
         self.around = around or Surroundings()
-        self._now = now
-        self.firmware = Firmware(
+        self._moved = now
+        super().__init__(
             spec,
             self,
             now=now,
@@ -64,31 +60,11 @@ class EmulatedRobot:
             bumpers=bumpers,
         )
 
-    @property
-    def log(self) -> CommandLog:
-        return self.firmware.log
-
-    @property
-    def faults(self) -> Faults:
-        return self.firmware.faults
-
-    @property
-    def baud(self) -> int:
-        return self.firmware.baud
-
-    def receive(self, data: bytes, now: float) -> bytes:
-        """Take received bytes; return the immediate answer."""
-        return self.firmware.receive(data, now)
-
     def tick(self, now: float) -> bytes:
         """Let time pass up to ``now``; return what the robot sends by itself."""
-        self.vehicle.advance(min(now - self._now, _LONGEST_S), self.around)
-        self._now = max(self._now, now)
-        return self.firmware.tick(now)
-
-    def cut_off(self) -> None:
-        """Note that the client is gone."""
-        self.firmware.cut_off()
+        self.vehicle.advance(min(now - self._moved, _LONGEST_S), self.around)
+        self._moved = max(self._moved, now)
+        return super().tick(now)
 
     # ------------------------------------------------------------------ as Chassis
 
@@ -99,8 +75,7 @@ class EmulatedRobot:
         return self.vehicle.wheels()
 
     def sonar(self, index: int) -> float | None:
-        pose = self.firmware.spec.sonars[index]
-        return sonar_range(self.around.edges(), self.vehicle.state, pose)
+        return sonar_range(self.around.edges(), self.vehicle.state, self.spec.sonars[index])
 
     @property
     def speed_mps(self) -> float:

@@ -14,7 +14,8 @@ class Faults:
         split: output arrives in pieces of a few bytes, milliseconds apart.
         merge_s: output is held back until it is so old, and arrives in one piece.
         silent: it sends nothing; it still hears. deaf: it hears nothing; it still sends.
-        refuse: it accepts no connection (TCP), and closes the one it has.
+        unplugged: the cable is pulled: the client's reads fail, and nothing can be opened until it
+            is plugged in again, under the same name.
 
     In what the robot sends:
         double_header: every packet begins ``FA FA FB``.
@@ -39,7 +40,7 @@ class Faults:
     merge_s: float = 0.0
     silent: bool = False
     deaf: bool = False
-    refuse: bool = False
+    unplugged: bool = False
 
     double_header: bool = False
     false_header: bool = False

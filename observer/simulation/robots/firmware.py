@@ -8,7 +8,6 @@ back. ``serving`` puts one behind a TCP port or a pseudo terminal.
 from __future__ import annotations
 
 import math
-import struct
 
 from observer.robots.arcos import HEADER, Command, PacketParser, decode_command, packet
 from observer.robots.models import RobotSpec
@@ -16,25 +15,14 @@ from observer.simulation.robots import packets
 from observer.simulation.robots.chassis import Chassis
 from observer.simulation.robots.command_log import Arrived, CommandLog
 from observer.simulation.robots.faults import Faults
-from observer.simulation.robots.motors import (
-    HARDEST_MPS2,
-    HARDEST_RADPS2,
-    STALL_WAIT_S,
-    VELOCITIES,
-    Motors,
-)
+from observer.simulation.robots.motors import VELOCITIES, Motors
 
 WATCHDOG_S = 2.0
 STATUS_S = 0.1
 _SONAR_S = 0.04
-# The sonars of one array fire one after the other, the arrays at the same time.
-_ARRAY = 8
 _NO_ECHO_MM = 5000
 # A packet that does not go on for so long is discarded.
 _INCOMPLETE_S = 0.1
-# Below these speeds a robot counts as standing.
-_STANDS_MPS, _STANDS_RADPS = 0.002, 0.004
-_TICKS_PER_TURN = 500
 _BAUDS = (9600, 19200, 38400, 57600, 115200)
 
 
@@ -52,6 +40,7 @@ class Firmware:
         faults: may be changed while it runs.
         log: commands that arrived.
         baud: current rate of its serial port.
+        is_open: a session is open.
     """
 
     def __init__(
@@ -69,6 +58,7 @@ class Firmware:
         self.faults = Faults()
         self.log = CommandLog(self._within_limits)
         self.baud = _BAUDS[0]
+        self.is_open = False
         self._chassis = chassis
         self._name = name
         self._subtype = subtype or spec.model
@@ -77,7 +67,6 @@ class Firmware:
         self._motors = Motors(spec, chassis, self.faults, bumpers, watchdog_s, now)
         self._parser = PacketParser()
         self._now = self._received = now
-        self._open = False
         self._next_sync = 0
         self._to_go_off = False
         self._battest = 0
@@ -89,11 +78,6 @@ class Firmware:
         self._encoder = self._io = 0
 
     # ------------------------------------------------------------------ seen from outside
-
-    @property
-    def is_open(self) -> bool:
-        """True while a session is open."""
-        return self._open
 
     @property
     def motors_enabled(self) -> bool:
@@ -120,10 +104,6 @@ class Firmware:
         """
         self._to_go_off = True
 
-    def leave_open(self, now: float) -> None:
-        """Open a session, as one whose client died without a goodbye: status packets go on."""
-        self._begin(now)
-
     def cut_off(self) -> None:
         """Discard a half-received packet: the client is gone."""
         self._parser.clear()
@@ -143,7 +123,7 @@ class Firmware:
         sent = b""
         if now - self._received > _INCOMPLETE_S:
             sent = self._take_all(self._parser.abandon(), now)
-        if not self._open:
+        if not self.is_open:
             return sent
         self._motors.watch(now)
         self._listen_to_sonar(now)
@@ -153,9 +133,9 @@ class Firmware:
         self._next_status = max(self._next_status + STATUS_S, now)
         sent += self._framed(self._status())
         if self._encoder == 2:
-            sent += self._framed(self._encoders())
+            sent += self._encoders()
         if self._io == 2:
-            sent += self._framed(bytes([packets.IO_REPLY]) + bytes(21))
+            sent += self._framed(packets.io_data())
         if self.faults.strange_packets:
             sent += b"".join(self._framed(bytes([kind, 1, 2, 3])) for kind in packets.STRANGE)
         return sent
@@ -180,7 +160,7 @@ class Firmware:
         except ValueError:
             return b""
         number, argument = read.number, read.argument
-        sent = self._obey(number, argument, now) if self._open else self._synchronize(number, now)
+        sent = self._obey(number, argument, now) if self.is_open else self._synchronize(number, now)
         meant = True
         if number in VELOCITIES and isinstance(argument, int) and argument != 0:
             meant = self.log.intended(*self._motors.asked(number, argument))
@@ -207,7 +187,7 @@ class Firmware:
         if self.faults.strange_sync_reply:
             return self._framed(b"\xff")
         if number == 1 and self._next_sync == 3:
-            self._begin(now)
+            self.begin_session(now)
             return b""
         if number > self._next_sync:
             return b""
@@ -217,8 +197,9 @@ class Firmware:
         words = (self._name, "Pioneer", self._subtype)
         return self._framed(b"\x02" + b"".join(word.encode() + b"\0" for word in words))
 
-    def _begin(self, now: float) -> None:
-        self._open = True
+    def begin_session(self, now: float) -> None:
+        """Open a session, as OPEN does; status packets go on until CLOSE, client or not."""
+        self.is_open = True
         self._motors.switch(on=False)
         self._motors.commanded(now)
         self._next_status = now + STATUS_S
@@ -230,7 +211,7 @@ class Firmware:
 
     def _end(self) -> None:
         self._motors.switch(on=False)
-        self._open = False
+        self.is_open = False
         self._next_sync = 0
         self._next_status = self._next_sonar = math.inf
         self.baud = _BAUDS[0]
@@ -277,10 +258,10 @@ class Firmware:
             self.baud = _BAUDS[value]
         elif number == Command.ENCODER:
             self._encoder = value
-            return self._framed(self._encoders()) if value == 1 else b""
+            return self._encoders() if value == 1 else b""
         elif number == Command.IOREQUEST:
             self._io = value
-            return self._framed(bytes([packets.IO_REPLY]) + bytes(21)) if value == 1 else b""
+            return self._framed(packets.io_data()) if value == 1 else b""
         else:
             self._motors.limit(number, value)
         return b""
@@ -291,78 +272,48 @@ class Firmware:
         if not self._sonar_on:
             return
         sonars = len(self.spec.sonars)
-        if now - self._next_sonar > _SONAR_S * _ARRAY:
+        if now - self._next_sonar > _SONAR_S * packets.SONAR_ARRAY:
             self._next_sonar = now
         while now >= self._next_sonar:
-            for index in range(self._sonar_step, sonars, _ARRAY):
+            for index in range(self._sonar_step, sonars, packets.SONAR_ARRAY):
                 echo = self._chassis.sonar(index)
                 self._echoes[index] = _NO_ECHO_MM if echo is None else round(echo * 1000)
-            self._sonar_step = (self._sonar_step + 1) % _ARRAY
+            self._sonar_step = (self._sonar_step + 1) % packets.SONAR_ARRAY
             self._next_sonar += _SONAR_S
 
     def _status(self) -> bytes:
         wheels, faults, spec = self._chassis.wheels(), self.faults, self.spec
-        x, y, yaw = self.odometry
-        speed, turn = wheels.speed_mps * 1000, wheels.turn_rate_radps / spec.wheel_turn
         front, rear = self._motors.touched(wheels)
         stalled = self._motors.stalled(wheels)
         stall = stalled[0] | stalled[1] << 8 | rear << 1 | front << 9
         if faults.phantom_bumpers:
             stall |= 0xFEFE
         flags = self.motors_enabled | self._sonar_on << 1 | faults.stop_pressed << 5 | faults.flags
-        if self._sonar_on and len(spec.sonars) > _ARRAY:
+        if self._sonar_on and len(spec.sonars) > packets.SONAR_ARRAY:
             flags |= 1 << 2
-        echoes, self._echoes = self._echoes, {}
-        turns = round(math.remainder(yaw, 2 * math.pi) / spec.angle_rad)
         battery = 0 if faults.battery_v is None else round(faults.battery_v * 10)
-        return packets.StatusFields(
-            moving=abs(wheels.speed_mps) > _STANDS_MPS
-            or abs(wheels.turn_rate_radps) > _STANDS_RADPS,
-            x=round(x * 1000 / spec.distance_mm),
-            y=round(y * 1000 / spec.distance_mm),
-            heading=turns,
-            left=packets.clamped16((speed - turn) / spec.speed_mmps),
-            right=packets.clamped16((speed + turn) / spec.speed_mmps),
-            battery_dv=self._battest or battery,
+        echoes, self._echoes = self._echoes, {}
+        return packets.status_data(
+            spec,
+            wheels,
+            self.odometry,
+            faults,
             stall=stall,
             flags=flags,
-            sonars=echoes,
-            charge_state=faults.charge_state,
-            turn_rate=packets.clamped16(math.degrees(wheels.turn_rate_radps) * 10),
-            temperature=-127 if faults.temperature_c is None else faults.temperature_c,
-            state_of_charge=faults.state_of_charge,
-        ).data(short=faults.short_status, overrun=faults.sonar_overrun)
+            battery_dv=self._battest or battery,
+            echoes=echoes,
+        )
 
     def _encoders(self) -> bytes:
-        wheels = self._chassis.wheels()
-        # A wheel of 195 mm.
-        per_m = _TICKS_PER_TURN / (math.pi * 0.195)
-        ways = (round(way * per_m) for way in (wheels.left_m, wheels.right_m))
-        return bytes([packets.ENCODER_REPLY]) + struct.pack("<ii", *ways)
+        return self._framed(packets.encoder_data(self._chassis.wheels()))
 
     def _config(self) -> bytes:
-        spec, limits = self.spec, self._motors.limits
-        return packets.ConfigFields(
+        return packets.config_data(
+            self.spec,
+            self._motors.limits,
             subtype=self._subtype,
             name=self._name,
-            serial="0000",
-            rot_top=round(math.degrees(spec.turn_rate_max_radps)),
-            trans_top=round(spec.speed_max_mps * 1000),
-            rot_acc_top=round(math.degrees(HARDEST_RADPS2)),
-            trans_acc_top=round(HARDEST_MPS2 * 1000),
             host_baud=_BAUDS.index(self.baud),
-            front_sonar=bool(spec.sonars),
-            rear_sonar=len(spec.sonars) > _ARRAY,
-            low_battery_dv=110,
-            ticks_per_turn=_TICKS_PER_TURN,
-            watchdog_ms=round(self._watchdog_s * 1000),
-            stall_count=round(STALL_WAIT_S / 0.005),
-            rot_max=round(math.degrees(limits.turn_rate)),
-            trans_max=round(limits.speed * 1000),
-            rot_acc=round(math.degrees(limits.turn_acceleration)),
-            rot_dec=round(math.degrees(limits.turn_deceleration)),
-            trans_acc=round(limits.acceleration * 1000),
-            trans_dec=round(limits.deceleration * 1000),
-            front_bumpers=self._bumpers,
-            rear_bumpers=self._bumpers,
-        ).data()
+            watchdog_s=self._watchdog_s,
+            bumpers=self._bumpers,
+        )

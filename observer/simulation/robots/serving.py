@@ -4,7 +4,6 @@
         serving.port                    # socket://127.0.0.1:41234, for open_robot
         serving.robot.faults.noise = 0.01
         serving.robot.log.since(moment) # every command with the time it came
-        serving.unplug(); serving.replug()
 
 Each has one thread, which waits for bytes and ticks the robot every 10 ms.
 """
@@ -24,8 +23,8 @@ from pathlib import Path
 from typing import Generic, Protocol, Self, TypeVar
 
 from observer.errors import InputError
-from observer.simulation.robots.command_log import CommandLog
 from observer.simulation.robots.faults import Faults
+from observer.simulation.robots.firmware import Firmware
 from observer.simulation.robots.line import Line
 
 TICK_S = 0.01
@@ -33,25 +32,6 @@ TICK_S = 0.01
 _PIECE_S = 0.002
 _CHUNK = 4096
 _RATES = {rate: getattr(termios, f"B{rate}") for rate in (9600, 19200, 38400, 57600, 115200)}
-
-
-class ServedRobot(Protocol):
-    """A robot that can be served: ``EmulatedRobot``, or a ``Firmware`` alone."""
-
-    @property
-    def log(self) -> CommandLog: ...
-
-    @property
-    def faults(self) -> Faults: ...
-
-    @property
-    def baud(self) -> int: ...
-
-    def receive(self, data: bytes, now: float) -> bytes: ...
-
-    def tick(self, now: float) -> bytes: ...
-
-    def cut_off(self) -> None: ...
 
 
 class _Door(Protocol):
@@ -82,7 +62,7 @@ class _Door(Protocol):
     def close(self) -> None: ...
 
 
-R = TypeVar("R", bound=ServedRobot)
+R = TypeVar("R", bound=Firmware)
 
 
 class Serving(Generic[R]):
@@ -103,7 +83,6 @@ class Serving(Generic[R]):
         self._door = door
         self._clock = clock
         self._line = Line(robot.faults, seed)
-        self._plugged = True
         self._ending = False
         self._wake_read, self._wake_write = os.pipe()
         os.set_blocking(self._wake_write, False)
@@ -118,32 +97,19 @@ class Serving(Generic[R]):
 
     @property
     def connected(self) -> bool:
-        """True while a client is connected; always on a pseudo terminal that is plugged."""
+        """True while a client is connected; always on a pseudo terminal that is plugged in."""
         return self._door.has_client
-
-    def unplug(self) -> None:
-        """Pull the cable: the client's reads fail, and nothing can be opened."""
-        self._plugged = False
-        self._wake()
-
-    def replug(self) -> None:
-        """Plug the cable in again, under the same name."""
-        self._plugged = True
-        self._wake()
 
     def close(self) -> None:
         """Stop serving; safe to call twice."""
         if self._ending:
             return
         self._ending = True
-        self._wake()
+        with suppress(OSError):
+            os.write(self._wake_write, b"x")
         self._thread.join(5)
         os.close(self._wake_read)
         os.close(self._wake_write)
-
-    def _wake(self) -> None:
-        with suppress(OSError):
-            os.write(self._wake_write, b"x")
 
     def _run(self) -> None:
         try:
@@ -154,7 +120,7 @@ class Serving(Generic[R]):
 
     def _turn(self) -> None:
         robot, door, line = self.robot, self._door, self._line
-        if door.tend(self._plugged and not robot.faults.refuse):
+        if door.tend(not robot.faults.unplugged):
             self._gone()
         wait = _PIECE_S if line.busy else TICK_S
         ready = select.select([self._wake_read, *door.waiting_for()], [], [], wait)[0]

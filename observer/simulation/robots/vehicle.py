@@ -90,11 +90,6 @@ class Vehicle:
             self._x, self._y, self._heading, c * self._speed, s * self._speed, self._rate
         )
 
-    @property
-    def speed_mps(self) -> float:
-        """True speed along the heading."""
-        return self._speed
-
     def wheels(self) -> Wheels:
         """Return what its encoders and switches measure."""
         drive = self.drive

@@ -17,7 +17,6 @@ from collections.abc import Callable
 from observer.rig.rig import RobotModel, Role
 from observer.robots.contract import RobotPort
 from observer.robots.models import robot_spec
-from observer.simulation.robots.chassis import Chassis
 from observer.simulation.robots.driven import DrivenVehicle
 from observer.simulation.robots.emulated import bumpers_of
 from observer.simulation.robots.firmware import Firmware
@@ -43,7 +42,7 @@ class SimulatedRobots:
 
     Attributes:
         world: name of the world, unique to each opening.
-        servings: by role, once they are served.
+        vehicles, servings: by role, once they are served.
     """
 
     def __init__(
@@ -58,7 +57,7 @@ class SimulatedRobots:
         self._clock = clock
         self.world = f"{world.spec}:{uuid.uuid4().hex[:12]}"
         self._lock = threading.RLock()
-        self._vehicles: dict[Role, DrivenVehicle] = {}
+        self.vehicles: dict[Role, DrivenVehicle] = {}
         self.servings: dict[Role, Serving[Firmware]] = {}
         self._ports: tuple[RobotPort, ...] | None = None
         self._closed = False
@@ -86,17 +85,9 @@ class SimulatedRobots:
             if self._world.obstacles:
                 bodies.append(("obstacle", _OBSTACLE, self._world.obstacles[0]))
             self._ports = tuple(self._served(*each) for each in bodies)
-            self._world.move({body.id: self._vehicles[role].motion for role, _, body in bodies})
+            self._world.move({body.id: self.vehicles[role].motion for role, _, body in bodies})
             self._source.follow(self)
         return self._ports
-
-    def chassis(self, role: Role) -> Chassis:
-        """Return the machine below a robot's firmware, once it is served.
-
-        Raises:
-            KeyError: there is no such robot.
-        """
-        return self._vehicles[role]
 
     def close(self) -> None:
         """End serving and cut the robots' power; safe to call twice."""
@@ -104,7 +95,7 @@ class SimulatedRobots:
         for serving in self.servings.values():
             serving.close()
         with self._lock:
-            for vehicle in self._vehicles.values():
+            for vehicle in self.vehicles.values():
                 vehicle.switch_off()
 
     def _served(self, role: Role, model: RobotModel, body: Body) -> RobotPort:
@@ -121,7 +112,7 @@ class SimulatedRobots:
             clock=self._clock,
         )
         vehicle.around = lambda: self._around(vehicle)
-        self._vehicles[role] = vehicle
+        self.vehicles[role] = vehicle
         firmware = Firmware(
             spec, vehicle, now=self._clock(), name=f"simulated {body.name}", bumpers=bumpers
         )
@@ -134,13 +125,13 @@ class SimulatedRobots:
     @property
     def goes_on(self) -> bool:
         """True while one of them is driven."""
-        return not self._closed and any(each.driven for each in self._vehicles.values())
+        return not self._closed and any(each.driven for each in self.vehicles.values())
 
     def advance(self, time: float) -> None:
         """Step from the last frame's time to this one's, by at most 10 ms each."""
         with self._lock:
             begin = time if self._time is None else self._time
-            vehicles = self._vehicles.values()
+            vehicles = self.vehicles.values()
             for vehicle in vehicles:
                 vehicle.prepare(begin)
             driven = any(vehicle.driven for vehicle in vehicles)
@@ -154,7 +145,7 @@ class SimulatedRobots:
     def restart(self) -> None:
         """Put them back to their start, motors off."""
         with self._lock:
-            for vehicle in self._vehicles.values():
+            for vehicle in self.vehicles.values():
                 vehicle.restart()
             self._time = None
             self._world.beginnings += 1
@@ -164,8 +155,8 @@ class SimulatedRobots:
     def _around(self, vehicle: DrivenVehicle) -> Surroundings:
         """Return the current surroundings of one of them; the lock is held."""
         time = self._time or 0.0
-        mine = {each.motion for each in self._vehicles.values()}
-        others = [each.outline for each in self._vehicles.values() if each is not vehicle]
+        mine = {each.motion for each in self.vehicles.values()}
+        others = [each.outline for each in self.vehicles.values() if each is not vehicle]
         others += [
             _outline(body, time) for body in self._world.obstacles if body.motion not in mine
         ]

@@ -121,8 +121,8 @@ async def test_stopping_it_says_goodbye_to_the_robots(slots: dict[str, int]) -> 
         async with Watched(slots) as watched:
             await watched.drive.request(ConnectRobot("obstacle", robot.port, None, "real"))
             await watched.until(lambda: watched.state("obstacle") == "disarmed", "the robot")
-            assert robot.robot.firmware.is_open
-        assert not robot.robot.firmware.is_open
+            assert robot.robot.is_open
+        assert not robot.robot.is_open
 
 
 async def test_one_that_cannot_start_is_given_up(slots: dict[str, int]) -> None:

@@ -56,7 +56,7 @@ def test_however_it_is_ended_the_robots_are_stopped_first(
             worst = max(worst, *(zero_after(robot, moment) for robot in robots.values()))
             assert drive.process.wait(5) == 0
             stays_at_rest(robots, moment)
-            assert not any(robot.robot.firmware.is_open for robot in robots.values()), "no goodbye"
+            assert not any(robot.robot.is_open for robot in robots.values()), "no goodbye"
         finally:
             drive.close()
     report(end.__name__, worst)
@@ -141,6 +141,6 @@ def test_a_parent_that_dies_or_hangs_moves_nothing_any_more(
         finally:
             parent.close()
         # The drive process says goodbye and is gone, whatever became of its parent.
-        until(lambda: not any(r.robot.firmware.is_open for r in robots.values()), "goodbye", 5)
+        until(lambda: not any(r.robot.is_open for r in robots.values()), "goodbye", 5)
     report(number.name, worst)
     assert worst <= PROMISED_S

@@ -11,15 +11,19 @@ import numpy as np
 import pytest
 
 from observer.errors import InputError
-from observer.evaluation.evaluate import FIGURE_TITLES, evaluate, summarise
-from observer.evaluation.lines import checked_lines, read_both, read_lines
+from observer.evaluation.evaluate import FIGURE_TITLES, Evaluation, summarise
+from observer.evaluation.lines import checked_lines, read_both
 from observer.evaluation.results import FALSE_LISTED, listed
-from observer.evaluation.tally import ROAD_GATE_M, tally
+from observer.evaluation.tally import GATE_M, ROAD_GATE_M, tally
 from observer.geometry import Pose
-from observer.truth.contract import TrueBody
+from observer.truth.contract import TrueBody, Truth
 
 DT = 0.1
 SIZE = np.array([0.45, 0.38, 0.3])
+
+
+def evaluate(lines: list[dict[str, Any]], truth: Truth, gate_m: float = GATE_M) -> Evaluation:
+    return summarise([tally(checked_lines(lines), truth, gate_m)])
 
 
 class StraightTruth:
@@ -397,7 +401,7 @@ def test_lines_come_back_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "tracks.jsonl"
     lines = perfect(truth, 20)
     path.write_text("\n".join(json.dumps(each) for each in lines) + "\n\n")
-    assert evaluate(read_lines(path), truth) == evaluate(lines, truth)
+    assert summarise([tally(read_both(path)[0], truth)]) == evaluate(lines, truth)
 
 
 def test_a_line_is_named_by_its_place_in_the_file(tmp_path: Path) -> None:
@@ -405,7 +409,7 @@ def test_a_line_is_named_by_its_place_in_the_file(tmp_path: Path) -> None:
     path = tmp_path / "tracks.jsonl"
     path.write_text(f"{json.dumps(second)}\n\n\n{json.dumps(first)}\n")
     with pytest.raises(InputError, match="line 4 has the time"):
-        read_lines(path)
+        read_both(path)
 
 
 def test_a_file_is_read_with_all_that_its_lines_hold(tmp_path: Path) -> None:
@@ -432,16 +436,16 @@ def test_a_bad_file_is_refused_with_the_line(tmp_path: Path, text: str, sentence
     path = tmp_path / "tracks.jsonl"
     path.write_text(text)
     with pytest.raises(InputError, match=sentence):
-        read_lines(path)
+        read_both(path)
 
 
 def test_other_bad_files(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.jsonl cannot be read"):
-        read_lines(tmp_path / "none.jsonl")
+        read_both(tmp_path / "none.jsonl")
     binary = tmp_path / "b.jsonl"
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(InputError, match="UTF-8"):
-        read_lines(binary)
+        read_both(binary)
 
 
 @pytest.mark.parametrize(

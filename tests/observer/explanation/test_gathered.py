@@ -14,7 +14,7 @@ from observer.camera import StereoCamera
 from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
 from observer.geometry import Pose
 from observer.methods.planar.ego_motion import PlanarEgoMotion
-from observer.methods.rigid.point_evidence import PointEvidence
+from observer.methods.rigid.point_motion import PointEvidence
 from observer.parameters import Parameters
 from observer.types import Status
 
@@ -246,8 +246,3 @@ def test_where_no_rate_reaches_it_says_so() -> None:
         change = ask(evidence(length, obstacle_id=np.array([-1]))).would_change
         assert "No value of evidence.false_alarms_per_frame" in change
         assert words in change
-
-
-def test_arrays_of_different_lengths_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"depth must have shape \(1,\)"):
-        evidence(1.0, depth=np.zeros(2))

@@ -95,7 +95,7 @@ def test_a_session_that_a_dead_client_left_is_ended_before_it_is_spoken_to(
     driven: Callable[..., Any],
 ) -> None:
     there = EmulatedRobot("p3dx-sh", now=time.monotonic())
-    there.firmware.leave_open(time.monotonic())
+    there.begin_session(time.monotonic())
     it = driven(there=there, pty=True)
     it.connect()
     told = it.heard()
@@ -173,8 +173,8 @@ def test_silence_on_a_serial_line_is_told_to_close_at_every_rate(
 ) -> None:
     # It was left at 57600 baud, in a session; at 9600 both hear garbage.
     there = EmulatedRobot("p3dx-sh", now=time.monotonic())
-    there.firmware.leave_open(time.monotonic())
-    there.firmware.baud = 57600
+    there.begin_session(time.monotonic())
+    there.baud = 57600
     it = driven(there=there, pty=True, serving={"rates": True})
     it.connect()
     told = it.heard()
@@ -199,6 +199,10 @@ class Stubborn(EmulatedRobot):
     @property
     def baud(self) -> int:
         return 9600
+
+    @baud.setter
+    def baud(self, rate: int) -> None:
+        del rate
 
 
 def test_a_rate_that_stays_silent_is_given_up(driven: Callable[..., Any]) -> None:

@@ -34,7 +34,7 @@ def test_it_drives_and_tells_how(driven: Drivens, model: str, pty: bool) -> None
     assert (sent.speed_mps, sent.turn_rate_radps) == (0.3, math.radians(11))
     assert report.speed_mps == pytest.approx(0.3, abs=0.02)
     assert report.turn_rate_radps == pytest.approx(math.radians(11), abs=0.03)
-    x, y, yaw = it.there.firmware.odometry
+    x, y, yaw = it.there.odometry
     assert report.odometry.x == pytest.approx(x, abs=0.07)
     assert report.odometry.y == pytest.approx(y, abs=0.03)
     assert report.odometry.yaw == pytest.approx(yaw, abs=0.05)
@@ -126,7 +126,7 @@ def test_an_idle_robot_never_comes_to_its_watchdog(driven: Drivens) -> None:
     assert it.robot.report().watchdog_s == 0.5
     until = time.monotonic() + 0.6
     while time.monotonic() < until:
-        assert not it.there.firmware.timed_out
+        assert not it.there.timed_out
         time.sleep(0.01)
 
 
@@ -176,7 +176,7 @@ def test_motors_that_go_off_by_themselves_stay_off(driven: Drivens) -> None:
     it.until(lambda _: it.robot.drive(0.3, 0.0).speed_mps > 0.0)
     it.drive(0.35)
     since = time.monotonic()
-    it.there.firmware.motors_off()
+    it.there.motors_off()
     it.drive_until(lambda report: report.fault)
     assert "by themselves" in it.robot.report().fault
     it.drive(0.4)
@@ -214,7 +214,7 @@ def test_after_an_outage_the_first_that_is_heard_is_no_velocity(driven: Drivens)
     it.drive(0.2)
     it.there.faults.deaf = it.there.faults.silent = True
     time.sleep(0.7)
-    assert it.there.firmware.timed_out
+    assert it.there.timed_out
     since = time.monotonic()
     it.there.faults.deaf = it.there.faults.silent = False
     it.drive(0.25)
@@ -235,7 +235,7 @@ def test_an_unplugged_port_is_a_fault_and_comes_back_at_zero(
     it.drive(0.2)
     place = it.robot.report().odometry
     began = time.monotonic()
-    it.serving.unplug()
+    it.serving.robot.faults.unplugged = True
     report = it.drive_until(lambda report: report.fault)
     took = time.monotonic() - began
     sys.stdout.write(f"unplugged ({'pty' if pty else 'TCP'}): {took * 1000:.1f} ms\n")
@@ -244,7 +244,7 @@ def test_an_unplugged_port_is_a_fault_and_comes_back_at_zero(
     assert report.motors_enabled is report.speed_mps is None
     assert it.robot.drive(0.3, 0.0).speed_mps == 0.0
     since = time.monotonic()
-    it.serving.replug()
+    it.serving.robot.faults.unplugged = False
     back = it.connect()
     assert back.fault == report.fault
     assert back.motors_enabled is not True
@@ -335,7 +335,7 @@ def test_closing_says_goodbye_and_is_quick(
     assert it.heard(since)[-5:] == [*STANDSTILL, (4, 0), (2, None)]
     told = it.there.log.since(since)
     assert told[-1].time - told[-2].time >= 0.09
-    assert not it.there.firmware.is_open
+    assert not it.there.is_open
     assert took < 2.0
     assert it.robot.report().phase is RobotPhase.CLOSED
     assert it.robot.drive(0.3, 0.0).speed_mps == 0.0
@@ -395,7 +395,7 @@ def test_a_goodbye_that_is_lost_is_said_again(
     assert time.monotonic() - began < 2.0
     assert port.lose == []
     time.sleep(0.05)
-    assert not it.there.firmware.is_open
+    assert not it.there.is_open
 
 
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnhandledThreadExceptionWarning")
@@ -410,7 +410,7 @@ def test_a_driver_that_fails_leaves_no_robot_driving(tampered: tuple[Any, Tamper
     told = it.there.log.first_standing(since)
     assert told is not None
     assert told.time - since < 0.3
-    assert not it.there.firmware.motors_enabled
+    assert not it.there.motors_enabled
 
 
 def test_closing_does_not_wait_for_a_robot_that_is_not_there(

@@ -32,7 +32,7 @@ class Square:
         self.worst_m = self.worst_rad = 0.0
         self.wraps = 0
         self._raw: tuple[int, int] | None = None
-        self.robot.firmware.leave_open(0.0)
+        self.robot.begin_session(0.0)
         self.tell(command(Command.ENABLE, 1), command(Command.SETA, 1000))
         # The sum begins with the first packet, where it still stands.
         self._stand()
@@ -45,7 +45,7 @@ class Square:
         """One step; where it truly is."""
         self.now += TICK_S
         sent = self.robot.tick(self.now)
-        truth = self.robot.firmware.odometry
+        truth = self.robot.odometry
         for payload in filter(is_status, self.parser.feed(sent)):
             status = decode_status(payload, self.spec)
             raw = status.raw_x, status.raw_y

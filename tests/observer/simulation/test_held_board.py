@@ -16,8 +16,10 @@ from observer.geometry import Pose
 from observer.simulation.held_board import HandMotion, corners_px, whole_in_view
 from observer.simulation.imaging import LEFT, RIGHT, StereoImager
 from observer.simulation.scenarios import load_scenario, scenario_from_text
-from observer.simulation.visibility import BOARD, left_hits, render_depth, true_flow
+from observer.simulation.visibility import BOARD
 from observer.simulation.world import World
+
+from .pixel_truth import left_hits, render_depth, true_flow
 
 ABOVE = """
 based_on: calibration

@@ -16,8 +16,9 @@ from observer.simulation.scenarios import load_scenario, scenario_names
 from observer.simulation.source import SimulatedSource
 from observer.simulation.specs.cameras import FaultSpec
 from observer.simulation.textures import paint
-from observer.simulation.visibility import left_hits
 from observer.simulation.world import World
+
+from .pixel_truth import left_hits
 
 BENCHMARK = [name for name in scenario_names() if load_scenario(name).benchmark]
 

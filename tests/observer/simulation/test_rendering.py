@@ -11,8 +11,10 @@ import pytest
 from observer.geometry import Pose
 from observer.simulation.imaging import LEFT, RIGHT, StereoImager
 from observer.simulation.scenarios import Scenario, load_scenario, scenario_from_text
-from observer.simulation.visibility import ROOM, left_hits, left_rays, render_depth, true_flow
+from observer.simulation.visibility import ROOM
 from observer.simulation.world import World
+
+from .pixel_truth import left_hits, left_rays, render_depth, true_flow
 
 BOARD = """
 title: A board

@@ -19,9 +19,11 @@ from observer.simulation.export import export_stereo_folder
 from observer.simulation.scenarios import load_scenario, scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.truth import SimulatedTruth
-from observer.simulation.visibility import left_hits, left_rays, render_depth, visible_share
+from observer.simulation.visibility import visible_share
 from observer.simulation.world import World
 from observer.truth.csv_file import CsvTruth
+
+from .pixel_truth import left_hits, left_rays, render_depth
 
 PLAIN = """
 title: Plain

@@ -11,7 +11,7 @@ from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.reporting import describe_body
 from observer.types import Obstacle, TrackState
-from observer.vision.lost_pose import while_lost, without_pose
+from observer.vision.lifecycle import while_lost, without_pose
 
 MakeTrack = Callable[..., BodyTrack]
 WORLD = ("position", "velocity", "position_cov", "velocity_cov", "orientation_wxyz")

@@ -46,7 +46,7 @@ class BodyFilter:
         velocity_cov: Float64Array,
         yaw_rate_sigma: float,
     ) -> BodyFilter:
-        """With (3,) and (3, 3) each; the yaw is 0 by definition at first."""
+        """Begin with (3,) and (3, 3) each; the yaw is 0 by definition at first."""
         mean = np.zeros(STATE_SIZE)
         mean[POSITION], mean[VELOCITY] = position, velocity
         cov = np.zeros((STATE_SIZE, STATE_SIZE))
@@ -109,7 +109,7 @@ class BodyFilter:
         return BodyFilter(means, covs, probabilities)
 
     def updated(self, measured: Float64Array, noise: Float64Array) -> BodyFilter:
-        """After measuring position and yaw (4,) with covariance (4, 4)."""
+        """Update by a measurement of position and yaw (4,) with covariance (4, 4)."""
         P = self.covariances
         rows = P[:, MEASURED]
         S = rows[:, :, MEASURED] + noise

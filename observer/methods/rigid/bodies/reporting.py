@@ -1,4 +1,4 @@
-"""From a body that is followed to the obstacle that is reported."""
+"""Conversion of a body that is followed to the obstacle that is reported."""
 
 from __future__ import annotations
 

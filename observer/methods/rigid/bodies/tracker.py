@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -86,10 +87,7 @@ class BodyTracker:
         points = self.measure(points, sightings, now, p)
         self.note_lasting_errors(now, parameters.evidence)
         points = self.associate(points, motion, p)
-
-        def reach(place: Float64Array) -> float:
-            return now.metres_of(parameters.evidence.radius_px, place)
-
+        reach = partial(now.metres_of, parameters.evidence.radius_px)
         points = self.spawn(points, motion, reach, p)
         return self.update_lifecycle(points, now.position, reach, now.dt, p)
 

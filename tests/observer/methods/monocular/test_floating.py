@@ -6,7 +6,7 @@ import pytest
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.monocular.floating import floating, off_ground
-from observer.methods.monocular.ground import GroundPlane
+from observer.methods.monocular.ground import GroundPlane, GroundView
 from observer.methods.monocular.inverse_depth import lines_of_sight
 from observer.methods.monocular.rays import RayPoints
 from observer.mount import CameraMount
@@ -14,6 +14,7 @@ from observer.parameters import MonocularParameters
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 FLOOR = GroundPlane.below(CameraMount(0.4, np.radians(5)))
+VIEW = GroundView(FLOOR, Pose.identity(), CAMERA)
 
 
 def box_at(ahead: float, nearer: float) -> tuple[RayPoints, np.ndarray]:
@@ -36,9 +37,9 @@ def box_at(ahead: float, nearer: float) -> tuple[RayPoints, np.ndarray]:
 @pytest.mark.parametrize(("nearer", "floats"), [(1.0, False), (1.5, False), (3.3, True)])
 def test_what_is_far_nearer_than_its_foot_floats(nearer: float, floats: bool) -> None:
     points, image = box_at(4.0, nearer)
-    _, inverse = off_ground(points, Pose.identity(), FLOOR)
+    _, inverse = off_ground(points, VIEW)
     groups, significance = floating(
-        points, np.zeros(len(points), np.int64), inverse, image, Pose.identity(), FLOOR, CAMERA,
+        points, np.zeros(len(points), np.int64), inverse, image, VIEW,
         MonocularParameters(),
     )  # fmt: skip
     assert (groups >= 0).all() == floats
@@ -51,15 +52,15 @@ def test_the_floor_itself_is_not_clear_of_the_floor() -> None:
     ray = lines_of_sight(px, Pose.identity(), CAMERA)
     inverse = FLOOR.inverse_distance(np.zeros(3), ray) * rng.uniform(0.9, 1.1, 40)
     points = RayPoints.begin(px, np.zeros(3), ray, inverse, (0.01 * inverse) ** 2)
-    clear, _ = off_ground(points.but(age_s=np.ones(40)), Pose.identity(), FLOOR)
+    clear, _ = off_ground(points.but(age_s=np.ones(40)), VIEW)
     assert not clear.any()
 
 
 def test_what_is_farther_than_the_floor_in_reach_is_left_alone() -> None:
     points, image = box_at(9.0, 3.3)
-    _, inverse = off_ground(points, Pose.identity(), FLOOR)
+    _, inverse = off_ground(points, VIEW)
     groups, _ = floating(
-        points, np.zeros(len(points), np.int64), inverse, image, Pose.identity(), FLOOR, CAMERA,
+        points, np.zeros(len(points), np.int64), inverse, image, VIEW,
         MonocularParameters(),
     )  # fmt: skip
     assert (groups == -1).all()

@@ -5,7 +5,7 @@ import pytest
 
 from observer.camera import StereoCamera
 from observer.geometry import Pose
-from observer.methods.monocular.ground import GroundPlane
+from observer.methods.monocular.ground import GroundPlane, GroundView
 from observer.methods.monocular.ground_contact import (
     ground_place,
     lower_edge,
@@ -16,6 +16,13 @@ from observer.mount import CameraMount
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 FLOOR = GroundPlane.below(CameraMount(0.4, np.radians(5)))
+
+
+def view_of(ground: GroundPlane) -> GroundView:
+    return GroundView(ground, Pose.identity(), CAMERA)
+
+
+VIEW = view_of(FLOOR)
 
 
 def foot_px(right: float, ahead: float) -> np.ndarray:
@@ -35,7 +42,7 @@ def test_the_foot_of_a_known_box_is_found_and_placed(ahead: float) -> None:
     found = lower_edge(image.clip(0, 255).astype(np.uint8), box, v - 4)
     assert found is not None
     assert found == pytest.approx(v, abs=1.5)
-    placed = ground_place((u, v), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA)
+    placed = ground_place((u, v), (1.0, 1.0), VIEW)
     assert placed is not None
     np.testing.assert_allclose(placed[0], (0.3, ahead), atol=1e-6)
     # A row is worth r^2 / (f h) metres along the line of sight.
@@ -43,30 +50,28 @@ def test_the_foot_of_a_known_box_is_found_and_placed(ahead: float) -> None:
 
 
 def test_there_is_no_floor_above_the_horizon_and_no_edge_on_a_plain_wall() -> None:
-    assert ground_place((255.0, 20.0), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA) is None
+    assert ground_place((255.0, 20.0), (1.0, 1.0), VIEW) is None
     plain = np.full((256, 512), 90, np.uint8)
     assert lower_edge(plain, (100.0, 100.0, 150.0, 150.0), 150.0) is None
 
 
 def test_a_wrong_height_or_tilt_moves_places_as_the_covariance_says() -> None:
     px = foot_px(0.5, 3.0)
-    true = ground_place(tuple(px), (1.0, 1.0), Pose.identity(), FLOOR, CAMERA)
+    true = ground_place(tuple(px), (1.0, 1.0), VIEW)
     tilted = GroundPlane.below(CameraMount(0.4, np.radians(5.2)))
     high = GroundPlane.below(CameraMount(0.4 * 1.02, np.radians(5)))
     assert true is not None
-    by_tilt = ground_place(tuple(px), (1.0, 1.0), Pose.identity(), tilted, CAMERA)
-    by_height = ground_place(tuple(px), (1.0, 1.0), Pose.identity(), high, CAMERA)
+    by_tilt = ground_place(tuple(px), (1.0, 1.0), view_of(tilted))
+    by_height = ground_place(tuple(px), (1.0, 1.0), view_of(high))
     assert by_tilt is not None
     assert by_height is not None
     for moved, height, tilt in ((by_tilt, 0.0, np.radians(0.2)), (by_height, 0.02, 0.0)):
-        cov = shared_covariance(true[0], Pose.identity(), FLOOR, height, tilt)
+        cov = shared_covariance(true[0], VIEW, height, tilt)
         gap = np.linalg.norm(moved[0] - true[0])
         assert np.sqrt(np.trace(cov)) == pytest.approx(gap, rel=0.25)
 
 
 def test_a_velocity_is_as_uncertain_as_the_distance() -> None:
-    cov = shared_velocity_covariance(
-        np.array([0.0, 4.0]), np.array([0.5, 0.0]), Pose.identity(), FLOOR, 0.02, 0.0
-    )
+    cov = shared_velocity_covariance(np.array([0.0, 4.0]), np.array([0.5, 0.0]), VIEW, 0.02, 0.0)
     assert np.sqrt(cov[0, 0]) == pytest.approx(0.01)
     assert cov[1, 1] == pytest.approx(0)

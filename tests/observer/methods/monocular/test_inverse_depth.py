@@ -107,11 +107,11 @@ def test_the_mount_keeps_height_and_tilt() -> None:
     mount = CameraMount(0.4, 0.1)
     nothing = np.zeros(120, np.bool_)
     start = Pose.from_rotvec([0.03, 0.0, 0.0], [0.0, 0.05, 0.0])
-    support = (mount, GroundPlane.below(mount))
+    ground = GroundPlane.below(mount)
     told = estimate_pose(
-        first_seen(), nothing, np.ones(120), start, 1.0 * np.eye(6), support, 0.0, CAMERA
+        first_seen(), nothing, np.ones(120), start, 1.0 * np.eye(6), ground, 0.0, CAMERA
     )
     pose = told.T_camera_world
-    height = GroundPlane.below(mount).height_of(pose.inverse().translation)
+    height = ground.height_of(pose.inverse().translation)
     assert height == pytest.approx(0.4, abs=1e-3)
     np.testing.assert_allclose(pose.rotate(mount.down), mount.down, atol=1e-3)

@@ -6,7 +6,13 @@ import pytest
 from observer.geometry import Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.rays import RayPoints
-from observer.methods.monocular.scale import Scale, ground_scale, odometry_scale, scale_by_ground
+from observer.methods.monocular.scale import (
+    correction,
+    ground_scale,
+    odometry_scale,
+    scale_by_ground,
+    sigma_after_way,
+)
 from observer.mount import CameraMount
 
 MOUNT = CameraMount(0.4, np.radians(5))
@@ -41,14 +47,13 @@ def test_the_floor_gives_the_scale_at_the_start_to_one_percent(enlarged: float) 
 
 
 def test_a_map_that_has_drifted_is_corrected_by_the_floor() -> None:
-    told = ground_scale(
-        planted(2, 1.06), Pose.identity(), GroundPlane.below(MOUNT), MOUNT.height_m, Scale(0.05)
-    )
+    ground = GroundPlane.below(MOUNT)
+    told = ground_scale(planted(2, 1.06), Pose.identity(), ground, 0.05)
     assert told is not None
     assert np.exp(told[0]) == pytest.approx(1 / 1.06, abs=0.01)
-    factor, after = Scale(0.05).corrected(*told)
+    factor, after = correction(0.05, *told)
     assert factor == pytest.approx(1 / 1.06, abs=0.015)
-    assert after.sigma < 0.05
+    assert after < 0.05
 
 
 def test_without_a_floor_there_is_no_scale_rather_than_a_wrong_one() -> None:
@@ -69,7 +74,7 @@ def test_odometry_gives_the_scale_once_the_way_is_long_enough() -> None:
 
 
 def test_the_scale_gets_less_certain_with_the_way_and_more_by_measuring() -> None:
-    later = Scale(0.01).after_way(1.0)
-    assert later.sigma > 0.02
-    _, measured = later.corrected(0.0, 0.02)
-    assert measured.sigma < 0.02
+    later = sigma_after_way(0.01, 1.0)
+    assert later > 0.02
+    _, measured = correction(later, 0.0, 0.02)
+    assert measured < 0.02

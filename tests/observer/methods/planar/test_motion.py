@@ -67,9 +67,10 @@ def test_only_dynamic_points_with_depth_within_limits_are_measured() -> None:
     d_after[1] = np.nan
     d[2] = d_after[2] = 0.5  # 106 m
     motions = measure_motion(flow, d, d_after, 0.1, ego(np.eye(3)), CAMERA, Parameters())
-    assert len(motions) == 1
+    assert len(motions.velocity) == 1
     slow = Parameters().changed({"motion.max_speed_mps": 0.2})
-    assert len(measure_motion(flow, d, d_after, 0.1, ego(np.eye(3)), CAMERA, slow)) == 0
+    measured = measure_motion(flow, d, d_after, 0.1, ego(np.eye(3)), CAMERA, slow)
+    assert len(measured.velocity) == 0
 
 
 def test_the_points_of_now_are_where_the_camera_of_now_sees_them() -> None:
@@ -144,7 +145,7 @@ def test_no_dynamic_points_and_a_lost_motion() -> None:
     none = all_dynamic(np.empty((0, 2)), np.empty((0, 2)))
     empty = np.empty(0)
     motions = measure_motion(none, empty, empty, 0.1, ego(np.eye(3)), CAMERA, Parameters())
-    assert len(motions) == 0
+    assert len(motions.velocity) == 0
     assert motions.velocity_cov.shape == (0, 3, 3)
     with pytest.raises(ValueError, match="lost"):
         measure_motion(none, empty, empty, 0.1, ego(None), CAMERA, Parameters())

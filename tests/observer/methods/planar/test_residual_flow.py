@@ -67,7 +67,7 @@ def test_points_near_the_border_of_what_is_known_are_left_out() -> None:
     second = np.where(valid, second, 0).astype(np.uint8)
     parameters = FlowParameters(window_px=15)
     flow = residual_flow(first, second, valid, POINTS, parameters)
-    assert len(flow) > 100
+    assert len(flow.px) > 100
     for px in (flow.px, flow.observed_px):
         assert (px[:, 0] <= 380 - 8).all()
         assert (px[:, 1] >= 30 + 7).all()
@@ -89,10 +89,10 @@ def test_what_is_covered_at_t_dt_is_left_out() -> None:
 )
 def test_no_usable_point_gives_an_empty_flow(points: np.ndarray) -> None:
     flow = residual_flow(*scene((4.0, 0.0)), ALL, points, FlowParameters())
-    assert len(flow) == 0
+    assert len(flow.px) == 0
     assert flow.residual_px.shape == (0, 2)
     nowhere = residual_flow(*scene((4.0, 0.0)), ~ALL, POINTS, FlowParameters())
-    assert len(nowhere) == 0
+    assert len(nowhere.px) == 0
 
 
 def test_along_a_straight_edge_nothing_is_followed() -> None:
@@ -107,4 +107,4 @@ def test_along_a_straight_edge_nothing_is_followed() -> None:
     assert residual_flow(first, second, ALL, POINTS, anyhow).dynamic.sum() > 10
     checked = FlowParameters(back_check_px=10.0)
     assert not residual_flow(first, second, ALL, POINTS, checked).dynamic.any()
-    assert len(residual_flow(*scene((0.0, 0.0)), ALL, POINTS, checked)) > 500
+    assert len(residual_flow(*scene((0.0, 0.0)), ALL, POINTS, checked).px) > 500

@@ -47,7 +47,7 @@ def driven(world: World, source: SimulatedSource, until_s: float) -> Iterator[St
         for role in roles:
             velocity = velocity_at(programme, role, time - BEGINS_S)
             speed = 0.0 if velocity is None else velocity[0]
-            robots.chassis(role).drive(Drive(speed_mps=speed, powered=True))
+            robots.vehicles[role].drive(Drive(speed_mps=speed, powered=True))
         frame = source.read()
         assert frame is not None
         yield frame

@@ -163,7 +163,7 @@ def test_velocity_is_reached_by_the_acceleration_and_told_in_status() -> None:
     seen = newest(heard)
     assert (seen["left"], seen["right"]) == (200, 200)
     assert heard[-1][0] == 0x33
-    way = talk.robot.firmware.odometry[0]
+    way = talk.robot.odometry[0]
     assert seen["x"] == pytest.approx(way * 1000, abs=5)
     talk.say(STOP)
     talk.wait(0.4)
@@ -234,7 +234,7 @@ def test_the_watchdog_stops_it_and_any_command_lets_it_go_on_as_before() -> None
     talk.wait(1.9)
     assert talk.robot.speed_mps == pytest.approx(0.2, abs=0.005)
     talk.wait(1.5)
-    assert talk.robot.firmware.timed_out
+    assert talk.robot.timed_out
     assert talk.robot.speed_mps == 0.0
     assert newest(talk.heard)["flags"] & 1 == 1
     talk.say(SYNC[0])
@@ -259,7 +259,7 @@ def test_motors_that_are_switched_off_forget_what_was_asked_for() -> None:
 
 def test_motors_that_go_off_by_themselves_show_in_the_flags() -> None:
     talk = driving()
-    talk.robot.firmware.motors_off()
+    talk.robot.motors_off()
     heard = talk.hold(1, VEL_200)
     assert newest(heard)["flags"] & 1 == 0
     assert talk.robot.speed_mps == 0.0
@@ -269,7 +269,7 @@ def test_move_and_heading_are_reached_and_held() -> None:
     talk = opened()
     talk.say(ENABLE, command(Command.MOVE, -300))
     talk.hold(5, SYNC[0])
-    assert talk.robot.firmware.odometry[0] == pytest.approx(-0.3, abs=0.03)
+    assert talk.robot.odometry[0] == pytest.approx(-0.3, abs=0.03)
     talk.say(command(Command.HEAD, 170))
     talk.hold(4, SYNC[0])
     talk.say(command(Command.DHEAD, 40))
@@ -289,7 +289,7 @@ def test_positions_wrap_in_15_bits_of_the_models_unit(model: str, mm: float) -> 
     raw = [
         status(each)["x"] for each in talk.hold(40, command(Command.VEL, 900)) if each[0] == 0x33
     ]
-    way = talk.robot.firmware.odometry[0]
+    way = talk.robot.odometry[0]
     assert way > 35
     assert max(raw) <= 0x7FFF
     unwrapped = 0
@@ -309,7 +309,7 @@ def test_seto_makes_here_and_this_heading_zero() -> None:
     seen = newest(talk.wait(0.15))
     assert (seen["x"], seen["y"], seen["th"]) == (0, 0, 0)
     talk.hold(2, VEL_200)
-    x, y, yaw = talk.robot.firmware.odometry
+    x, y, yaw = talk.robot.odometry
     assert x > 0.2
     assert abs(y) < 1e-6
     assert yaw == 0.0

@@ -33,7 +33,7 @@ def test_it_follows_its_ramp_with_inertia_and_arrives() -> None:
     seen = []
     for _ in range(200):
         one.advance(0.01, EMPTY)
-        seen.append(one.speed_mps)
+        seen.append(one.state.vx)
     assert seen == sorted(seen)
     # Half a second on a ramp of 0.5 m/s^2: behind it by what a lag of 0.08 s holds back.
     assert seen[49] == pytest.approx(0.25 - 0.5 * 0.08, abs=0.01)
@@ -63,12 +63,12 @@ def test_through_zero_it_brakes_first_and_without_power_it_runs_out() -> None:
     speeds = []
     for _ in range(250):
         one.advance(0.01, EMPTY)
-        speeds.append(one.speed_mps)
+        speeds.append(one.state.vx)
     assert speeds == sorted(speeds, reverse=True)
     assert speeds[-1] == pytest.approx(-0.4, abs=2e-3)
     one.drive = Drive(0.4, powered=False)
     one.advance(1.5, EMPTY)
-    assert one.speed_mps == 0.0
+    assert one.state.vx == 0.0
 
 
 def test_equal_calls_give_equal_states_and_seeds_give_equal_errors() -> None:
@@ -102,7 +102,7 @@ def test_it_stops_at_what_is_in_its_way_and_stalls_while_it_pushes(around: Surro
     one = vehicle(asked(0.5))
     one.advance(4, around)
     assert one.state.x == pytest.approx(1.0 - 0.25, abs=0.006)
-    assert one.speed_mps == 0.0
+    assert one.state.vx == 0.0
     wheels = one.wheels()
     assert wheels.stalled == (True, True)
     assert (wheels.front_bumpers, wheels.rear_bumpers) == (31, 0)
