@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from app.contract.runs import AlignmentFacts, AlignmentMatch, CameraOnBodyFacts
+from app.contract.values import filled, known
 from app.reports.gathering import Gathered, gather
 from app.reports.pairing import pair_with_truth
 from observer.errors import InputError, TruthError
@@ -147,26 +149,21 @@ class Comparison:
         )
 
 
-def alignment_facts(alignment: Alignment) -> dict[str, Any]:
+def alignment_facts(alignment: Alignment) -> AlignmentFacts:
     """Return the facts of an alignment that are shown to people."""
     time, T_body_camera = alignment.time, alignment.T_body_camera
-    camera = None if T_body_camera is None else asdict(CameraOnBody.of_pose(T_body_camera))
-    return {
-        "offset_s": time.offset_s,
-        "sigma_s": time.sigma_s,
-        "drift_ppm": time.drift_ppm,
-        "drift_sigma_ppm": time.drift_sigma_ppm,
-        "correlation": time.correlation,
-        "overlap_s": time.overlap_s,
-        "residual_mps": time.residual_mps,
-        "samples": time.samples,
-        "frame_residual_m": alignment.frame_residual_m,
-        "observer": alignment.observer,
-        "camera_on_body": camera,
-        "roles": dict(alignment.roles),
-        "matches": {str(key): asdict(match) for key, match in sorted(alignment.matches.items())},
-        "notes": list(alignment.notes),
-    }
+    camera = None if T_body_camera is None else CameraOnBody.of_pose(T_body_camera)
+    matches = sorted(alignment.matches.items())
+    return filled(
+        AlignmentFacts,
+        time,
+        frame_residual_m=alignment.frame_residual_m,
+        observer=alignment.observer,
+        camera_on_body=known(CameraOnBodyFacts, camera),
+        roles=alignment.roles,
+        matches={str(key): filled(AlignmentMatch, match) for key, match in matches},
+        notes=alignment.notes,
+    )
 
 
 def gather_compared(

@@ -9,13 +9,13 @@ from typing import Any, cast
 from sqlalchemy import delete, insert, select
 
 from app.contract.robots import StopMeasured
+from app.contract.runs import SpeedSource
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
 from app.storage.models import Incident, IncidentStop, Run, Speed
 from app.storage.records import (
     IncidentRecord,
     SpeedRow,
-    SpeedSource,
 )
 
 _SPEED_COLUMNS = (

@@ -1501,17 +1501,17 @@ export interface components {
       notes?: string | null;
     };
     RunChart: {
-      run: components["schemas"]["Run"];
       /** @description Whether there is truth to compare with. */
       aligned: boolean;
       /** @description Where truth comes from, or why there is none. */
       sentence: string | null;
       alignment: components["schemas"]["AlignmentFacts"] | null;
-      /** @description What was said for the alignment; None where there is none. */
-      choices: components["schemas"]["AlignChoicesEntry"] | null;
       curves: components["schemas"]["ChartCurve"][];
       changes: components["schemas"]["IdentityChange"][];
       errors: components["schemas"]["SpeedErrorsEntry"][];
+      run: components["schemas"]["Run"];
+      /** @description What was said for the alignment; None where there is none. */
+      choices: components["schemas"]["AlignChoicesEntry"] | null;
     };
     RunStart: {
       name?: string | null;
@@ -1675,6 +1675,22 @@ export interface components {
       v: number;
       measured_m: number;
     };
+    /** @description One body, as it was understood. */
+    TruthBody: {
+      name: string;
+      has_orientation: boolean;
+      samples: number;
+      /** @description Of the samples. */
+      seen: number;
+      gaps: number;
+      /** @description On the system's clock, as is to_s. */
+      from_s: number | null;
+      to_s: number | null;
+      /** @description Along the room's three axes. */
+      extent_m: number[] | null;
+      /** @description Smoothed over 11 samples. */
+      highest_speed_mps: number | null;
+    };
     /** @description A truth file. */
     TruthEntry: {
       /** @description SHA-256 of its content. */
@@ -1683,10 +1699,22 @@ export interface components {
       /** @description What it was recognised as. */
       format: string;
       /** @description What was understood: rate_hz, duration_s, bodies, notes, and reading as asked. */
-      info: {
-        [key: string]: unknown;
-      };
+      info: components["schemas"]["TruthInfo"];
       created_at: string;
+    };
+    TruthInfo: {
+      format: string;
+      rate_hz: number | null;
+      /** @description Of all bodies together. */
+      duration_s: number | null;
+      bodies: components["schemas"]["TruthBody"][];
+      notes: string[];
+      reading: components["schemas"]["TruthReading"];
+    };
+    /** @description How the file was to be read; None: as it says itself. */
+    TruthReading: {
+      rate_hz: number | null;
+      angles: ("helical" | "euler_xyz") | null;
     };
     ValidationError: {
       loc: (string | number)[];
@@ -1876,7 +1904,10 @@ export type StartedRun = components["schemas"]["StartedRun"];
 export type Status = components["schemas"]["Status"];
 export type TapeCheck = components["schemas"]["TapeCheck"];
 export type TapeCheckStart = components["schemas"]["TapeCheckStart"];
+export type TruthBody = components["schemas"]["TruthBody"];
 export type TruthEntry = components["schemas"]["TruthEntry"];
+export type TruthInfo = components["schemas"]["TruthInfo"];
+export type TruthReading = components["schemas"]["TruthReading"];
 export type ValidationError = components["schemas"]["ValidationError"];
 export type VideoDevice = components["schemas"]["VideoDevice"];
 export type Problem = components["schemas"]["Problem"];

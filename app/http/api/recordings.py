@@ -19,18 +19,14 @@ Name = Annotated[str, Path(max_length=100)]
 
 
 @router.post(
-    "/ring",
-    status_code=201,
-    response_model=RingFile,
-    summary="Save the last half minute",
-    responses=refusals(409, 503, 507),
+    "/ring", status_code=201, summary="Save the last half minute", responses=refusals(409, 503, 507)
 )
 async def save_clip(server: TheServer) -> RingFile:
     """Of live cameras at any time, and of every run; beside the run, or in the folder rings."""
     return await server.runs.clips.save()
 
 
-@router.get("/rings", response_model=list[RingEntry], summary="All saved half minutes")
+@router.get("/rings", summary="All saved half minutes")
 async def list_rings(server: TheServer) -> list[RingEntry]:
     """Newest first."""
     return [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
@@ -16,7 +15,7 @@ from app.http.gate.headers import REPORT_POLICY
 from app.http.made_file import MadeFileResponse
 from app.server.errors import FieldError
 from app.server.runs.files import ChartFormat, ExportFormat
-from app.server.runs.truths import AlignChoices
+from app.server.runs.truths import kept_choices
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -60,11 +59,10 @@ async def get_chart(id: RunId, server: TheServer, request: Request) -> Response:
     run = await server.runs.archive.find(id)
     values = await while_there(request, server.runs.files.chart(run))
     about = json_text(filled(Run, run)).encode()
-    choices = None
-    if run.alignment is not None:
-        choices = AlignChoices.of_alignment(run.alignment).as_dict()
+    choices = kept_choices(run)
+    told = b"null" if choices is None else json_text(choices).encode()
     # The values are JSON already and may be long.
-    begin = b'{"run":' + about + b',"choices":' + json.dumps(choices).encode() + b","
+    begin = b'{"run":' + about + b',"choices":' + told + b","
     return Response(begin + values[1:], media_type="application/json")
 
 

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from functools import partial
 from typing import Any, Literal
 
-from app.contract.answers import CalibrationPreview
 from app.contract.calibrating import PlaceDepth
-from app.contract.commands import MeasureDepth, PreviewCalibration, TakeScenePairs
+from app.contract.commands import MeasureDepth, TakeScenePairs
 from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.contracts import Engine
@@ -243,17 +242,6 @@ async def refine_rows(
             info=info,
         )
     )
-
-
-async def preview_text(engine: Engine, calibration_yaml: str) -> CalibrationPreview:
-    """Return the newest pair rectified with a calibration; see ``PreviewCalibration``.
-
-    Raises:
-        FieldError: it does not fit the images. Conflict: there are no images.
-        NotAvailable: there is no engine at the moment.
-    """
-    command = PreviewCalibration(calibration_yaml)
-    return await ask(engine, command, field=("path", "id"), timeout_s=20.0)
 
 
 def _unheard(_: Progress) -> None:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from app.contract.commands import SetParameters
+from app.contract.parameters import Preset
 from app.runtime.errors import ProcessUnavailable
 from app.server.asking import ask
 from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
@@ -28,16 +29,6 @@ from app.storage import PresetRecord, StorageExists
 from observer.errors import InputError
 from observer.guard.parameters import AllParameters
 from observer.parameters import PRESET_HELP, ParameterValue
-
-
-@dataclass(frozen=True)
-class PresetEntry:
-    """Preset as listed."""
-
-    name: str
-    help: str
-    values: dict[str, ParameterValue]
-    built_in: bool
 
 
 class ParameterManager:
@@ -142,19 +133,19 @@ class ParameterManager:
             )
         )
 
-    def presets(self) -> list[PresetEntry]:
+    def presets(self) -> list[Preset]:
         """Return the built-in presets, then the saved ones by name."""
         own = [
-            PresetEntry(name, PRESET_HELP.get(name, ""), built_in(name).flat(), True)
+            Preset(name, PRESET_HELP.get(name, ""), built_in(name).flat(), True)
             for name in BUILT_IN
         ]
         saved = [
-            PresetEntry(name, record.help, dict(record.values), False)
+            Preset(name, record.help, dict(record.values), False)
             for name, record in sorted(self._saved.items())
         ]
         return own + saved
 
-    async def save_preset(self, name: str, help: str) -> PresetEntry:
+    async def save_preset(self, name: str, help: str) -> Preset:
         """Save the current values under a name.
 
         Raises:
@@ -169,7 +160,7 @@ class ParameterManager:
         except StorageExists as error:
             raise Conflict(str(error)) from error
         self._rename()
-        return PresetEntry(name, help, values, False)
+        return Preset(name, help, values, False)
 
     async def delete_preset(self, name: str) -> None:
         """Delete a saved preset.

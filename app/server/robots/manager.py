@@ -31,7 +31,7 @@ from app.contract.robots import DriveFacts, DriveProcess, RobotNow, RobotPortNow
 from app.runtime.errors import ProcessUnavailable
 from app.server.asking import ask_drive
 from app.server.background import Background
-from app.server.contracts import Drive
+from app.server.contracts import Drive, Health
 from app.server.errors import Conflict, NotAvailable
 from app.server.robots.check_manager import CheckManager
 from app.server.robots.circumstances import Circumstances
@@ -261,14 +261,9 @@ class RobotManager:
         return None if self._facts.loop is None else self._facts.loop.late_p99_ms
 
     @property
-    def alive(self) -> bool:
-        """Return whether there is a drive process."""
-        return self._drive.health.alive
-
-    @property
-    def restarts(self) -> int:
-        """Return the number of restarts of the drive process."""
-        return self._drive.health.restarts
+    def health(self) -> Health:
+        """Return the health of the drive process."""
+        return self._drive.health
 
     # --- requests --------------------------------------------------------------------------
 

@@ -13,6 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Any, Literal
 
+from app.contract.values import plain
 from app.server.errors import Conflict
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
@@ -67,7 +68,7 @@ class RunFiles:
         path = self._storage.folder.run(run.id) / RECORDING
         if self._archive.is_going(run.id) or not await asyncio.to_thread(path.is_file):
             rows = await asyncio.to_thread(self._storage.speeds, run.id)
-            return await asyncio.to_thread(lambda: json.dumps(chart_of_rows(rows)).encode())
+            return await asyncio.to_thread(lambda: json.dumps(plain(chart_of_rows(rows))).encode())
         kept = path.with_name(f"{_CHART}{await asyncio.to_thread(_key, run, path)}.json")
         with contextlib.suppress(OSError):
             return await asyncio.to_thread(kept.read_bytes)
