@@ -10,6 +10,8 @@ from app.contract.values import means
 from observer.rig.rig import Role
 from observer.robots.contract import RobotReport
 
+CheckOutcome = Literal["passed", "failed", "incomplete", "given_up"]
+
 
 @dataclass(frozen=True)
 class Latch:
@@ -154,7 +156,7 @@ class CheckFacts:
     started_at: str
     started_by: str
     ended_at: str | None
-    outcome: Literal["passed", "failed", "incomplete", "given_up"] | None
+    outcome: CheckOutcome | None
     given_up_by: str | None
     present: Annotated[int | None, means("Which step it is at, from 0; None at its end.")]
     promised_ms: float
@@ -180,7 +182,7 @@ class CheckEntry:
     name: str
     role: Role
     started_at: str
-    outcome: Literal["passed", "failed", "incomplete", "given_up"]
+    outcome: CheckOutcome
     note: str | None
     states: Annotated[Mapping[str, str], means("By step.")]
 

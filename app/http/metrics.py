@@ -88,7 +88,7 @@ class _StatusCollector(Collector):
             yield _gauge(
                 "drive_late_p99_ms", "By how much the drive loop's ticks are late, lately.", late
             )
-        armed = {role: float(driving.is_driven(role)) for role in ROLES}
+        armed = {str(role): float(driving.is_driven(role)) for role in ROLES}
         yield _gauge("robot_armed", "1 while its motors are on.", armed, "role")
 
 

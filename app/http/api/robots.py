@@ -8,7 +8,7 @@ from fastapi import APIRouter, Body, Request
 from fastapi.responses import Response
 from pydantic import Field
 
-from app.contract.drive import ArmRobot, DisarmRobot
+from app.contract.drive import ArmRobot, DisarmRobot, StopProgramme
 from app.contract.robots import RobotNow, RobotsNow
 from app.http.api.common import TheServer, who
 from app.http.api.programmes import ProgrammeStart, programme_command
@@ -70,7 +70,7 @@ async def reset_stop(request: Request, server: TheServer) -> Response:
 )
 async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response:
     """As long as the operators of its robots stay present on their drive sockets."""
-    await server.driving.start_programme(await programme_command(server, wanted))
+    await server.driving.ask(await programme_command(server, wanted))
     return _facts(server)
 
 
@@ -79,7 +79,7 @@ async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response
 )
 async def stop_programme(server: TheServer) -> Response:
     """At zero; the robots stay armed."""
-    await server.driving.stop_programme()
+    await server.driving.ask(StopProgramme())
     return _facts(server)
 
 

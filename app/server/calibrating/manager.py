@@ -9,7 +9,7 @@ from pathlib import Path
 from app.contract.calibrating import Calibration
 from app.contract.commands import ChangeCalibration
 from app.contract.events import EngineState
-from app.contract.values import of_plain
+from app.contract.values import of_plain, plain
 from app.server.calibrating.session import CalibrationSession
 from app.server.calibrations.library import calibration_facts, find_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
@@ -126,11 +126,7 @@ class CalibrationManager:
             **calibration_facts(calibration),
             "origin": "calibrated here",
             "report": fitted.report,
-            "bound": {
-                "source": cameras.source,
-                "devices": list(cameras.devices),
-                "settings": [dict(settings) for settings in cameras.settings],
-            },
+            "bound": plain(cameras),
         }
         return self._storage.save_calibration(fitted.calibration_yaml, name=name, info=info)
 

@@ -7,11 +7,11 @@ import io
 import math
 import zipfile
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, Literal
 
-from app.contract.calibrating import PlaceDepth
+from app.contract.calibrating import PlaceDepth, TapeCheck
 from app.contract.commands import MeasureDepth, TakeScenePairs
+from app.contract.values import filled, plain
 from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.contracts import Engine
@@ -193,17 +193,10 @@ async def check_by_tape(
         )
     except InputError as error:
         raise FieldError(("body", "measured_m"), str(error)) from error
-    entry = {
-        "measured_m": tape_m,
-        "stated_m": place.range_m,
-        "expected_m": check.expected_m,
-        "agrees": check.agrees,
-        "sentence": check.sentence,
-        "at": utc_now(),
-    }
-    checks = [*record.info.get("tape_checks", []), entry][-_MOST_CHECKS:]
-    keep = partial(storage.change_calibration, record.id, info={"tape_checks": checks})
-    return await asyncio.to_thread(keep)
+    entry = filled(TapeCheck, check, measured_m=tape_m, stated_m=place.range_m, at=utc_now())
+    checks = [*record.info.get("tape_checks", []), plain(entry)][-_MOST_CHECKS:]
+    info = {"tape_checks": checks}
+    return await asyncio.to_thread(storage.change_calibration, record.id, info=info)
 
 
 async def refine_rows(
@@ -234,14 +227,9 @@ async def refine_rows(
     info = {**calibration_facts(calibration), "origin": origin, "refinement": facts}
     if active is not None and "bound" in active.info:
         info["bound"] = active.info["bound"]
-    return await asyncio.to_thread(
-        partial(
-            storage.save_calibration,
-            refined.calibration_yaml,
-            name=f"{name}, refined {utc_now()[:10]}"[:100],
-            info=info,
-        )
-    )
+    name = f"{name}, refined {utc_now()[:10]}"[:_LONGEST_NAME]
+    save = storage.save_calibration
+    return await asyncio.to_thread(save, refined.calibration_yaml, name=name, info=info)
 
 
 def _unheard(_: Progress) -> None:

@@ -6,16 +6,13 @@ The check itself moves nothing. It lives in the server, so it outlasts the page 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Literal
 
 from app.contract.drive import StoppedEvent
-from app.contract.robots import CheckedRobot, CheckFacts, CheckRecord, RobotNow
+from app.contract.robots import CheckedRobot, CheckFacts, CheckOutcome, CheckRecord, RobotNow
 from app.contract.values import filled
 from app.server.robots.check_steps import MOVING_MPS, PROMISED_MS, Step, steps_of
 from app.server.robots.circumstances import Circumstances
 from observer.rig.rig import Role
-
-Outcome = Literal["passed", "failed", "incomplete", "given_up"]
 
 _MARGIN = "guard.margin_m"
 
@@ -57,7 +54,7 @@ class GuardCheck:
         return next(going, None)
 
     @property
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> CheckOutcome | None:
         """Return the outcome; None while the check is in progress."""
         if self.ended_at is None:
             return None
@@ -114,8 +111,7 @@ class GuardCheck:
 
     def facts(self) -> CheckFacts:
         """Return the facts for the page."""
-        steps = [step.facts() for step in self.steps]
-        return filled(CheckFacts, self, promised_ms=PROMISED_MS, steps=steps)
+        return filled(CheckFacts, self, promised_ms=PROMISED_MS, steps=list(self.steps))
 
     def record(self, now: Circumstances) -> CheckRecord:
         """Return the record to store.

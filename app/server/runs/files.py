@@ -9,7 +9,6 @@ import json
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import IO, Any, Literal
 
@@ -147,7 +146,7 @@ async def compared_words(storage: Storage, run: RunRecord, folder: Path) -> list
     """Return the option that passes a run's truth to a command."""
     if run.alignment is None:
         return []
-    kept = await asyncio.to_thread(partial(kept_comparison, run, storage))
+    kept = await asyncio.to_thread(kept_comparison, run, storage)
     file = folder / "compared.json"
     await asyncio.to_thread(file.write_text, json.dumps(kept), encoding="utf-8")
     return ["--compared", str(file)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import shutil
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -191,8 +192,7 @@ def _entry(record: TruthRecord) -> TruthEntry:
 def _copy(content: IO[bytes], file: Path) -> None:
     content.seek(0)
     with file.open("wb") as target:
-        while chunk := content.read(_CHUNK):
-            target.write(chunk)
+        shutil.copyfileobj(content, target, _CHUNK)
 
 
 def _read(path: Path) -> Any:

@@ -81,7 +81,7 @@ def states(check: GuardCheck) -> list[str]:
 
 def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
     check = begun()
-    assert [step.plan.name for step in check.steps] == [
+    assert [step.name for step in check.steps] == [
         "walk_in", "cover_lens", "unplug", "close_browser",
     ]  # fmt: skip
     check.stopped(BLIND, NOW)
@@ -122,7 +122,7 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
 )
 def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> None:
     check = begun("obstacle")
-    assert [step.plan.name for step in check.steps] == ["walk_in", "close_browser"]
+    assert [step.name for step in check.steps] == ["walk_in", "close_browser"]
     check.stopped(replace(STOP, role="obstacle", **changes), NOW)
     assert states(check) == ["failed", "waiting"]
     assert words in str(check.steps[0].verdict)
