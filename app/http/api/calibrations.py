@@ -6,23 +6,24 @@ import asyncio
 import re
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Depends, File, Form, Path, Query, Response, UploadFile
+from fastapi import APIRouter, Depends, File, Form, Query, Response, UploadFile
 from pydantic import Field
 
 from app.contract.calibrating import Calibration, PlaceDepth
+from app.contract.commands import MeasureDepth
 from app.contract.status import Status
-from app.http.api.common import TheServer, attachment, plain_name
+from app.http.api.common import NameInPath, TheServer, attachment, plain_name
 from app.http.api.previews import PREVIEW_RESPONSES, preview_response
 from app.http.api.refusals import refusals
 from app.http.api.values import Finite, In, Name
 from app.server import FieldError
+from app.server.asking import ask
 from app.server.calibrations.library import (
     check_by_tape,
     exported,
     find_calibration,
     find_kept_calibration,
     keep_upload,
-    measure_depth,
     refine_rows,
 )
 from app.server.status import status
@@ -31,7 +32,6 @@ from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
-CalibrationId = Annotated[str, Path(max_length=100)]
 # More than any calibration has; what more there is, is refused by its number.
 _MOST = 10
 
@@ -48,11 +48,11 @@ class TapeCheckStart(In):
     measured_m: Annotated[Finite, Field(gt=0, le=100)]
 
 
-def _kept(id: CalibrationId, server: TheServer) -> CalibrationRecord:
+def _kept(id: NameInPath, server: TheServer) -> CalibrationRecord:
     return find_kept_calibration(server.storage, id)
 
 
-def _listed(id: CalibrationId, server: TheServer) -> CalibrationRecord:
+def _listed(id: NameInPath, server: TheServer) -> CalibrationRecord:
     return find_calibration(server.storage, id)
 
 
@@ -122,12 +122,12 @@ async def refine(server: TheServer) -> Calibration:
     summary="Rename a calibration",
     responses=refusals(404, 415, 422, 503),
 )
-async def rename(id: CalibrationId, change: CalibrationChange, server: TheServer) -> Calibration:
+async def rename(id: NameInPath, change: CalibrationChange, server: TheServer) -> Calibration:
     return server.calibrating.entry(await server.calibrating.rename(id, change.name))
 
 
 @router.post("/{id}/activate", summary="Use a calibration", responses=refusals(404, 409, 422, 503))
-async def activate(id: CalibrationId, server: TheServer) -> Status:
+async def activate(id: NameInPath, server: TheServer) -> Status:
     """The open source begins again with it. Refused where the image size differs."""
     await server.calibrating.activate(id)
     return status(server)
@@ -178,7 +178,7 @@ async def get_depth(
     v: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
 ) -> PlaceDepth:
     """``u``, ``v`` are pixels of the rectified left image, as the preview shows it."""
-    return await measure_depth(server.engine, record, u, v, field=("query", "u"))
+    return await ask(server.engine, MeasureDepth(record.text, u, v), field=("query", "u"))
 
 
 @router.post(
@@ -201,7 +201,7 @@ async def post_tape_check(record: Listed, check: TapeCheckStart, server: TheServ
     summary="Take a calibration off the list",
     responses=refusals(404, 409, 503),
 )
-async def delete_calibration(id: CalibrationId, server: TheServer) -> None:
+async def delete_calibration(id: NameInPath, server: TheServer) -> None:
     """Runs that used it stay repeatable."""
     await server.calibrating.delete(id)
 

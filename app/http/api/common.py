@@ -29,8 +29,8 @@ def _feeds(connection: HTTPConnection) -> dict[str, ViewFeed]:
 
 Feeds = Annotated[dict[str, ViewFeed], Depends(_feeds)]
 
-# In a path.
-RunId = Annotated[str, Path(max_length=100)]
+# Of a run, a calibration or anything else with a name or an id.
+NameInPath = Annotated[str, Path(max_length=100)]
 
 
 def who(request: Request, name: str | None = None) -> str:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Body, Path, Query, Request
+from fastapi import APIRouter, Body, Query, Request
 from fastapi.responses import Response
 from pydantic import Field
 
 from app.contract.robots import CheckEntry, CheckNow, ChecksNow
-from app.http.api.common import TheServer, attachment, who
+from app.http.api.common import NameInPath, TheServer, attachment, who
 from app.http.api.refusals import refusals
 from app.http.api.values import In, Name
 from app.http.errors import answer
@@ -19,7 +19,6 @@ from observer.rig.rig import Role
 
 router = APIRouter(prefix="/robots", tags=["robots"])
 
-CheckName = Annotated[str, Path(max_length=100)]
 _NOW: dict[int | str, dict[str, Any]] = {200: {"model": CheckNow}}
 _FORMATS = {"json": ("json", "application/json"), "markdown": ("md", "text/markdown")}
 
@@ -104,7 +103,7 @@ async def list_checks(server: TheServer) -> list[CheckEntry]:
     },
 )
 async def get_check_record(
-    name: CheckName, server: TheServer, format: Literal["json", "markdown"] = "json"
+    name: NameInPath, server: TheServer, format: Literal["json", "markdown"] = "json"
 ) -> Response:
     """As it was kept: JSON for programs, Markdown for people."""
     suffix, media = _FORMATS[format]

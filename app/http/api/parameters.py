@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Body, Path
+from fastapi import APIRouter, Body
 from pydantic import Field
 
 from app.contract.parameters import ParameterEntry, ParametersChanged, ParametersNow, Preset
 from app.contract.values import filled
-from app.http.api.common import TheServer
+from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, In, Name, notes_on
 from app.server.parameters.in_force import ParametersInForce
@@ -76,5 +76,5 @@ async def post_preset(wanted: PresetName, server: TheServer) -> Preset:
     summary="Delete a saved preset",
     responses=refusals(404, 409, 503),
 )
-async def delete_preset(name: Annotated[str, Path(max_length=100)], server: TheServer) -> None:
+async def delete_preset(name: NameInPath, server: TheServer) -> None:
     await server.parameters.delete_preset(name)

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter
 from pydantic import Field, StrictBool, StrictInt
 
 from app.contract.drive import StartProgramme
 from app.contract.robots import ProgrammeDetail, ProgrammeEntry
 from app.contract.values import filled
-from app.http.api.common import TheServer
+from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import Identifier, In
 from app.server import FieldError, Server
@@ -22,8 +22,6 @@ from observer.motion_profiles.profile_file import MAX_BYTES
 from observer.rig.rig import Role
 
 router = APIRouter(prefix="/programmes", tags=["programmes"])
-
-ProgrammeName = Annotated[str, Path(max_length=100)]
 
 
 class ProgrammeStart(In):
@@ -79,7 +77,7 @@ async def keep_programme(wanted: ProgrammeText, server: TheServer) -> ProgrammeD
 
 
 @router.get("/{name}", summary="One programme", responses=refusals(404))
-async def get_programme(name: ProgrammeName, server: TheServer) -> ProgrammeDetail:
+async def get_programme(name: NameInPath, server: TheServer) -> ProgrammeDetail:
     """With its YAML."""
     return _detail(await asyncio.to_thread(server.programmes.find, name))
 
@@ -90,5 +88,5 @@ async def get_programme(name: ProgrammeName, server: TheServer) -> ProgrammeDeta
     summary="Forget a programme of your own",
     responses=refusals(404, 409, 503),
 )
-async def delete_programme(name: ProgrammeName, server: TheServer) -> None:
+async def delete_programme(name: NameInPath, server: TheServer) -> None:
     await asyncio.to_thread(server.programmes.delete, name)

@@ -16,7 +16,7 @@ from app.http.api.refusals import refusals
 from app.http.api.values import In
 from app.server import Conflict, Server
 from app.server.rig.ground_survey import survey_floor
-from observer.rig.rig import MOUNT_KEYS, Rig, RobotModel, Role
+from observer.rig.rig import Rig, RobotModel, Role
 
 router = APIRouter(prefix="/rig", tags=["rig"])
 
@@ -30,11 +30,6 @@ class RigMount(In):
     pan_deg: RigNumber | None = Field(None, description="To the left of where the robot drives.")
     forward_m: RigNumber | None = Field(None, description="From the middle of the axle.")
     left_m: RigNumber | None = None
-
-    def pairs(self) -> dict[str, tuple[float, float | None] | None]:
-        """Value and standard deviation by key."""
-        numbers = ((key, getattr(self, key)) for key in MOUNT_KEYS)
-        return {key: None if n is None else (n.value, n.sigma) for key, n in numbers}
 
 
 class RigChange(In):
@@ -76,10 +71,8 @@ async def put_rig(change: RigChange, server: TheServer) -> RigNow:
     def changed() -> Rig:
         calibration = server.source.wanted.calibration
         return server.rig.changed(
-            change.mount.pairs(),
-            None
-            if change.models is None
-            else {role: model for role, model in change.models.items() if model is not None},
+            vars(change.mount),
+            change.models,
             for_simulated=change.for_simulated,
             calibration=None if calibration is None else calibration.id,
         )

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query, Request, Response
 
 from app.contract.runs import Run, RunChart
 from app.contract.values import filled, json_text
-from app.http.api.common import RunId, TheServer
+from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
 from app.http.cancel_on_disconnect import while_there
 from app.http.gate.headers import REPORT_POLICY
@@ -54,7 +54,7 @@ def _file(*kinds: str) -> dict[int | str, dict[str, Any]]:
     summary="Speeds by the observer, by truth, as commanded and by encoders, and their errors",
     responses=refusals(404, 409, 503),
 )
-async def get_chart(id: RunId, server: TheServer, request: Request) -> Response:
+async def get_chart(id: NameInPath, server: TheServer, request: Request) -> Response:
     """Gaps are null. While the run is going, and without a recording, there are no errors."""
     run = await server.runs.archive.find(id)
     values = await while_there(request, server.runs.files.chart(run))
@@ -73,7 +73,7 @@ async def get_chart(id: RunId, server: TheServer, request: Request) -> Response:
     responses=_file(*_CHART_KINDS.values()),
 )
 async def get_chart_file(
-    id: RunId,
+    id: NameInPath,
     format: ChartFormat,
     server: TheServer,
     request: Request,
@@ -93,7 +93,7 @@ async def get_chart_file(
     response_class=Response,
     responses=_file("text/html"),
 )
-async def get_report(id: RunId, server: TheServer, request: Request) -> Response:
+async def get_report(id: NameInPath, server: TheServer, request: Request) -> Response:
     """It takes up to a minute, and stands for itself: images, data and style are in it."""
     run = await server.runs.archive.find(id)
     made = await while_there(request, server.runs.files.report(run))
@@ -108,7 +108,7 @@ async def get_report(id: RunId, server: TheServer, request: Request) -> Response
     responses=_file(*_EXPORT_KINDS.values()),
 )
 async def get_export(
-    id: RunId,
+    id: NameInPath,
     server: TheServer,
     request: Request,
     format: Annotated[

@@ -9,7 +9,7 @@ from pydantic import Field
 
 from app.contract.runs import AlignChoicesEntry, AlignedRunEntry, CameraOnBodyFacts, StartedRun
 from app.contract.values import filled, known
-from app.http.api.common import RunId, TheServer
+from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, Finite, In, Name, notes_on
 from app.http.cancel_on_disconnect import while_there
@@ -78,7 +78,7 @@ class RerunStart(In):
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
 async def align_run(
-    id: RunId, wanted: AlignStart, server: TheServer, request: Request
+    id: NameInPath, wanted: AlignStart, server: TheServer, request: Request
 ) -> AlignedRunEntry:
     """Clocks, room and which track is which body are found. Where that is not possible one
     sentence says why, and what was laid over the run before stays.
@@ -98,7 +98,7 @@ async def align_run(
     summary="Observe a run's recording again",
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
-async def rerun(id: RunId, wanted: RerunStart, server: TheServer) -> StartedRun:
+async def rerun(id: NameInPath, wanted: RerunStart, server: TheServer) -> StartedRun:
     """Once through, as fast as it goes, with the run's own parameters where none are given.
 
     Where truth was laid over the run, it is laid over the new one when it has ended.

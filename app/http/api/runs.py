@@ -16,7 +16,7 @@ from pydantic import Field
 from app.contract.robots import RobotIncident
 from app.contract.runs import Run, SpeedEntry, StartedRun
 from app.contract.values import filled
-from app.http.api.common import RunId, TheServer, attachment
+from app.http.api.common import NameInPath, TheServer, attachment
 from app.http.api.programmes import ProgrammeStart, programme_command
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, Identifier, In, Name, Spec, Tag, Text, notes_on
@@ -82,14 +82,14 @@ async def list_runs(server: TheServer) -> list[Run]:
 
 
 @router.get("/{id}", summary="One run", responses=refusals(404, 503))
-async def get_run(id: RunId, server: TheServer) -> Run:
+async def get_run(id: NameInPath, server: TheServer) -> Run:
     return filled(Run, await server.runs.archive.find(id))
 
 
 @router.patch(
     "/{id}", summary="Name, tags and notes of a run", responses=refusals(404, 415, 422, 503, 507)
 )
-async def change_run(id: RunId, change: RunChange, server: TheServer) -> Run:
+async def change_run(id: NameInPath, change: RunChange, server: TheServer) -> Run:
     run = await server.runs.history.annotate(
         id, name=change.name, tags=change.tags, notes=change.notes
     )
@@ -97,18 +97,18 @@ async def change_run(id: RunId, change: RunChange, server: TheServer) -> Run:
 
 
 @router.delete("/{id}", status_code=204, summary="Delete a run", responses=refusals(404, 409, 503))
-async def delete_run(id: RunId, server: TheServer) -> None:
+async def delete_run(id: NameInPath, server: TheServer) -> None:
     """It is hidden, and deleted for good some days later; see ``undo_days`` of the history."""
     await server.runs.delete(id)
 
 
 @router.post("/{id}/recover", summary="Undo a deletion", responses=refusals(404, 503))
-async def recover_run(id: RunId, server: TheServer) -> Run:
+async def recover_run(id: NameInPath, server: TheServer) -> Run:
     return filled(Run, await server.runs.history.recover(id))
 
 
 @router.post("/{id}/stop", summary="End a run", responses=refusals(404, 409, 503))
-async def stop_run(id: RunId, server: TheServer) -> Run:
+async def stop_run(id: NameInPath, server: TheServer) -> Run:
     """Its source stays open."""
     return filled(Run, await server.runs.stop(id))
 
@@ -124,7 +124,7 @@ async def stop_run(id: RunId, server: TheServer) -> Run:
         **refusals(404, 409, 503),
     },
 )
-async def get_recording(id: RunId, server: TheServer) -> FileResponse:
+async def get_recording(id: NameInPath, server: TheServer) -> FileResponse:
     """Everything that happened in a run; opens in Foxglove and Lichtblick, and as a source."""
     path = await server.runs.archive.recording(id)
     return FileResponse(path, filename=f"{_file_name(id)}.mcap")
@@ -140,7 +140,7 @@ async def get_recording(id: RunId, server: TheServer) -> FileResponse:
     },
 )
 async def get_speeds(
-    id: RunId,
+    id: NameInPath,
     server: TheServer,
     format: Annotated[Literal["json", "csv"], Query(description="csv is for download.")] = "json",
 ) -> Response:
@@ -155,7 +155,7 @@ async def get_speeds(
 @router.get(
     "/{id}/incidents", summary="What stopped robots during a run", responses=refusals(404, 503)
 )
-async def get_incidents(id: RunId, server: TheServer) -> list[RobotIncident]:
+async def get_incidents(id: NameInPath, server: TheServer) -> list[RobotIncident]:
     """Oldest first."""
     return [filled(RobotIncident, each) for each in await server.runs.archive.incidents(id)]
 

@@ -12,6 +12,7 @@ from app.contract.status import PlaybackStatus, SourceEntry, Status
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import Finite, Identifier, In, Spec
+from app.server.asking import ask
 from app.server.source.hints import source_entries
 from app.server.status import status
 
@@ -58,4 +59,4 @@ async def put_source(choice: SourceChoice, server: TheServer) -> Status:
 )
 async def post_playback(change: PlaybackChange, server: TheServer) -> PlaybackStatus:
     """The playback as it is afterwards. Live sources cannot be paused."""
-    return await server.source.play(SetPlayback(**change.model_dump()))
+    return await ask(server.engine, SetPlayback(**change.model_dump()))

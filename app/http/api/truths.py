@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, File, Form, Path, UploadFile
+from fastapi import APIRouter, File, Form, UploadFile
 
 from app.contract.truths import TruthEntry
-from app.http.api.common import TheServer, plain_name
+from app.http.api.common import NameInPath, TheServer, plain_name
 from app.http.api.refusals import refusals
 from observer.truth.files.angles import AngleReading
 
@@ -50,6 +50,6 @@ async def post_truth(
 @router.delete(
     "/{id}", status_code=204, summary="Take a truth off the list", responses=refusals(404, 503)
 )
-async def delete_truth(id: Annotated[str, Path(max_length=100)], server: TheServer) -> None:
+async def delete_truth(id: NameInPath, server: TheServer) -> None:
     """Runs that were compared with it still are."""
     await server.runs.truths.delete(id)

@@ -9,7 +9,7 @@ import zipfile
 from collections.abc import Sequence
 from typing import Any, Literal
 
-from app.contract.calibrating import PlaceDepth, TapeCheck
+from app.contract.calibrating import TapeCheck
 from app.contract.commands import MeasureDepth, TakeScenePairs
 from app.contract.values import filled, plain
 from app.runtime.jobs import Progress
@@ -146,26 +146,6 @@ def exported(record: CalibrationRecord, kind: Literal["opencv", "ros", "kalibr"]
     return NamedFile(f"{name}-{kind}.zip", archive.getvalue())
 
 
-async def measure_depth(
-    engine: Engine,
-    record: CalibrationRecord,
-    u: float,
-    v: float,
-    *,
-    field: tuple[str, ...] = ("body", "u"),
-) -> PlaceDepth:
-    """Measure the distance of a point in the newest pair by a calibration; see ``MeasureDepth``.
-
-    Args:
-        field: where the request names the point.
-
-    Raises:
-        FieldError: the point has no depth, or the calibration does not fit the images.
-        Conflict: there are no images. NotAvailable: there is no engine at the moment.
-    """
-    return await ask(engine, MeasureDepth(record.text, u, v), field=field)
-
-
 async def check_by_tape(
     engine: Engine, storage: Storage, record: CalibrationRecord, u: float, v: float, tape_m: float
 ) -> CalibrationRecord:
@@ -175,9 +155,11 @@ async def check_by_tape(
         tape_m: straight-line distance from the left lens to the point.
 
     Raises:
-        FieldError, Conflict, NotAvailable: as ``measure_depth``. StorageError: it was not stored.
+        FieldError: the point has no depth, or the calibration does not fit the images.
+        Conflict: there are no images. NotAvailable: there is no engine at the moment.
+        StorageError: it was not stored.
     """
-    place = await measure_depth(engine, record, u, v)
+    place = await ask(engine, MeasureDepth(record.text, u, v), field=("body", "u"))
     calibration = read_calibration(record.text, name=record.name)
     report = record.info.get("report") or {}
     bias, lasting_px = depth_bias_of(report)

@@ -19,7 +19,6 @@ from app.server.parameters.in_force import (
     Revision,
     built_in,
     change,
-    first_parameters,
     matching_preset,
     preset_values,
     restored_parameters,
@@ -44,7 +43,7 @@ class ParameterManager:
         self._storage = shared.storage
         self._writer = shared.writer
         self._saved: dict[str, PresetRecord] = {}
-        self.current = first_parameters()
+        self.current = ParametersInForce(built_in("default"), 0, "default")
         self.followed: Callable[[], None] = lambda: None
 
     def group(self, name: str) -> dict[str, ParameterValue]:
@@ -123,15 +122,8 @@ class ParameterManager:
         after, storage = revision.after, self._storage
         values = after.values.flat()
         self._writer.post(partial(storage.save_parameters, after.revision, values, after.preset))
-        self._writer.post(
-            partial(
-                storage.record_parameter_revision,
-                run_id,
-                frame,
-                after.revision,
-                dict(revision.difference),
-            )
-        )
+        note = storage.record_parameter_revision
+        self._writer.post(partial(note, run_id, frame, after.revision, revision.difference))
 
     def presets(self) -> list[Preset]:
         """Return the built-in presets, then the saved ones by name."""
@@ -154,9 +146,10 @@ class ParameterManager:
         if name in BUILT_IN:
             raise Conflict(f"the preset {name} is built in; choose another name")
         values = self.current.values.flat()
-        save = partial(self._storage.save_preset, name, dict(values), help=help)
         try:
-            self._saved[name] = await asyncio.to_thread(save)
+            self._saved[name] = await asyncio.to_thread(
+                self._storage.save_preset, name, values, help=help
+            )
         except StorageExists as error:
             raise Conflict(str(error)) from error
         self._rename()

@@ -6,9 +6,8 @@ import asyncio
 from dataclasses import replace
 from functools import partial
 
-from app.contract.commands import CloseSource, OpenSource, RecordOrder, SetPlayback
+from app.contract.commands import CloseSource, OpenSource, RecordOrder
 from app.contract.events import EngineLostEvent, EngineState, ObservationEvent, StateEvent
-from app.contract.status import PlaybackStatus
 from app.server.asking import ask
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
@@ -83,10 +82,6 @@ class SourceManager:
             await self.use(
                 await asyncio.to_thread(make_opening, self._storage, source, calibration_id)
             )
-
-    async def play(self, change: SetPlayback) -> PlaybackStatus:
-        """Change the playback and return its new state."""
-        return await ask(self._engine, change)
 
     async def use(self, opening: Opening) -> None:
         """Observe this from now on, also after a restart of the engine.
