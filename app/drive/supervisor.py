@@ -10,9 +10,9 @@ from typing import Any, ClassVar
 
 from app.contract.drive import (
     DriveLostEvent,
-    DriveMessage,
     DriveStartedEvent,
     DriveState,
+    FromDrive,
     LeaveDrive,
     ToDrive,
 )
@@ -28,7 +28,7 @@ DRIVE_LIMITS = SupervisorLimits(
 )
 
 
-class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveMessage]):
+class DriveSupervisor(ProcessSupervisor[ToDrive[Any], FromDrive]):
     """Drive supervisor that implements ``app.server.contracts.Drive``.
 
     All methods belong to the event loop's thread.
@@ -66,11 +66,11 @@ class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveMessage]):
     def _farewell(self) -> ToDrive[Any]:
         return LeaveDrive()
 
-    def _started_event(self, generation: int, pid: int) -> DriveMessage:
+    def _started_event(self, generation: int, pid: int) -> FromDrive:
         return DriveStartedEvent(generation, pid)
 
-    def _lost_event(self, generation: int, reason: str) -> DriveMessage:
+    def _lost_event(self, generation: int, reason: str) -> FromDrive:
         return DriveLostEvent(generation, reason)
 
-    def _state(self, child: ChildProcess) -> DriveMessage | None:
+    def _state(self, child: ChildProcess) -> FromDrive | None:
         return child.newest(DriveState)

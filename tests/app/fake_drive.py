@@ -16,9 +16,9 @@ from app.contract.drive import (
     DisconnectRobot,
     DriveCommand,
     DriveLostEvent,
-    DriveMessage,
     DriveStartedEvent,
     DriveState,
+    FromDrive,
     IncidentEvent,
     Presence,
     ReallySent,
@@ -60,7 +60,7 @@ class FakeDrive:
 
     def __init__(self) -> None:
         self.commands: list[ToDrive[Any]] = []
-        self.subscribers: list[Callable[[DriveMessage], None]] = []
+        self.subscribers: list[Callable[[FromDrive], None]] = []
         self.health = ProcessHealth(0, None, False, 0, None, 0)
         self.refuse: dict[type, tuple[Any, str]] = {}
         self.hangs = False
@@ -99,11 +99,11 @@ class FakeDrive:
     async def stop(self) -> None:
         self.health = replace(self.health, alive=False, pid=None)
 
-    def subscribe(self, callback: Callable[[DriveMessage], None]) -> Callable[[], None]:
+    def subscribe(self, callback: Callable[[FromDrive], None]) -> Callable[[], None]:
         self.subscribers.append(callback)
         return lambda: self.subscribers.remove(callback)
 
-    def publish(self, event: DriveMessage) -> None:
+    def publish(self, event: FromDrive) -> None:
         for callback in tuple(self.subscribers):
             callback(event)
 
