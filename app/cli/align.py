@@ -68,6 +68,7 @@ def align(
     data: DataOption = None,
 ) -> None:
     """Align motion capture with a run: clocks, room and which track is which body."""
+    from app.contract.values import plain
     from app.reports.comparison import (
         ComparedRecording,
         Comparison,
@@ -97,10 +98,8 @@ def align(
             )
             observed = ObservedRun.of_lines(recording.lines())
             comparison = Comparison(solve(observed, capture, choices), file)
-    told = comparison.as_dict() | {
-        "words": comparison.words,
-        "facts": None if comparison.alignment is None else alignment_facts(comparison.alignment),
-    }
+    facts = None if comparison.alignment is None else plain(alignment_facts(comparison.alignment))
+    told = comparison.as_dict() | {"words": comparison.words, "facts": facts}
     write_file(output, json.dumps(told, allow_nan=False).encode())
     if speeds is not None:
         with ComparedRecording(path, comparison) as compared:

@@ -32,6 +32,7 @@ def chart(
     database: DatabaseOption = None,
 ) -> None:
     """Draw the speed by the observer, by truth, as commanded and by encoders over time."""
+    from app.contract.values import plain
     from app.reports.comparison import gather_compared
     from app.reports.run_chart import chart_csv, chart_values
     from app.reports.stretches import during
@@ -65,6 +66,6 @@ def chart(
     elif ending == ".csv":
         content = chart_csv(chart_values(gathered)).encode()
     else:
-        content = json.dumps(chart_values(gathered), allow_nan=False).encode()
+        content = json.dumps(plain(chart_values(gathered)), allow_nan=False).encode()
     write_file(output, content)
     typer.echo(f"{output} is written", err=True)

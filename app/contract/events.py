@@ -13,6 +13,7 @@ from app.contract.status import (
     LiveStatus,
     PlaybackStatus,
     RecordingStatus,
+    SkippedFrame,
 )
 from observer.calibration.board import BoardView
 from observer.camera import StereoCamera
@@ -121,11 +122,8 @@ class BoardViewsEvent:
 
 
 @dataclass(frozen=True)
-class SkippedFrameEvent:
+class SkippedFrameEvent(SkippedFrame):
     """A frame that the source could not read, and why."""
-
-    index: int
-    reason: str
 
 
 @dataclass(frozen=True)

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from app.contract.values import means
 from observer.rig.rig import Role
 from observer.robots.contract import RobotReport
+
+CheckOutcome = Literal["passed", "failed", "incomplete", "given_up"]
 
 
 @dataclass(frozen=True)
@@ -154,7 +156,7 @@ class CheckFacts:
     started_at: str
     started_by: str
     ended_at: str | None
-    outcome: Literal["passed", "failed", "incomplete", "given_up"] | None
+    outcome: CheckOutcome | None
     given_up_by: str | None
     present: Annotated[int | None, means("Which step it is at, from 0; None at its end.")]
     promised_ms: float
@@ -180,9 +182,33 @@ class CheckEntry:
     name: str
     role: Role
     started_at: str
-    outcome: Literal["passed", "failed", "incomplete", "given_up"]
+    outcome: CheckOutcome
     note: str | None
     states: Annotated[Mapping[str, str], means("By step.")]
+
+
+@dataclass(frozen=True)
+class CheckedRobot:
+    """What a robot said of itself; None: nothing."""
+
+    name: str | None = None
+    model: str | None = None
+    watchdog_s: float | None = None
+
+
+@dataclass(frozen=True)
+class CheckRecord(CheckFacts):
+    """A check that has ended, with what the guard depended on, as it is kept."""
+
+    robot: CheckedRobot
+    operators: Annotated[Sequence[str], means("Who drove.")]
+    software: Annotated[Mapping[str, str], means("Versions by name.")]
+    source: str
+    calibration: Annotated[str | None, means("Its id; None: the source's own.")]
+    rig: Annotated[str, means("Its id, the same where only the robots' ports differ.")]
+    rig_yaml: Annotated[str, means("Without ports, which may contain keys.")]
+    guard: Annotated[Mapping[str, Any], means("Its parameters by dotted name.")]
+    changed_meanwhile: Annotated[Sequence[str], means("Since its beginning, in words.")]
 
 
 Robots = Mapping[Role, RobotNow | None]

@@ -8,6 +8,8 @@ from typing import Annotated, Any, Literal
 
 from app.contract.values import means
 
+SpeedSource = Literal["estimate", "truth", "commanded", "encoder"]
+
 
 @dataclass(frozen=True)
 class Run:
@@ -65,7 +67,7 @@ class History:
 class SpeedEntry:
     time: Annotated[float, means("Source time, s.")]
     role: str
-    source: Literal["estimate", "truth", "commanded", "encoder"]
+    source: SpeedSource
     track_id: Annotated[int | None, means("None for what a robot says of itself.")]
     speed: Annotated[float | None, means("m/s; None is a gap.")]
     std: float | None
@@ -76,7 +78,7 @@ class SpeedEntry:
 class ChartCurve:
     """One curve: arrays of one length."""
 
-    kind: Literal["estimate", "truth", "commanded", "encoder"]
+    kind: SpeedSource
     label: str
     role: str
     track_id: int | None
@@ -174,18 +176,22 @@ class AlignChoicesEntry:
 
 
 @dataclass(frozen=True)
-class RunChart:
-    run: Run
+class ChartValues:
     aligned: Annotated[bool, means("Whether there is truth to compare with.")]
     sentence: Annotated[str | None, means("Where truth comes from, or why there is none.")]
     alignment: AlignmentFacts | None
+    curves: Sequence[ChartCurve]
+    changes: Sequence[IdentityChange]
+    errors: Sequence[SpeedErrorsEntry]
+
+
+@dataclass(frozen=True)
+class RunChart(ChartValues):
+    run: Run
     choices: Annotated[
         AlignChoicesEntry | None,
         means("What was said for the alignment; None where there is none."),
     ]
-    curves: Sequence[ChartCurve]
-    changes: Sequence[IdentityChange]
-    errors: Sequence[SpeedErrorsEntry]
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,16 @@ def filled(fact: type[Fact], source: object, /, **given: Any) -> Fact:
     return fact(**{name: getattr(source, name) for name in names}, **given)
 
 
+def of_plain(fact: type[Fact], plain: object, /) -> Fact:
+    """Make a dataclass of plain values, as a file or another process has them.
+
+    Raises:
+        ValueError: they are none of this kind.
+    """
+    checked: Fact = _adapter(fact).validate_python(plain)
+    return checked
+
+
 def known(fact: type[Fact], source: object | None, /) -> Fact | None:
     """Fill a dataclass as ``filled`` does; None of None."""
     return None if source is None else filled(fact, source)

@@ -8,7 +8,9 @@ be invalid JSON (NaN, an infinity) or invalid text.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict
+from itertools import islice
 from typing import Any
 
 import structlog
@@ -17,6 +19,7 @@ from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
 
+from app.contract.refusals import Problem, Problems, Refused
 from app.contract.values import json_text
 from app.runtime.errors import ProcessUnavailable
 from app.server import Conflict, FieldError, NotAvailable, NotThere
@@ -54,10 +57,13 @@ def answer(fact: object, status: int = 200) -> Response:
     return Response(json_text(fact), status, media_type="application/json")
 
 
-def problem(loc: Sequence[str | int], msg: str, kind: str) -> dict[str, Any]:
-    """Return one entry of a 422 reply."""
-    places = [part[:_LONGEST_TEXT] if isinstance(part, str) else part for part in loc]
-    return {"loc": places, "msg": msg, "type": kind}
+def _refused(problems: Iterable[tuple[Sequence[str | int], str, str]]) -> Response:
+    """Reply 422 to values; each problem is its place in the request, a sentence and its kind."""
+    entries = [
+        Problem([part[:_LONGEST_TEXT] if isinstance(part, str) else part for part in loc], *words)
+        for loc, *words in islice(problems, _MOST_PROBLEMS)
+    ]
+    return SafeJSON(asdict(Problems(entries)), 422)
 
 
 def install_error_handlers(app: FastAPI) -> None:
@@ -68,17 +74,13 @@ def install_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _unexpected)
 
 
-def _answer(status: int, detail: Any, headers: dict[str, str] | None = None) -> SafeJSON:
-    return SafeJSON({"detail": detail}, status, headers)
+def _answer(status: int, detail: str, headers: dict[str, str] | None = None) -> SafeJSON:
+    return SafeJSON(asdict(Refused(detail)), status, headers)
 
 
 async def _invalid(_: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    problems = [
-        problem(detail["loc"], str(detail["msg"]), str(detail["type"]))
-        for detail in error.errors()[:_MOST_PROBLEMS]
-    ]
-    return _answer(422, problems)
+    return _refused((each["loc"], str(each["msg"]), str(each["type"])) for each in error.errors())
 
 
 async def _http(_: Request, error: Exception) -> Response:
@@ -89,14 +91,12 @@ async def _http(_: Request, error: Exception) -> Response:
 
 async def _ours(request: Request, error: Exception) -> Response:
     if isinstance(error, ParameterError):
-        problems = [
-            problem(("body", name), text, "parameter") for name, text in error.problems.items()
-        ]
-        return _answer(422, problems[:_MOST_PROBLEMS])
-    if isinstance(error, FieldError):
-        return _answer(422, [problem(error.field, str(error), "value")])
+        return _refused(
+            (("body", name), text, "parameter") for name, text in error.problems.items()
+        )
     if isinstance(error, InputError):
-        return _answer(422, [problem(("body",), str(error), "value")])
+        field = error.field if isinstance(error, FieldError) else ("body",)
+        return _refused([(field, str(error), "value")])
     status = next((status for kind, status in _STATUS if isinstance(error, kind)), 500)
     if status == 500:
         log.error("request_failed", path=request.url.path, reason=str(error))

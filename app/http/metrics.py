@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from functools import partial
 
 from fastapi import APIRouter
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
@@ -35,86 +36,78 @@ class _StatusCollector(Collector):
 
     def collect(self) -> Iterator[Metric]:
         now = status(self._server)
-        engine, drops, latency = now.engine, now.drops, now.latency_ms
-        yield CounterMetricFamily(
-            "dynamic_observer_frames_observed",
-            "Frames observed since the server's start.",
-            value=now.frames_observed,
+        dense, latency = now.dense_stereo, now.latency_ms
+        yield _counter(
+            "frames_observed", "Frames observed since the server's start.", now.frames_observed
         )
-        yield GaugeMetricFamily(
-            "dynamic_observer_frames_per_second",
+        yield _gauge(
+            "frames_per_second",
             "Unique frames observed per second, lately.",
-            value=now.rates.unique_frames_per_s,
+            now.rates.unique_frames_per_s,
         )
-        dense = now.dense_stereo
-        yield GaugeMetricFamily(
-            "dynamic_observer_dense_stereo_per_second",
+        yield _gauge(
+            "dense_stereo_per_second",
             "Clouds or disparity views made per second, lately; 0 while nobody watches.",
-            value=dense.per_s,
+            dense.per_s,
         )
         if dense.age_s is not None:
-            yield GaugeMetricFamily(
-                "dynamic_observer_dense_stereo_age_seconds",
+            yield _gauge(
+                "dense_stereo_age_seconds",
                 "Since the reception of the pair that the newest one was made of.",
-                value=dense.age_s,
+                dense.age_s,
             )
-        yield CounterMetricFamily(
-            "dynamic_observer_engine_restarts",
-            "How often the engine process was replaced.",
-            value=engine.restarts,
+        yield _counter(
+            "engine_restarts", "How often the engine process was replaced.", now.engine.restarts
         )
-        state = GaugeMetricFamily(
-            "dynamic_observer_engine_state", "1 for the state it is in.", labels=["state"]
-        )
-        for each in EngineState:
-            state.add_metric([each.value], float(engine.state == each.value))
-        yield state
-        lost = CounterMetricFamily(
-            "dynamic_observer_drops", "What was left out, by kind.", labels=["kind"]
-        )
-        for kind, count in vars(drops).items():
-            lost.add_metric([kind], count)
-        yield lost
-        stages = GaugeMetricFamily(
-            "dynamic_observer_stage_ms", "Median of each stage, lately.", labels=["stage"]
-        )
-        for stage, ms in now.timings_ms.items():
-            stages.add_metric([stage], ms)
-        yield stages
-        painted = GaugeMetricFamily(
-            "dynamic_observer_painted_latency_ms",
+        states = {each.value: float(now.engine.state == each.value) for each in EngineState}
+        yield _gauge("engine_state", "1 for the state it is in.", states, "state")
+        yield _counter("drops", "What was left out, by kind.", vars(now.drops), "kind")
+        yield _gauge("stage_ms", "Median of each stage, lately.", now.timings_ms, "stage")
+        painted = {"median": latency.median, "p95": latency.p95}
+        yield _gauge(
+            "painted_latency_ms",
             "From reception to the page's acknowledgement after painting.",
-            labels=["quantile"],
+            {quantile: ms for quantile, ms in painted.items() if ms is not None},
+            "quantile",
         )
-        for quantile, value in (("median", latency.median), ("p95", latency.p95)):
-            if value is not None:
-                painted.add_metric([quantile], value)
-        yield painted
-        yield GaugeMetricFamily("dynamic_observer_viewers", "Open pages.", value=now.viewers)
+        yield _gauge("viewers", "Open pages.", now.viewers)
         yield from self._driving()
 
     def _driving(self) -> Iterator[Metric]:
         driving = self._server.driving
-        yield GaugeMetricFamily(
-            "dynamic_observer_drive_alive",
+        yield _gauge(
+            "drive_alive",
             "1 while there is a process that drives the robots.",
-            value=float(driving.alive),
+            float(driving.health.alive),
         )
-        yield CounterMetricFamily(
-            "dynamic_observer_drive_restarts",
-            "How often the drive process was replaced.",
-            value=driving.restarts,
+        yield _counter(
+            "drive_restarts", "How often the drive process was replaced.", driving.health.restarts
         )
         late = driving.loop_late_p99_ms
         if late is not None:
-            yield GaugeMetricFamily(
-                "dynamic_observer_drive_late_p99_ms",
-                "By how much the drive loop's ticks are late, lately.",
-                value=late,
+            yield _gauge(
+                "drive_late_p99_ms", "By how much the drive loop's ticks are late, lately.", late
             )
-        armed = GaugeMetricFamily(
-            "dynamic_observer_robot_armed", "1 while its motors are on.", labels=["role"]
-        )
-        for role in ROLES:
-            armed.add_metric([role], float(driving.is_driven(role)))
-        yield armed
+        armed = {str(role): float(driving.is_driven(role)) for role in ROLES}
+        yield _gauge("robot_armed", "1 while its motors are on.", armed, "role")
+
+
+def _metric(
+    kind: type[CounterMetricFamily | GaugeMetricFamily],
+    name: str,
+    help: str,
+    values: float | Mapping[str, float],
+    label: str | None = None,
+) -> Metric:
+    """Make one metric: a value, or several by their ``label``."""
+    metric = kind(f"dynamic_observer_{name}", help, labels=[] if label is None else [label])
+    if isinstance(values, Mapping):
+        for key, value in values.items():
+            metric.add_metric([key], value)
+    else:
+        metric.add_metric([], values)
+    return metric
+
+
+_counter = partial(_metric, CounterMetricFamily)
+_gauge = partial(_metric, GaugeMetricFamily)

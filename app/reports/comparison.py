@@ -12,8 +12,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from app.contract.runs import AlignmentFacts, CameraOnBodyFacts
-from app.contract.values import filled
+from app.contract.runs import AlignmentFacts, AlignmentMatch, CameraOnBodyFacts
+from app.contract.values import filled, known
 from app.reports.gathering import Gathered, gather
 from app.reports.pairing import pair_with_truth
 from observer.errors import InputError, TruthError
@@ -150,22 +150,21 @@ class Comparison:
         )
 
 
-def alignment_facts(alignment: Alignment) -> dict[str, Any]:
-    """Return the facts of an alignment that are shown to people, as ``AlignmentFacts``."""
-    camera = None
-    if alignment.T_body_camera is not None:
-        camera = filled(CameraOnBodyFacts, CameraOnBody.of_pose(alignment.T_body_camera))
-    facts = filled(
+def alignment_facts(alignment: Alignment) -> AlignmentFacts:
+    """Return the facts of an alignment that are shown to people."""
+    time, T_body_camera = alignment.time, alignment.T_body_camera
+    camera = None if T_body_camera is None else CameraOnBody.of_pose(T_body_camera)
+    matches = sorted(alignment.matches.items())
+    return filled(
         AlignmentFacts,
-        alignment.time,
+        time,
         frame_residual_m=alignment.frame_residual_m,
         observer=alignment.observer,
-        camera_on_body=camera,
-        roles=dict(alignment.roles),
-        matches={str(key): match for key, match in sorted(alignment.matches.items())},
-        notes=list(alignment.notes),
+        camera_on_body=known(CameraOnBodyFacts, camera),
+        roles=alignment.roles,
+        matches={str(key): filled(AlignmentMatch, match) for key, match in matches},
+        notes=alignment.notes,
     )
-    return asdict(facts)
 
 
 def gather_compared(

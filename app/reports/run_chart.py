@@ -5,12 +5,18 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
+from app.contract.runs import (
+    ChartCurve,
+    ChartValues,
+    IdentityChange,
+    SpeedErrorsEntry,
+    SpeedSource,
+)
+from app.contract.values import filled
 from app.reports.comparison import alignment_facts
 from app.reports.gaps import broken
 from app.reports.gathering import Gathered
@@ -24,39 +30,38 @@ CSV_COLUMNS = ("source", "label", "role", "track_id", "body", "segment", "time_s
                "std_mps")  # fmt: skip
 
 
-def chart_values(gathered: Gathered) -> dict[str, Any]:
+def chart_values(gathered: Gathered) -> ChartValues:
     """Return the answer of ``GET /api/runs/{id}/chart`` except the run itself.
 
     A speed of None marks a gap. Times are on the source's clock, seconds.
     """
     alignment = gathered.alignment
-    return {
-        "aligned": bool(gathered.true),
-        "sentence": gathered.truth_words,
-        "alignment": None if alignment is None else alignment_facts(alignment),
-        "curves": list(_curves(gathered)),
-        "changes": list(_changes(gathered.seen)),
-        "errors": [asdict(each) for each in speed_errors(gathered.seen, gathered.true)]
-        if gathered.true
-        else [],
-    }
+    errors = speed_errors(gathered.seen, gathered.true) if gathered.true else ()
+    return ChartValues(
+        aligned=bool(gathered.true),
+        sentence=gathered.truth_words,
+        alignment=None if alignment is None else alignment_facts(alignment),
+        curves=list(_curves(gathered)),
+        changes=list(_changes(gathered.seen)),
+        errors=[filled(SpeedErrorsEntry, each) for each in errors],
+    )
 
 
-def chart_csv(values: dict[str, Any]) -> str:
+def chart_csv(values: ChartValues) -> str:
     """Return one row for each speed of ``chart_values``; gaps are left out, unknowns are empty."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
-    for curve in values["curves"]:
-        stds = curve["stds"] or [None] * len(curve["times"])
-        fixed = [curve[key] for key in ("kind", "label", "role", "track_id", "body", "segment")]
-        for time, speed, std in zip(curve["times"], curve["speeds"], stds, strict=True):
+    for curve in values.curves:
+        stds = curve.stds or [None] * len(curve.times)
+        fixed = (curve.kind, curve.label, curve.role, curve.track_id, curve.body, curve.segment)
+        for time, speed, std in zip(curve.times, curve.speeds, stds, strict=True):
             if speed is not None:
                 writer.writerow([*fixed, time, speed, std])
     return text.getvalue()
 
 
-def _curves(gathered: Gathered) -> Iterator[dict[str, Any]]:
+def _curves(gathered: Gathered) -> Iterator[ChartCurve]:
     for motion in (*gathered.seen, *gathered.unmatched):
         segment, track = (int(part) for part in motion.track.split(":"))
         yield _curve(
@@ -72,27 +77,27 @@ def _curves(gathered: Gathered) -> Iterator[dict[str, Any]]:
 
 
 def _curve(
-    kind: str,
+    kind: SpeedSource,
     label: str,
     times: Float64Array,
     *values: Float64Array,
     track_id: int | None = None,
     segment: int | None = None,
     body: str | None = None,
-) -> dict[str, Any]:
+) -> ChartCurve:
     """Return a curve with its gaps; ``values`` are the speeds and, if known, their deviations."""
     times, speeds, *stds = broken(times, *values)
-    return {
-        "kind": kind,
-        "label": label,
-        "role": _OBSTACLE,
-        "track_id": track_id,
-        "body": body,
-        "segment": segment,
-        "times": np.round(times, _TIME_DIGITS).tolist(),
-        "speeds": _listed(speeds),
-        "stds": _listed(stds[0]) if stds else None,
-    }
+    return ChartCurve(
+        kind=kind,
+        label=label,
+        role=_OBSTACLE,
+        track_id=track_id,
+        body=body,
+        segment=segment,
+        times=np.round(times, _TIME_DIGITS).tolist(),
+        speeds=_listed(speeds),
+        stds=_listed(stds[0]) if stds else None,
+    )
 
 
 def _listed(values: Float64Array) -> list[float | None]:
@@ -101,7 +106,7 @@ def _listed(values: Float64Array) -> list[float | None]:
     return [value if here else None for value, here in zip(rounded, known, strict=True)]
 
 
-def _changes(seen: Sequence[SeenMotion]) -> Iterator[dict[str, Any]]:
+def _changes(seen: Sequence[SeenMotion]) -> Iterator[IdentityChange]:
     """Yield the changes of the track assigned to a body, in order."""
     order: dict[str, list[tuple[float, str]]] = {}
     for each in seen:
@@ -113,5 +118,4 @@ def _changes(seen: Sequence[SeenMotion]) -> Iterator[dict[str, Any]]:
         if before != after
     ]
     for time, body, before, after in sorted(changes):
-        time = round(time, _TIME_DIGITS)
-        yield {"time": time, "body": body, "before": before, "after": after}
+        yield IdentityChange(round(time, _TIME_DIGITS), body, before, after)

@@ -9,6 +9,7 @@ from app.contract.commands import Answer, ToEngine
 from app.contract.drive import FromDrive, ToDrive
 from app.contract.events import Event, ObservationEvent
 from app.runtime.latest import Latest
+from app.runtime.supervisor import ProcessHealth
 
 
 class LatestValue(Protocol):
@@ -19,38 +20,23 @@ class LatestValue(Protocol):
         ...
 
 
-class Health(Protocol):
-    """Health of the engine process."""
-
-    @property
-    def generation(self) -> int: ...
-
-    @property
-    def pid(self) -> int | None: ...
-
-    @property
-    def alive(self) -> bool: ...
-
-    @property
-    def restarts(self) -> int: ...
-
-    @property
-    def heartbeat_age_s(self) -> float | None: ...
-
-    @property
-    def observations_lost(self) -> int: ...
-
-
-class Engine(Protocol):
-    """Engine process as seen by the web process; implemented by ``EngineSupervisor``."""
+class _Process(Protocol):
+    """Process of the server as seen by the web process."""
 
     async def start(self) -> None:
-        """Start the process; ``EngineStartedEvent`` follows."""
+        """Start the process; ``EngineStartedEvent`` or ``DriveStartedEvent`` follows."""
         ...
 
     async def stop(self) -> None:
-        """Stop the process; safe to call twice."""
+        """Stop the process, and with it all robots that it drives; safe to call twice."""
         ...
+
+    @property
+    def health(self) -> ProcessHealth: ...
+
+
+class Engine(_Process, Protocol):
+    """Engine process; implemented by ``EngineSupervisor``."""
 
     async def request(self, command: ToEngine[Answer], timeout_s: float = 10.0) -> Answer:
         """Send a command and return the value of its reply.
@@ -66,25 +52,14 @@ class Engine(Protocol):
         ...
 
     @property
-    def health(self) -> Health: ...
-
-    @property
     def views(self) -> Mapping[str, LatestValue]: ...
 
     @property
     def cloud(self) -> LatestValue: ...
 
 
-class Drive(Protocol):
-    """Drive process as seen by the web process; implemented by ``DriveSupervisor``."""
-
-    async def start(self) -> None:
-        """Start the process; ``DriveStartedEvent`` follows."""
-        ...
-
-    async def stop(self) -> None:
-        """Stop all robots and end the process; safe to call twice."""
-        ...
+class Drive(_Process, Protocol):
+    """Drive process; implemented by ``DriveSupervisor``."""
 
     async def request(self, command: ToDrive[Answer], timeout_s: float = 1.0) -> Answer:
         """Send a command and return the value of its reply.
@@ -98,9 +73,6 @@ class Drive(Protocol):
     def subscribe(self, callback: Callable[[FromDrive], None]) -> Callable[[], None]:
         """Pass every event to ``callback`` in the event loop; return how to unsubscribe."""
         ...
-
-    @property
-    def health(self) -> Health: ...
 
 
 class Listener(Protocol):

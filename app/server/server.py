@@ -167,7 +167,7 @@ class Server:
                 self.shared.refuse_in_run("stop it before you change the rig")
                 self.shared.refuse_calibrating()
             await asyncio.to_thread(self.rig.keep, rig)
-            self.driving.rig_changed(self.source.state)
+            self.driving.source_changed(self.source.state)
             if not alike and self.source.state.state is EngineState.PREVIEW:
                 await self.source.restore()
         self.followers.status_changed()

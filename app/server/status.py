@@ -15,7 +15,7 @@ from app.contract.status import (
     SourceStatus,
     Status,
 )
-from app.contract.values import known, word
+from app.contract.values import filled, known, word
 from app.server.server import Server
 from app.server.source.camera_match import camera_match_warnings
 from observer.version import library_version
@@ -30,12 +30,11 @@ def status(server: Server) -> Status:
     run = server.runs.current
     calibration = server.source.wanted.calibration
     return Status(
-        engine=EngineStatus(
+        engine=filled(
+            EngineStatus,
+            health,
             state=word(state.state),
             reason=state.reason,
-            pid=health.pid,
-            generation=health.generation,
-            restarts=health.restarts,
             heartbeat_age_s=_rounded(health.heartbeat_age_s),
         ),
         source=known(SourceStatus, state.source),

@@ -23,7 +23,7 @@ class Telemetry:
         self._arrivals: deque[float] = deque()
         self._timings: deque[dict[str, float]] = deque(maxlen=_TIMED_FRAMES)
         self._latency: deque[float] = deque(maxlen=_LATENCY_SAMPLES)
-        self._skipped: deque[SkippedFrameEvent] = deque(maxlen=_SKIPPED_SHOWN)
+        self._skipped: deque[SkippedFrame] = deque(maxlen=_SKIPPED_SHOWN)
         self._dense: deque[tuple[float, DenseStereoEvent]] = deque()
         self._newest_dense: DenseStereoEvent | None = None
         self._last: tuple[int, int] | None = None
@@ -43,7 +43,7 @@ class Telemetry:
     @property
     def skipped(self) -> list[SkippedFrame]:
         """Return the last skipped frames, oldest first."""
-        return [SkippedFrame(event.index, event.reason) for event in self._skipped]
+        return list(self._skipped)
 
     def new_engine(self) -> None:
         """Handle a new engine, which counts from 0 again."""

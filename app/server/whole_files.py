@@ -20,7 +20,18 @@ def write_whole(path: Path, text: str) -> None:
         StorageFull: no space is left. FieldError: the file cannot be written; the old one stays.
     """
     with told_as_ours(path):
-        _write(path, text)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+        try:
+            with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+                file.write(text)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(part, path)
+        except BaseException:
+            with contextlib.suppress(OSError):
+                os.unlink(part)
+            raise
 
 
 @contextlib.contextmanager
@@ -38,18 +49,3 @@ def told_as_ours(path: Path) -> Iterator[None]:
         raise FieldError(
             ("body",), f"{path} cannot be written: {error.strerror or error}"
         ) from error
-
-
-def _write(path: Path, text: str) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    descriptor, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    try:
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(part)
-        raise

@@ -11,11 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from enum import StrEnum
-from typing import Any, Literal
+from typing import Any
 
 from app.contract.robots import StopMeasured
-
-SpeedSource = Literal["estimate", "truth", "commanded", "encoder"]
+from app.contract.runs import SpeedSource
 
 
 def utc_now() -> str:

@@ -632,30 +632,7 @@ export interface components {
       };
     };
     /** @description Everything of driving, ten times a second while there are robots. */
-    RobotsMessage: {
-      /** @description The stop holds until it is reset. */
-      stopped: components["schemas"]["Latch"] | null;
-      sight: components["schemas"]["SightNow"] | null;
-      loop: components["schemas"]["DriveLoop"] | null;
-      programme: components["schemas"]["ProgrammeNow"] | null;
-      robots: {
-        [key: string]: components["schemas"]["RobotNow"] | null;
-      };
-      process: components["schemas"]["DriveProcess"];
-      /** @description Of the open source; None: nothing to drive in. */
-      world: string | null;
-      /** @description Of real robots. */
-      ports: {
-        [key: string]: components["schemas"]["RobotPortNow"] | null;
-      };
-      /** @description Why a robot could not be connected. */
-      trouble: {
-        [key: string]: string | null;
-      };
-      /** @description The last 20, oldest first. */
-      incidents: components["schemas"]["RobotIncident"][];
-      /** @description The guided check of the guard, if any. */
-      check: components["schemas"]["CheckNow"] | null;
+    RobotsMessage: components["schemas"]["RobotsNow"] & {
       /**
        * @default robots
        * @constant
@@ -743,45 +720,7 @@ export interface components {
       devices: string[];
     };
     /** @description How everything is: at every change, and twice a second. */
-    StatusMessage: {
-      engine: components["schemas"]["EngineStatus"];
-      source: components["schemas"]["SourceStatus"] | null;
-      playback: components["schemas"]["PlaybackStatus"] | null;
-      camera: components["schemas"]["CameraStatus"] | null;
-      run: components["schemas"]["RunReference"] | null;
-      /** @description None: it is not known. */
-      mount: components["schemas"]["MountStatus"] | null;
-      /** @description How the calibration in use holds. */
-      ageing: components["schemas"]["AgeingStatus"] | null;
-      /** @description None: nothing is recorded. */
-      recording: components["schemas"]["RecordingStatus"] | null;
-      /** @description None: no motion capture is listened to. */
-      truth: components["schemas"]["LiveTruthStatus"] | null;
-      /** @description None for what is not live. */
-      live: components["schemas"]["LiveStatus"] | null;
-      /** @description None: nothing is calibrated. */
-      calibrating: components["schemas"]["CalibratingFacts"] | null;
-      /** @description None: the source's own. */
-      calibration: components["schemas"]["CalibrationReference"] | null;
-      parameters_revision: number;
-      /** @description Grows with every change of a guard.* parameter since the server started. */
-      guard_revision: number;
-      rates: components["schemas"]["Rates"];
-      dense_stereo: components["schemas"]["DenseStereoStatus"];
-      frames_observed: number;
-      latency_ms: components["schemas"]["LatencyStatus"];
-      /** @description Median of each stage. */
-      timings_ms: {
-        [key: string]: number;
-      };
-      ego_motion: components["schemas"]["EgoMotionStatus"] | null;
-      drops: components["schemas"]["Drops"];
-      skipped: components["schemas"]["SkippedFrame"][];
-      /** @description Open live pages. */
-      viewers: number;
-      has_truth: boolean;
-      warnings: string[];
-      version: string;
+    StatusMessage: components["schemas"]["Status"] & {
       /**
        * @default status
        * @constant
@@ -875,41 +814,7 @@ export interface components {
       camera_on_body?: components["schemas"]["CameraOnBodyIn"] | null;
     };
     /** @description A run with the truth that was just laid over it. */
-    AlignedRunEntry: {
-      id: string;
-      name: string;
-      /** @enum {string} */
-      state: "running" | "finished" | "interrupted" | "failed";
-      source: string;
-      calibration_id: string | null;
-      preset: string | null;
-      parameters: {
-        [key: string]: unknown;
-      };
-      started_at: string;
-      updated_at: string;
-      ended_at: string | null;
-      frames: number;
-      segments: number;
-      versions: {
-        [key: string]: string;
-      };
-      reason: string | null;
-      /** @description Which images are recorded; None: nothing is. */
-      record: ("none" | "jpeg" | "lossless") | null;
-      recording_bytes: number | null;
-      /** @description In the order of their text. */
-      tags: string[];
-      /** @description A person's own words. */
-      notes: string;
-      /** @description The truth file that it is compared with. */
-      truth_id: string | null;
-      /** @description Whether motion capture was laid over it. */
-      aligned: boolean;
-      /** @description The run whose recording it observed again. */
-      rerun_of: string | null;
-      /** @description Since when it is hidden. */
-      deleted_at: string | null;
+    AlignedRunEntry: components["schemas"]["Run"] & {
       /** @description None: truth was on the run's clock. */
       alignment: components["schemas"]["AlignmentFacts"] | null;
       sentence: string;
@@ -1224,18 +1129,7 @@ export interface components {
       step: number | null;
       choices: string[] | null;
     };
-    ParametersChanged: {
-      /** @description Grows with every change but those of guard.* parameters. */
-      revision: number;
-      /** @description Grows with every change of a guard.* parameter since the server started. */
-      guard_revision: number;
-      values: {
-        [key: string]: unknown;
-      };
-      /** @description The preset with exactly these values. */
-      preset: string | null;
-      /** @description The first frame they act on, as far as known. */
-      frame: number | null;
+    ParametersChanged: components["schemas"]["ParametersNow"] & {
       /** @description One sentence on each given parameter that does not act with the method. */
       notes: string[];
     };
@@ -1319,15 +1213,7 @@ export interface components {
       /** @default  */
       help: string;
     };
-    ProgrammeDetail: {
-      name: string;
-      title: string;
-      help: string;
-      roles: ("observer" | "obstacle")[];
-      /** @description Once, with its gesture. */
-      duration_s: number;
-      /** @description Brought by a person; the others come with the project. */
-      own: boolean;
+    ProgrammeDetail: components["schemas"]["ProgrammeEntry"] & {
       /** @description YAML. */
       text: string;
     };
@@ -1501,17 +1387,17 @@ export interface components {
       notes?: string | null;
     };
     RunChart: {
-      run: components["schemas"]["Run"];
       /** @description Whether there is truth to compare with. */
       aligned: boolean;
       /** @description Where truth comes from, or why there is none. */
       sentence: string | null;
       alignment: components["schemas"]["AlignmentFacts"] | null;
-      /** @description What was said for the alignment; None where there is none. */
-      choices: components["schemas"]["AlignChoicesEntry"] | null;
       curves: components["schemas"]["ChartCurve"][];
       changes: components["schemas"]["IdentityChange"][];
       errors: components["schemas"]["SpeedErrorsEntry"][];
+      run: components["schemas"]["Run"];
+      /** @description What was said for the alignment; None where there is none. */
+      choices: components["schemas"]["AlignChoicesEntry"] | null;
     };
     RunStart: {
       name?: string | null;
@@ -1582,41 +1468,7 @@ export interface components {
       covered_of: number;
       seen_share: number | null;
     };
-    StartedRun: {
-      id: string;
-      name: string;
-      /** @enum {string} */
-      state: "running" | "finished" | "interrupted" | "failed";
-      source: string;
-      calibration_id: string | null;
-      preset: string | null;
-      parameters: {
-        [key: string]: unknown;
-      };
-      started_at: string;
-      updated_at: string;
-      ended_at: string | null;
-      frames: number;
-      segments: number;
-      versions: {
-        [key: string]: string;
-      };
-      reason: string | null;
-      /** @description Which images are recorded; None: nothing is. */
-      record: ("none" | "jpeg" | "lossless") | null;
-      recording_bytes: number | null;
-      /** @description In the order of their text. */
-      tags: string[];
-      /** @description A person's own words. */
-      notes: string;
-      /** @description The truth file that it is compared with. */
-      truth_id: string | null;
-      /** @description Whether motion capture was laid over it. */
-      aligned: boolean;
-      /** @description The run whose recording it observed again. */
-      rerun_of: string | null;
-      /** @description Since when it is hidden. */
-      deleted_at: string | null;
+    StartedRun: components["schemas"]["Run"] & {
       /** @description One sentence on each given parameter that does not act with the method. */
       parameter_notes: string[];
     };
@@ -1675,6 +1527,22 @@ export interface components {
       v: number;
       measured_m: number;
     };
+    /** @description One body, as it was understood. */
+    TruthBody: {
+      name: string;
+      has_orientation: boolean;
+      samples: number;
+      /** @description Of the samples. */
+      seen: number;
+      gaps: number;
+      /** @description On the system's clock, as is to_s. */
+      from_s: number | null;
+      to_s: number | null;
+      /** @description Along the room's three axes. */
+      extent_m: number[] | null;
+      /** @description Smoothed over 11 samples. */
+      highest_speed_mps: number | null;
+    };
     /** @description A truth file. */
     TruthEntry: {
       /** @description SHA-256 of its content. */
@@ -1683,10 +1551,22 @@ export interface components {
       /** @description What it was recognised as. */
       format: string;
       /** @description What was understood: rate_hz, duration_s, bodies, notes, and reading as asked. */
-      info: {
-        [key: string]: unknown;
-      };
+      info: components["schemas"]["TruthInfo"];
       created_at: string;
+    };
+    TruthInfo: {
+      format: string;
+      rate_hz: number | null;
+      /** @description Of all bodies together. */
+      duration_s: number | null;
+      bodies: components["schemas"]["TruthBody"][];
+      notes: string[];
+      reading: components["schemas"]["TruthReading"];
+    };
+    /** @description How the file was to be read; None: as it says itself. */
+    TruthReading: {
+      rate_hz: number | null;
+      angles: ("helical" | "euler_xyz") | null;
     };
     ValidationError: {
       loc: (string | number)[];
@@ -1876,7 +1756,10 @@ export type StartedRun = components["schemas"]["StartedRun"];
 export type Status = components["schemas"]["Status"];
 export type TapeCheck = components["schemas"]["TapeCheck"];
 export type TapeCheckStart = components["schemas"]["TapeCheckStart"];
+export type TruthBody = components["schemas"]["TruthBody"];
 export type TruthEntry = components["schemas"]["TruthEntry"];
+export type TruthInfo = components["schemas"]["TruthInfo"];
+export type TruthReading = components["schemas"]["TruthReading"];
 export type ValidationError = components["schemas"]["ValidationError"];
 export type VideoDevice = components["schemas"]["VideoDevice"];
 export type Problem = components["schemas"]["Problem"];

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from app.contract.drive import (
@@ -42,19 +42,10 @@ from app.contract.robots import (
     Velocity,
 )
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
+from app.runtime.supervisor import ProcessHealth
 from observer.rig.rig import ROLES, Role
 from observer.robots.contract import RobotPhase, RobotReport
 from observer.robots.ports import shown_port
-
-
-@dataclass
-class FakeHealth:
-    generation: int = 0
-    pid: int | None = None
-    alive: bool = False
-    restarts: int = 0
-    heartbeat_age_s: float | None = None
-    observations_lost: int = 0
 
 
 class FakeDrive:
@@ -70,7 +61,7 @@ class FakeDrive:
     def __init__(self) -> None:
         self.commands: list[ToDrive[Any]] = []
         self.subscribers: list[Callable[[FromDrive], None]] = []
-        self.health = FakeHealth()
+        self.health = ProcessHealth(0, None, False, 0, None, 0)
         self.refuse: dict[type, tuple[Any, str]] = {}
         self.hangs = False
         self.cannot_start = False
@@ -95,19 +86,18 @@ class FakeDrive:
 
     def start_process(self) -> None:
         self._empty()
-        health = self.health
-        health.generation += 1
-        health.restarts = health.generation - 1
-        health.pid, health.alive = 2000 + health.generation, True
-        self.publish(DriveStartedEvent(health.generation, health.pid))
+        generation = self.health.generation + 1
+        pid = 2000 + generation
+        self.health = ProcessHealth(generation, pid, True, generation - 1, None, 0)
+        self.publish(DriveStartedEvent(generation, pid))
         self.tell()
 
     def lose(self, reason: str = "the drive process was killed") -> None:
-        self.health.alive, self.health.pid = False, None
+        self.health = replace(self.health, alive=False, pid=None)
         self.publish(DriveLostEvent(self.health.generation, reason))
 
     async def stop(self) -> None:
-        self.health.alive, self.health.pid = False, None
+        self.health = replace(self.health, alive=False, pid=None)
 
     def subscribe(self, callback: Callable[[FromDrive], None]) -> Callable[[], None]:
         self.subscribers.append(callback)

@@ -46,13 +46,8 @@ from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.engine.supervisor import EngineRefused, EngineUnavailable
 from app.engine.truth_facts import truth_facts
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
-<<<<<<< HEAD
 from app.runtime.supervisor import ProcessHealth
-from observer.calibration.board import Board
-=======
-from app.supervisor import EngineHealth, EngineRefused, EngineUnavailable
 from observer.calibration.board import Board, BoardSighting, BoardView
->>>>>>> h-calib
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
 from observer.jsonl import ObservationLine

@@ -18,6 +18,8 @@ from pydantic import TypeAdapter
 from app.contract.sockets import DriveMessage, LiveMessage
 
 _REFERENCE = "#/components/schemas/{model}"
+# Fewer common properties may be a coincidence.
+_FEWEST_SHARED = 5
 
 
 def page_schema() -> dict[str, Any]:
@@ -38,8 +40,28 @@ def page_schema() -> dict[str, Any]:
     for name, messages in said.items():
         told = TypeAdapter(messages).json_schema(mode="serialization", ref_template=_REFERENCE)
         schemas = {**told.pop("$defs"), **schemas, name: told}
+    schemas = {name: _extending(name, schemas) for name in schemas}
     page: dict[str, Any] = _untitled({**described, "paths": {}, "components": {"schemas": schemas}})
     return page
+
+
+def _extending(name: str, schemas: dict[str, Any]) -> Any:
+    """Return a schema as the largest one that it extends, and what it adds; else as it is."""
+    schema = schemas[name]
+    own = schema.get("properties", {})
+    contained = {
+        each: properties
+        for each, other in schemas.items()
+        if len(properties := other.get("properties", {})) < len(own)
+        and all(own.get(key) == value for key, value in properties.items())
+    }
+    base = max(contained, key=lambda each: len(contained[each]), default="")
+    if len(contained.get(base, ())) < _FEWEST_SHARED:
+        return schema
+    added = {key: value for key, value in own.items() if key not in contained[base]}
+    own_part = {"type": "object", "properties": added, "required": list(added)}
+    about = {"description": schema["description"]} if "description" in schema else {}
+    return {**about, "allOf": [{"$ref": _REFERENCE.format(model=base)}, own_part]}
 
 
 def _untitled(schema: Any) -> Any:

@@ -6,10 +6,11 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Path, Query, Response
 
-from app.http.api.calibration_models import BoardKind
+from app.http.api.common import attachment
 from app.http.api.refusals import refusals
 from app.server import FieldError
 from app.server.calibrating.session import board_of
+from observer.calibration.board import BoardKind
 from observer.calibration.printing import board_pdf, board_svg
 from observer.errors import CalibrationError
 
@@ -42,5 +43,4 @@ def get_board(
     except CalibrationError as error:
         raise FieldError(("query", "square_mm"), str(error)) from error
     name = f"board-{kind}-{columns}x{rows}-{square_mm:g}mm.{format}"
-    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
-    return Response(content, media_type=_KINDS[format], headers=headers)
+    return attachment(content, name, _KINDS[format])

@@ -6,28 +6,24 @@ import asyncio
 import shutil
 import tempfile
 from pathlib import Path as FilePath
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, File, Form, Path, Response, UploadFile
+from pydantic import Field, StrictBool, StrictInt
 
 from app.contract.calibrating import CalibratingStatus, Calibration, CalibrationResult
 from app.contract.commands import ChangeCalibration
 from app.contract.status import Status
-from app.http.api.calibration_models import (
-    BoardKind,
-    CalibratingChange,
-    CalibratingStart,
-    CalibrationSave,
-    ComputeStart,
-)
 from app.http.api.common import TheServer
 from app.http.api.previews import PREVIEW_RESPONSES, preview_response
 from app.http.api.refusals import refusals
+from app.http.api.values import Finite, In, Name, Spec
 from app.server import FieldError, Server
 from app.server.calibrating.session import board_of
-from app.server.calibrations.library import preview_text
 from app.server.status import status
 from app.storage import StorageFull
+from observer.calibration.board import BoardKind
+from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 
 router = APIRouter(prefix="/calibrating", tags=["calibrating"])
@@ -35,11 +31,46 @@ router = APIRouter(prefix="/calibrating", tags=["calibrating"])
 ViewName = Annotated[str, Path(max_length=200)]
 
 
+Corners = Annotated[StrictInt, Field(ge=3, le=30)]
+SquareMm = Annotated[Finite, Field(ge=2, le=500)]
+
+
+class CalibratingStart(In):
+    """The board is named by its inner corners, as OpenCV names it."""
+
+    source: Spec | None = Field(None, description="None: what is open.")
+    kind: BoardKind = "chessboard"
+    columns: Corners = 9
+    rows: Corners = 6
+    square_mm: SquareMm = 25.0
+
+
+class CalibratingChange(In):
+    """What is given is done."""
+
+    capture: StrictBool = False
+    undo: StrictBool = False
+    remove: Annotated[str, Field(strict=True, max_length=200)] | None = None
+    automatic: StrictBool | None = Field(None, description="Capture new poses by itself.")
+    cover_check: StrictBool | None = None
+
+
+class ComputeStart(In):
+    distortion_model: DistortionModel = Field(
+        "radtan", description="equidistant is for fisheye lenses."
+    )
+
+
+class CalibrationSave(In):
+    name: Name
+    activate: StrictBool = True
+
+
 def _facts(server: Server) -> CalibratingStatus:
     return CalibratingStatus(server.calibrating.session.facts())
 
 
-@router.get("", response_model=CalibratingStatus, summary="How far the calibration is")
+@router.get("", summary="How far the calibration is")
 async def get_calibrating(server: TheServer) -> CalibratingStatus:
     return _facts(server)
 
@@ -47,7 +78,6 @@ async def get_calibrating(server: TheServer) -> CalibratingStatus:
 @router.post(
     "",
     status_code=201,
-    response_model=CalibratingStatus,
     summary="Look for a board in a source's images",
     responses=refusals(409, 415, 422, 503),
 )
@@ -58,9 +88,7 @@ async def begin(start: CalibratingStart, server: TheServer) -> CalibratingStatus
     return _facts(server)
 
 
-@router.delete(
-    "", response_model=Status, summary="Leave without saving", responses=refusals(409, 503)
-)
+@router.delete("", summary="Leave without saving", responses=refusals(409, 503))
 async def leave(server: TheServer) -> Status:
     """What was captured is forgotten; what was open before is observed again."""
     await server.calibrating.end()
@@ -68,10 +96,7 @@ async def leave(server: TheServer) -> Status:
 
 
 @router.patch(
-    "",
-    response_model=CalibratingStatus,
-    summary="Capture, undo, remove a view",
-    responses=refusals(404, 409, 415, 422, 503),
+    "", summary="Capture, undo, remove a view", responses=refusals(404, 409, 415, 422, 503)
 )
 async def change(change: CalibratingChange, server: TheServer) -> CalibratingStatus:
     """What is given is done. ``cover_check`` begins or ends the question which lens is left."""
@@ -79,12 +104,7 @@ async def change(change: CalibratingChange, server: TheServer) -> CalibratingSta
     return _facts(server)
 
 
-@router.post(
-    "/swap",
-    response_model=CalibratingStatus,
-    summary="Take left for right",
-    responses=refusals(409, 422, 503),
-)
+@router.post("/swap", summary="Take left for right", responses=refusals(409, 422, 503))
 async def swap(server: TheServer) -> CalibratingStatus:
     """The cameras are opened the other way round; the views so far are kept."""
     await server.calibrating.swap()
@@ -106,7 +126,6 @@ async def get_picture(
 
 @router.post(
     "/images",
-    response_model=CalibratingStatus,
     summary="Send in image pairs as a ZIP archive",
     responses=refusals(409, 413, 415, 422, 503, 507),
 )
@@ -133,7 +152,6 @@ async def post_images(
 @router.post(
     "/compute",
     status_code=202,
-    response_model=CalibratingStatus,
     summary="Compute the calibration of the captured views",
     responses=refusals(409, 415, 422),
 )
@@ -143,21 +161,14 @@ async def compute(start: ComputeStart, server: TheServer) -> CalibratingStatus:
     return _facts(server)
 
 
-@router.post(
-    "/cancel", response_model=CalibratingStatus, summary="End the computation", responses={}
-)
+@router.post("/cancel", summary="End the computation", responses={})
 async def cancel(server: TheServer) -> CalibratingStatus:
     """Views and an earlier result stay."""
     await server.calibrating.session.computation.cancel()
     return _facts(server)
 
 
-@router.get(
-    "/result",
-    response_model=CalibrationResult,
-    summary="What was computed",
-    responses=refusals(409),
-)
+@router.get("/result", summary="What was computed", responses=refusals(409))
 async def get_result(server: TheServer) -> CalibrationResult:
     result = server.calibrating.session.computation.finished
     return CalibrationResult(result.names, result.fitted.report)
@@ -172,21 +183,19 @@ async def get_result(server: TheServer) -> CalibrationResult:
 async def get_preview(server: TheServer) -> Response:
     """Both images with the same horizontal lines: a point must lie on the same line in both."""
     text = server.calibrating.session.computation.finished.fitted.calibration_yaml
-    return preview_response(await preview_text(server.engine, text))
+    return await preview_response(server, text)
 
 
 @router.post(
     "/save",
     status_code=201,
-    response_model=Calibration,
     summary="Save what was computed",
     responses=refusals(409, 415, 422, 503, 507),
 )
-async def save(save: CalibrationSave, server: TheServer) -> dict[str, Any]:
+async def save(save: CalibrationSave, server: TheServer) -> Calibration:
     """``activate`` observes its cameras with it from now on, and ends calibrating."""
-    from app.http.api.calibrations import entry
-
-    return entry(await server.calibrating.save(save.name, activate=save.activate), server)
+    saved = await server.calibrating.save(save.name, activate=save.activate)
+    return server.calibrating.entry(saved)
 
 
 def _write(file: UploadFile, path: FilePath) -> None:

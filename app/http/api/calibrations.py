@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import asyncio
 import re
-from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from fastapi import APIRouter, File, Form, Path, Query, Response, UploadFile
+from fastapi import APIRouter, Depends, File, Form, Query, Response, UploadFile
+from pydantic import Field
 
 from app.contract.calibrating import Calibration, PlaceDepth
+from app.contract.commands import MeasureDepth
 from app.contract.status import Status
-from app.http.api.calibration_models import CalibrationChange, TapeCheckStart
-from app.http.api.common import TheServer, plain_name
+from app.http.api.common import NameInPath, TheServer, attachment, plain_name
 from app.http.api.previews import PREVIEW_RESPONSES, preview_response
 from app.http.api.refusals import refusals
-from app.server import FieldError, Server
+from app.http.api.values import Finite, In, Name
+from app.server import FieldError
+from app.server.asking import ask
 from app.server.calibrations.library import (
     check_by_tape,
     exported,
     find_calibration,
     find_kept_calibration,
     keep_upload,
-    measure_depth,
-    preview_text,
     refine_rows,
 )
 from app.server.status import status
@@ -32,37 +32,45 @@ from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
-CalibrationId = Annotated[str, Path(max_length=100)]
 # More than any calibration has; what more there is, is refused by its number.
 _MOST = 10
 
 
-def entry(record: CalibrationRecord, server: Server) -> dict[str, Any]:
-    """A calibration as it is listed."""
-    active = server.source.wanted.calibration
-    return {
-        "id": record.id,
-        "name": record.name,
-        "created_at": record.created_at,
-        "active": active is not None and active.id == record.id,
-        "devices": record.info.get("bound", {}).get("devices", []),
-        **record.info,
-    }
+class CalibrationChange(In):
+    name: Name
 
 
-@router.get(
-    "", response_model=list[Calibration], summary="All calibrations", responses=refusals(503)
-)
-async def list_calibrations(server: TheServer) -> list[dict[str, Any]]:
+class TapeCheckStart(In):
+    """A place in the rectified left image, and how far it is by a tape from the left lens."""
+
+    u: Annotated[Finite, Field(ge=0, le=16384)]
+    v: Annotated[Finite, Field(ge=0, le=16384)]
+    measured_m: Annotated[Finite, Field(gt=0, le=100)]
+
+
+def _kept(id: NameInPath, server: TheServer) -> CalibrationRecord:
+    return find_kept_calibration(server.storage, id)
+
+
+def _listed(id: NameInPath, server: TheServer) -> CalibrationRecord:
+    return find_calibration(server.storage, id)
+
+
+# Read in a thread. Kept are also those that only runs refer to.
+Kept = Annotated[CalibrationRecord, Depends(_kept)]
+Listed = Annotated[CalibrationRecord, Depends(_listed)]
+
+
+@router.get("", summary="All calibrations", responses=refusals(503))
+async def list_calibrations(server: TheServer) -> list[Calibration]:
     """Newest first."""
     records = await asyncio.to_thread(server.storage.list_calibrations)
-    return [entry(record, server) for record in records]
+    return [server.calibrating.entry(record) for record in records]
 
 
 @router.post(
     "",
     status_code=201,
-    response_model=Calibration,
     summary="Upload a calibration",
     responses=refusals(413, 415, 422, 503, 507),
 )
@@ -72,7 +80,7 @@ async def post_calibration(
     size: Annotated[str | None, Form(description="As in 1280x720, where no file tells it.")] = None,
     unit: Annotated[Unit | None, Form(description="Of lengths; none: the format's own.")] = None,
     cameras: Annotated[Cameras | None, Form(description="KITTI's pair.")] = None,
-) -> dict[str, Any]:
+) -> Calibration:
     """Every usual format is recognised by content: OpenCV, ROS, Kalibr, KITTI, MATLAB,
     Middlebury, ZED, EuRoC. It is kept, not used yet; the same content is the same calibration.
     """
@@ -80,13 +88,14 @@ async def post_calibration(
         NamedFile(plain_name(each.filename, "calibration.yaml"), await each.read())
         for each in file[:_MOST]
     ]
-    keep = partial(keep_upload, server.storage, files, size=_size(size), unit=unit, cameras=cameras)
-    return entry(await asyncio.to_thread(keep), server)
+    record = await asyncio.to_thread(
+        keep_upload, server.storage, files, size=_size(size), unit=unit, cameras=cameras
+    )
+    return server.calibrating.entry(record)
 
 
 @router.post(
     "/deactivate",
-    response_model=Status,
     summary="Go back to the source's own calibration",
     responses=refusals(409, 422, 503),
 )
@@ -98,33 +107,27 @@ async def deactivate(server: TheServer) -> Status:
 @router.post(
     "/refine",
     status_code=201,
-    response_model=Calibration,
     summary="Set the rows of the calibration in use straight by the scene",
     responses=refusals(409, 503, 507),
 )
-async def refine(server: TheServer) -> dict[str, Any]:
+async def refine(server: TheServer) -> Calibration:
     """Pitch and roll between the cameras, as a new calibration; nothing is replaced."""
     active = server.source.wanted.calibration
-    return entry(await refine_rows(server.engine, server.storage, active), server)
+    record = await refine_rows(server.engine, server.storage, active)
+    return server.calibrating.entry(record)
 
 
 @router.patch(
     "/{id}",
-    response_model=Calibration,
     summary="Rename a calibration",
     responses=refusals(404, 415, 422, 503),
 )
-async def rename(id: CalibrationId, change: CalibrationChange, server: TheServer) -> dict[str, Any]:
-    return entry(await server.calibrating.rename(id, change.name), server)
+async def rename(id: NameInPath, change: CalibrationChange, server: TheServer) -> Calibration:
+    return server.calibrating.entry(await server.calibrating.rename(id, change.name))
 
 
-@router.post(
-    "/{id}/activate",
-    response_model=Status,
-    summary="Use a calibration",
-    responses=refusals(404, 409, 422, 503),
-)
-async def activate(id: CalibrationId, server: TheServer) -> Status:
+@router.post("/{id}/activate", summary="Use a calibration", responses=refusals(404, 409, 422, 503))
+async def activate(id: NameInPath, server: TheServer) -> Status:
     """The open source begins again with it. Refused where the image size differs."""
     await server.calibrating.activate(id)
     return status(server)
@@ -136,10 +139,8 @@ async def activate(id: CalibrationId, server: TheServer) -> Status:
     response_class=Response,
     responses={200: {"content": {"application/yaml": {}}}, **refusals(404, 503)},
 )
-async def get_file(id: CalibrationId, server: TheServer) -> Response:
-    record = await asyncio.to_thread(find_kept_calibration, server.storage, id)
-    headers = {"Content-Disposition": f'attachment; filename="calibration-{record.id[:12]}.yaml"'}
-    return Response(record.text, media_type="application/yaml", headers=headers)
+async def get_file(record: Kept) -> Response:
+    return attachment(record.text, f"calibration-{record.id[:12]}.yaml", "application/yaml")
 
 
 @router.get(
@@ -148,14 +149,10 @@ async def get_file(id: CalibrationId, server: TheServer) -> Response:
     response_class=Response,
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404, 503)},
 )
-async def get_export(
-    id: CalibrationId, kind: Literal["opencv", "ros", "kalibr"], server: TheServer
-) -> Response:
+async def get_export(record: Kept, kind: Literal["opencv", "ros", "kalibr"]) -> Response:
     """``opencv`` and ``kalibr`` are one file, ``ros`` a ZIP archive of left.yaml and right.yaml."""
-    record = await asyncio.to_thread(find_kept_calibration, server.storage, id)
     file = await asyncio.to_thread(exported, record, kind)
-    headers = {"Content-Disposition": f'attachment; filename="{file.name}"'}
-    return Response(file.content, media_type="application/octet-stream", headers=headers)
+    return attachment(file.content, file.name, "application/octet-stream")
 
 
 @router.get(
@@ -164,45 +161,38 @@ async def get_export(
     response_class=Response,
     responses=PREVIEW_RESPONSES,
 )
-async def get_preview(id: CalibrationId, server: TheServer) -> Response:
+async def get_preview(record: Listed, server: TheServer) -> Response:
     """Both images with the same horizontal lines: a point must lie on the same line in both."""
-    record = await asyncio.to_thread(find_calibration, server.storage, id)
-    return preview_response(await preview_text(server.engine, record.text))
+    return await preview_response(server, record.text)
 
 
 @router.get(
     "/{id}/depth",
-    response_model=PlaceDepth,
     summary="How far a place of the newest pair is by a calibration",
     responses=refusals(404, 409, 422, 503),
 )
 async def get_depth(
-    id: CalibrationId,
+    record: Listed,
     server: TheServer,
     u: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
     v: Annotated[float, Query(ge=0, le=16384, allow_inf_nan=False)],
 ) -> PlaceDepth:
     """``u``, ``v`` are pixels of the rectified left image, as the preview shows it."""
-    record = await asyncio.to_thread(find_calibration, server.storage, id)
-    return await measure_depth(server.engine, record, u, v, field=("query", "u"))
+    return await ask(server.engine, MeasureDepth(record.text, u, v), field=("query", "u"))
 
 
 @router.post(
     "/{id}/tape-checks",
     status_code=201,
-    response_model=Calibration,
     summary="Hold the depth of a place against a tape measure",
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
-async def post_tape_check(
-    id: CalibrationId, check: TapeCheckStart, server: TheServer
-) -> dict[str, Any]:
+async def post_tape_check(record: Listed, check: TapeCheckStart, server: TheServer) -> Calibration:
     """The result is kept beside the calibration."""
-    record = await asyncio.to_thread(find_calibration, server.storage, id)
     checked = await check_by_tape(
         server.engine, server.storage, record, check.u, check.v, check.measured_m
     )
-    return entry(checked, server)
+    return server.calibrating.entry(checked)
 
 
 @router.delete(
@@ -211,7 +201,7 @@ async def post_tape_check(
     summary="Take a calibration off the list",
     responses=refusals(404, 409, 503),
 )
-async def delete_calibration(id: CalibrationId, server: TheServer) -> None:
+async def delete_calibration(id: NameInPath, server: TheServer) -> None:
     """Runs that used it stay repeatable."""
     await server.calibrating.delete(id)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import Depends, Path, Request
+from fastapi import Depends, Path, Request, Response
 from fastapi.requests import HTTPConnection
 
 from app.http.sockets.view_feed import ViewFeed
@@ -29,8 +29,8 @@ def _feeds(connection: HTTPConnection) -> dict[str, ViewFeed]:
 
 Feeds = Annotated[dict[str, ViewFeed], Depends(_feeds)]
 
-# In a path.
-RunId = Annotated[str, Path(max_length=100)]
+# Of a run, a calibration or anything else with a name or an id.
+NameInPath = Annotated[str, Path(max_length=100)]
 
 
 def who(request: Request, name: str | None = None) -> str:
@@ -43,6 +43,12 @@ def who(request: Request, name: str | None = None) -> str:
     if name is not None:
         return f"{name} ({where})"
     return where if request.client is None else f"somebody at {where}"
+
+
+def attachment(content: str | bytes, name: str, media_type: str) -> Response:
+    """A file for the client to save."""
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return Response(content, media_type=media_type, headers=headers)
 
 
 def plain_name(name: str | None, otherwise: str) -> str:

@@ -15,7 +15,7 @@ from observer.sources.cameras.devices import CameraDevice, list_devices, shared_
 router = APIRouter(tags=["source"])
 
 
-@router.get("/devices", response_model=Devices, summary="Cameras and serial ports")
+@router.get("/devices", summary="Cameras and serial ports")
 async def get_devices() -> Devices:
     """Looked for at every request; no serial port is opened; what cannot be used says why."""
     devices = await asyncio.to_thread(list_devices)

@@ -5,30 +5,42 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Body, Path, Query, Request
+from fastapi import APIRouter, Body, Query, Request
 from fastapi.responses import Response
+from pydantic import Field
 
 from app.contract.robots import CheckEntry, CheckNow, ChecksNow
-from app.http.api.common import TheServer, who
+from app.http.api.common import NameInPath, TheServer, attachment, who
 from app.http.api.refusals import refusals
-from app.http.api.robot_models import By, CheckStart, RoleName
+from app.http.api.values import In, Name
 from app.http.errors import answer
 from app.server import Conflict, Server
+from observer.rig.rig import Role
 
 router = APIRouter(prefix="/robots", tags=["robots"])
 
-CheckName = Annotated[str, Path(max_length=100)]
 _NOW: dict[int | str, dict[str, Any]] = {200: {"model": CheckNow}}
 _FORMATS = {"json": ("json", "application/json"), "markdown": ("md", "text/markdown")}
+
+
+class By(In):
+    """Who asks, as others shall read it; the address is added."""
+
+    name: Name | None = None
+
+
+class CheckStart(By):
+    role: Role = "observer"
+    note: Annotated[str, Field(strict=True, max_length=500)] | None = None
 
 
 def _facts(server: Server, status: int = 200) -> Response:
     return answer(server.driving.checks.facts(), status)
 
 
-@router.get("/check", response_model=None, responses={200: {"model": ChecksNow}})
+@router.get("/check", responses={200: {"model": ChecksNow}})
 async def get_check(
-    server: TheServer, role: Annotated[RoleName, Query(description="Of the advice.")] = "observer"
+    server: TheServer, role: Annotated[Role, Query(description="Of the advice.")] = "observer"
 ) -> Response:
     """The guided check that goes on or ended last, and whether to check again."""
     return answer(await server.driving.checks.outlook(role))
@@ -37,7 +49,6 @@ async def get_check(
 @router.post(
     "/check",
     status_code=201,
-    response_model=None,
     responses={201: {"model": CheckNow}, **refusals(409, 415, 422)},
     summary="Begin a guided check",
 )
@@ -54,7 +65,6 @@ async def start_check(
 
 @router.post(
     "/check/skip",
-    response_model=None,
     responses={**_NOW, **refusals(409, 415, 422, 507)},
     summary="Leave the present step out",
 )
@@ -66,12 +76,7 @@ async def skip_step(
     return _facts(server)
 
 
-@router.delete(
-    "/check",
-    response_model=None,
-    responses={**_NOW, **refusals(409, 422, 507)},
-    summary="Give the check up",
-)
+@router.delete("/check", responses={**_NOW, **refusals(409, 422, 507)}, summary="Give the check up")
 async def give_up_check(
     request: Request,
     server: TheServer,
@@ -82,7 +87,7 @@ async def give_up_check(
     return _facts(server)
 
 
-@router.get("/checks", response_model=list[CheckEntry], summary="Records of checks")
+@router.get("/checks", summary="Records of checks")
 async def list_checks(server: TheServer) -> list[CheckEntry]:
     """Newest first, a hundred at most."""
     return await asyncio.to_thread(server.driving.checks.records.all)
@@ -98,10 +103,9 @@ async def list_checks(server: TheServer) -> list[CheckEntry]:
     },
 )
 async def get_check_record(
-    name: CheckName, server: TheServer, format: Literal["json", "markdown"] = "json"
+    name: NameInPath, server: TheServer, format: Literal["json", "markdown"] = "json"
 ) -> Response:
     """As it was kept: JSON for programs, Markdown for people."""
     suffix, media = _FORMATS[format]
     text = await asyncio.to_thread(server.driving.checks.records.text, name, suffix)
-    headers = {"Content-Disposition": f'attachment; filename="{name}.{suffix}"'}
-    return Response(text, media_type=media, headers=headers)
+    return attachment(text, f"{name}.{suffix}", media)

@@ -18,7 +18,7 @@ _MOST_TAGS = 20
 _TEXT = r"^[^\x00]*$"
 
 
-@router.get("", response_model=History, summary="Find runs", responses=refusals(422, 503))
+@router.get("", summary="Find runs", responses=refusals(422, 503))
 async def get_history(
     server: TheServer,
     text: Annotated[

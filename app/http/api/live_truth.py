@@ -30,17 +30,14 @@ class LiveTruthChoice(In):
     )
 
 
-@router.get("", response_model=LiveTruthStatus | None, summary="Live motion capture")
+@router.get("", summary="Live motion capture")
 async def get_live_truth(server: TheServer) -> LiveTruthStatus | None:
     """As in the status; null where none is listened to."""
     return server.source.state.truth
 
 
 @router.put(
-    "",
-    response_model=LiveTruthStatus | None,
-    summary="Listen to live motion capture",
-    responses=refusals(413, 415, 422, 503, 507),
+    "", summary="Listen to live motion capture", responses=refusals(413, 415, 422, 503, 507)
 )
 async def put_live_truth(choice: LiveTruthChoice, server: TheServer) -> LiveTruthStatus | None:
     """What is open stays open, also in a run. It is kept over restarts of the server."""

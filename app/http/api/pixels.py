@@ -20,7 +20,6 @@ Coordinate = Annotated[float, Query(ge=-_MOST_PX, le=_MOST_PX, allow_inf_nan=Fal
 
 @router.get(
     "/pixel",
-    response_model=Pixel,
     summary="Why a pixel counts as moving, as standing, or as neither",
     responses=refusals(409, 422, 503),
 )

@@ -6,8 +6,10 @@ from typing import Any
 
 from fastapi import Response
 
-from app.contract.answers import CalibrationPreview
+from app.contract.commands import PreviewCalibration
 from app.http.api.refusals import refusals
+from app.server import Server
+from app.server.asking import ask
 
 PREVIEW_RESPONSES: dict[int | str, dict[str, Any]] = {
     200: {
@@ -25,8 +27,10 @@ PREVIEW_RESPONSES: dict[int | str, dict[str, Any]] = {
 }
 
 
-def preview_response(preview: CalibrationPreview) -> Response:
+async def preview_response(server: Server, calibration_yaml: str) -> Response:
     """The reply of ``PreviewCalibration`` as HTTP."""
+    command = PreviewCalibration(calibration_yaml)
+    preview = await ask(server.engine, command, field=("path", "id"), timeout_s=20.0)
     headers = {"X-Matches": str(preview.matches)}
     if preview.vertical_error_px is not None:
         headers["X-Vertical-Error-Px"] = f"{preview.vertical_error_px:.3f}"

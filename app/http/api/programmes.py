@@ -5,22 +5,35 @@ from __future__ import annotations
 import asyncio
 from typing import Annotated
 
-from fastapi import APIRouter, Path
+from fastapi import APIRouter
+from pydantic import Field, StrictBool, StrictInt
 
 from app.contract.drive import StartProgramme
 from app.contract.robots import ProgrammeDetail, ProgrammeEntry
 from app.contract.values import filled
-from app.http.api.common import TheServer
+from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
-from app.http.api.robot_models import ProgrammeStart, ProgrammeText
+from app.http.api.values import Identifier, In
 from app.server import FieldError, Server
 from app.server.robots.profile_library import KeptProfile
-from observer.motion_profiles.playing import duration_s
-from observer.motion_profiles.profile_file import profile_text
+from observer.motion_profiles.playing import MAX_REPEAT, duration_s
+from observer.motion_profiles.profile_file import MAX_BYTES, profile_text
+from observer.rig.rig import Role
 
 router = APIRouter(prefix="/programmes", tags=["programmes"])
 
-ProgrammeName = Annotated[str, Path(max_length=100)]
+
+class ProgrammeStart(In):
+    name: Identifier
+    repeat: Annotated[StrictInt, Field(ge=1, le=MAX_REPEAT)] = 1
+    reverse: StrictBool = Field(False, description="The same way back.")
+    leases: dict[Role, Identifier] = Field(
+        description="By role, of every robot that it moves; each must be armed."
+    )
+
+
+class ProgrammeText(In):
+    text: Annotated[str, Field(strict=True, min_length=1, max_length=MAX_BYTES)]
 
 
 async def programme_command(server: Server, wanted: ProgrammeStart) -> StartProgramme:
@@ -48,28 +61,22 @@ def _detail(kept: KeptProfile) -> ProgrammeDetail:
     return ProgrammeDetail(**vars(_entry(kept)), text=profile_text(kept.profile))
 
 
-@router.get("", response_model=list[ProgrammeEntry], summary="All programmes")
+@router.get("", summary="All programmes")
 async def list_programmes(server: TheServer) -> list[ProgrammeEntry]:
     """Those that come with the project first."""
     return [_entry(each) for each in await asyncio.to_thread(server.programmes.all)]
 
 
 @router.post(
-    "",
-    status_code=201,
-    response_model=ProgrammeDetail,
-    summary="Keep a programme",
-    responses=refusals(409, 415, 422, 507),
+    "", status_code=201, summary="Keep a programme", responses=refusals(409, 415, 422, 507)
 )
 async def keep_programme(wanted: ProgrammeText, server: TheServer) -> ProgrammeDetail:
     """Under the name it gives itself; your own of the same name is replaced."""
     return _detail(await asyncio.to_thread(server.programmes.save, wanted.text))
 
 
-@router.get(
-    "/{name}", response_model=ProgrammeDetail, summary="One programme", responses=refusals(404)
-)
-async def get_programme(name: ProgrammeName, server: TheServer) -> ProgrammeDetail:
+@router.get("/{name}", summary="One programme", responses=refusals(404))
+async def get_programme(name: NameInPath, server: TheServer) -> ProgrammeDetail:
     """With its YAML."""
     return _detail(await asyncio.to_thread(server.programmes.find, name))
 
@@ -80,5 +87,5 @@ async def get_programme(name: ProgrammeName, server: TheServer) -> ProgrammeDeta
     summary="Forget a programme of your own",
     responses=refusals(404, 409, 503),
 )
-async def delete_programme(name: ProgrammeName, server: TheServer) -> None:
+async def delete_programme(name: NameInPath, server: TheServer) -> None:
     await asyncio.to_thread(server.programmes.delete, name)

@@ -2,35 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from fastapi import APIRouter, Path
+from fastapi import APIRouter
 from fastapi.responses import FileResponse
 
 from app.contract.runs import RingEntry, RingFile
 from app.contract.values import filled
-from app.http.api.common import TheServer
+from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
 
 router = APIRouter(prefix="/recording", tags=["runs"])
 
 
-Name = Annotated[str, Path(max_length=100)]
-
-
 @router.post(
-    "/ring",
-    status_code=201,
-    response_model=RingFile,
-    summary="Save the last half minute",
-    responses=refusals(409, 503, 507),
+    "/ring", status_code=201, summary="Save the last half minute", responses=refusals(409, 503, 507)
 )
 async def save_clip(server: TheServer) -> RingFile:
     """Of live cameras at any time, and of every run; beside the run, or in the folder rings."""
     return await server.runs.clips.save()
 
 
-@router.get("/rings", response_model=list[RingEntry], summary="All saved half minutes")
+@router.get("/rings", summary="All saved half minutes")
 async def list_rings(server: TheServer) -> list[RingEntry]:
     """Newest first."""
     return [
@@ -44,7 +35,7 @@ async def list_rings(server: TheServer) -> list[RingEntry]:
     response_class=FileResponse,
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404)},
 )
-async def get_ring(name: Name, server: TheServer) -> FileResponse:
+async def get_ring(name: NameInPath, server: TheServer) -> FileResponse:
     """Opens in Foxglove and Lichtblick, and as a source."""
     clip = await server.runs.clips.find(name)
     return FileResponse(clip.path, filename=clip.path.name)
@@ -56,6 +47,6 @@ async def get_ring(name: Name, server: TheServer) -> FileResponse:
     summary="Delete a saved half minute for good",
     responses=refusals(404, 503),
 )
-async def delete_ring(name: Name, server: TheServer) -> None:
+async def delete_ring(name: NameInPath, server: TheServer) -> None:
     """The recording of the run that was going stays."""
     await server.runs.clips.delete(name)

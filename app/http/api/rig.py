@@ -3,20 +3,47 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Annotated
 
 from fastapi import APIRouter, Response
+from pydantic import Field, StrictBool
 
 from app.contract.rig import DriveNow, FloorEstimate, RigNow, RigNumber
 from app.contract.status import MountStatus
 from app.contract.values import filled, known
-from app.http.api.common import TheServer
+from app.http.api.common import TheServer, attachment
 from app.http.api.refusals import refusals
-from app.http.api.rig_models import RigChange, RigFile
+from app.http.api.values import In
 from app.server import Conflict, Server
 from app.server.rig.ground_survey import survey_floor
-from observer.rig.rig import Rig
+from observer.rig.rig import Rig, RobotModel, Role
 
 router = APIRouter(prefix="/rig", tags=["rig"])
+
+
+class RigMount(In):
+    """Of the left camera; metres and degrees. None: it is not known."""
+
+    height_m: RigNumber | None = None
+    tilt_deg: RigNumber | None = Field(None, description="By which it looks down.")
+    roll_deg: RigNumber | None = Field(None, description="Right side down.")
+    pan_deg: RigNumber | None = Field(None, description="To the left of where the robot drives.")
+    forward_m: RigNumber | None = Field(None, description="From the middle of the axle.")
+    left_m: RigNumber | None = None
+
+
+class RigChange(In):
+    mount: RigMount
+    models: dict[Role, RobotModel | None] | None = Field(
+        None, description="Of the robots by role; None: as they are."
+    )
+    for_simulated: StrictBool = Field(
+        False, description="Simulated sources, which know their mount, take this one instead."
+    )
+
+
+class RigFile(In):
+    text: Annotated[str, Field(strict=True, max_length=100_000)]
 
 
 def _facts(server: Server) -> RigNow:
@@ -32,24 +59,20 @@ def _facts(server: Server) -> RigNow:
     )
 
 
-@router.get("", response_model=RigNow, summary="The rig in force")
+@router.get("", summary="The rig in force")
 async def get_rig(server: TheServer) -> RigNow:
     return _facts(server)
 
 
-@router.put(
-    "", response_model=RigNow, summary="Change the rig", responses=refusals(409, 415, 422, 503, 507)
-)
+@router.put("", summary="Change the rig", responses=refusals(409, 415, 422, 503, 507))
 async def put_rig(change: RigChange, server: TheServer) -> RigNow:
     """The open source begins again with it; bodies of a mocap system stay as they are."""
 
     def changed() -> Rig:
         calibration = server.source.wanted.calibration
         return server.rig.changed(
-            change.mount.pairs(),
-            None
-            if change.models is None
-            else {role: model for role, model in change.models.items() if model is not None},
+            vars(change.mount),
+            change.models,
             for_simulated=change.for_simulated,
             calibration=None if calibration is None else calibration.id,
         )
@@ -65,16 +88,10 @@ async def put_rig(change: RigChange, server: TheServer) -> RigNow:
     responses={200: {"content": {"application/yaml": {}}}},
 )
 async def get_file(server: TheServer) -> Response:
-    headers = {"Content-Disposition": 'attachment; filename="rig.yaml"'}
-    return Response(server.rig.text, media_type="application/yaml", headers=headers)
+    return attachment(server.rig.text, "rig.yaml", "application/yaml")
 
 
-@router.put(
-    "/file",
-    response_model=RigNow,
-    summary="Take a rig.yaml",
-    responses=refusals(409, 415, 422, 503, 507),
-)
+@router.put("/file", summary="Take a rig.yaml", responses=refusals(409, 415, 422, 503, 507))
 async def put_file(file: RigFile, server: TheServer) -> RigNow:
     rig = await asyncio.to_thread(server.rig.parsed, file.text)
     await server.change_rig(lambda: rig)
@@ -82,10 +99,7 @@ async def put_file(file: RigFile, server: TheServer) -> RigNow:
 
 
 @router.post(
-    "/floor",
-    response_model=FloorEstimate,
-    summary="Estimate height, tilt and roll from the floor",
-    responses=refusals(409, 503),
+    "/floor", summary="Estimate height, tilt and roll from the floor", responses=refusals(409, 503)
 )
 async def post_floor(server: TheServer) -> FloorEstimate:
     """Looks for about two seconds; nothing is changed."""
@@ -95,7 +109,6 @@ async def post_floor(server: TheServer) -> FloorEstimate:
 @router.post(
     "/drive",
     status_code=201,
-    response_model=DriveNow,
     summary="Note a drive, by which the offset from the axle is estimated",
     responses=refusals(409),
 )
@@ -107,12 +120,12 @@ async def post_drive(server: TheServer) -> DriveNow:
     return await _drive(server)
 
 
-@router.get("/drive", response_model=DriveNow, summary="What the drive says so far")
+@router.get("/drive", summary="What the drive says so far")
 async def get_drive(server: TheServer) -> DriveNow:
     return await _drive(server)
 
 
-@router.delete("/drive", response_model=DriveNow, summary="End the drive")
+@router.delete("/drive", summary="End the drive")
 async def delete_drive(server: TheServer) -> DriveNow:
     """What it says stays; nothing is changed."""
     server.survey.end()

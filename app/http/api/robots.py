@@ -6,15 +6,17 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Body, Request
 from fastapi.responses import Response
+from pydantic import Field
 
-from app.contract.drive import ArmRobot, DisarmRobot
+from app.contract.drive import ArmRobot, DisarmRobot, StopProgramme
 from app.contract.robots import RobotNow, RobotsNow
 from app.http.api.common import TheServer, who
-from app.http.api.programmes import programme_command
+from app.http.api.programmes import ProgrammeStart, programme_command
 from app.http.api.refusals import refusals
-from app.http.api.robot_models import Arming, PortChoice, ProgrammeStart, RoleName
+from app.http.api.values import Identifier, In
 from app.http.errors import answer
 from app.server import NotThere, Server
+from observer.rig.rig import RobotModel, Role
 
 router = APIRouter(prefix="/robots", tags=["robots"])
 
@@ -22,21 +24,29 @@ router = APIRouter(prefix="/robots", tags=["robots"])
 _ROBOTS: dict[int | str, dict[str, Any]] = {200: {"model": RobotsNow}}
 
 
+class PortChoice(In):
+    port: Annotated[str, Field(strict=True, min_length=1, max_length=200)] = Field(
+        description="As in /dev/ttyUSB0, a path below /dev/serial/by-id, socket://HOST:8101, "
+        "coppeliasim:HOST:PORT/OBJECT, external:HOST:PORT?key=KEY; as it is shown (without its "
+        "key): the key stays."
+    )
+    model: RobotModel | None = Field(None, description="None: as the robot says of itself.")
+
+
+class Arming(In):
+    lease: Identifier | None = Field(None, description="Of who drives it; None where nobody does.")
+
+
 def _facts(server: Server) -> Response:
     return answer(server.driving.facts())
 
 
-@router.get("", response_model=None, responses=_ROBOTS, summary="How the robots are")
+@router.get("", responses=_ROBOTS, summary="How the robots are")
 async def get_robots(server: TheServer) -> Response:
     return _facts(server)
 
 
-@router.post(
-    "/stop",
-    response_model=None,
-    responses={**_ROBOTS, **refusals(503)},
-    summary="Stop all robots",
-)
+@router.post("/stop", responses={**_ROBOTS, **refusals(503)}, summary="Stop all robots")
 async def stop_robots(request: Request, server: TheServer) -> Response:
     """A software stop, no emergency stop (ISO 13850). It holds until it is reset.
 
@@ -46,12 +56,7 @@ async def stop_robots(request: Request, server: TheServer) -> Response:
     return _facts(server)
 
 
-@router.post(
-    "/reset",
-    response_model=None,
-    responses={**_ROBOTS, **refusals(409, 503)},
-    summary="Undo the stop",
-)
+@router.post("/reset", responses={**_ROBOTS, **refusals(409, 503)}, summary="Undo the stop")
 async def reset_stop(request: Request, server: TheServer) -> Response:
     """Faults whose cause is over are forgotten as well; all robots stay disarmed."""
     await server.driving.reset(who(request))
@@ -60,36 +65,31 @@ async def reset_stop(request: Request, server: TheServer) -> Response:
 
 @router.post(
     "/programme",
-    response_model=None,
     responses={**_ROBOTS, **refusals(404, 409, 415, 422, 503)},
     summary="Drive a programme",
 )
 async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response:
     """As long as the operators of its robots stay present on their drive sockets."""
-    await server.driving.start_programme(await programme_command(server, wanted))
+    await server.driving.ask(await programme_command(server, wanted))
     return _facts(server)
 
 
 @router.delete(
-    "/programme",
-    response_model=None,
-    responses={**_ROBOTS, **refusals(409, 503)},
-    summary="End the programme",
+    "/programme", responses={**_ROBOTS, **refusals(409, 503)}, summary="End the programme"
 )
 async def stop_programme(server: TheServer) -> Response:
     """At zero; the robots stay armed."""
-    await server.driving.stop_programme()
+    await server.driving.ask(StopProgramme())
     return _facts(server)
 
 
 @router.post(
     "/{role}/arm",
-    response_model=None,
     responses={200: {"model": RobotNow}, **refusals(404, 409, 415, 422, 503)},
     summary="Switch a robot's motors on",
 )
 async def arm_robot(
-    role: RoleName, server: TheServer, arming: Annotated[Arming | None, Body()] = None
+    role: Role, server: TheServer, arming: Annotated[Arming | None, Body()] = None
 ) -> Response:
     """At zero velocity. Nothing else ever switches them on."""
     await server.driving.ask(ArmRobot(role, None if arming is None else arming.lease))
@@ -98,11 +98,10 @@ async def arm_robot(
 
 @router.post(
     "/{role}/disarm",
-    response_model=None,
     responses={200: {"model": RobotNow}, **refusals(404, 409, 422, 503)},
     summary="Switch a robot's motors off",
 )
-async def disarm_robot(role: RoleName, server: TheServer) -> Response:
+async def disarm_robot(role: Role, server: TheServer) -> Response:
     """Anyone signed in may."""
     await server.driving.ask(DisarmRobot(role))
     return _robot(server, role)
@@ -110,11 +109,10 @@ async def disarm_robot(role: RoleName, server: TheServer) -> Response:
 
 @router.put(
     "/{role}/port",
-    response_model=None,
     responses={**_ROBOTS, **refusals(415, 422, 503, 507)},
     summary="Reach a real robot by a port",
 )
-async def put_port(role: RoleName, choice: PortChoice, server: TheServer) -> Response:
+async def put_port(role: Role, choice: PortChoice, server: TheServer) -> Response:
     """It is kept in rig.yaml, and connected as long as live cameras are open."""
     await server.change_rig(lambda: server.rig.with_port(role, choice.port, choice.model))
     return _facts(server)
@@ -122,16 +120,15 @@ async def put_port(role: RoleName, choice: PortChoice, server: TheServer) -> Res
 
 @router.delete(
     "/{role}/port",
-    response_model=None,
     responses={**_ROBOTS, **refusals(422, 503, 507)},
     summary="Forget a robot's port",
 )
-async def delete_port(role: RoleName, server: TheServer) -> Response:
+async def delete_port(role: Role, server: TheServer) -> Response:
     await server.change_rig(lambda: server.rig.without_port(role))
     return _facts(server)
 
 
-def _robot(server: Server, role: RoleName) -> Response:
+def _robot(server: Server, role: Role) -> Response:
     robot = server.driving.robot(role)
     if robot is None:
         raise NotThere(f"no {role} is connected")

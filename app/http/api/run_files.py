@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import json
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Request, Response
 
 from app.contract.runs import Run, RunChart
 from app.contract.values import filled, json_text
-from app.http.api.common import RunId, TheServer
+from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
 from app.http.cancel_on_disconnect import while_there
 from app.http.gate.headers import REPORT_POLICY
 from app.http.made_file import MadeFileResponse
 from app.server.errors import FieldError
 from app.server.runs.files import ChartFormat, ExportFormat
-from app.server.runs.truths import AlignChoices
+from app.server.runs.truths import kept_choices
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -55,16 +54,15 @@ def _file(*kinds: str) -> dict[int | str, dict[str, Any]]:
     summary="Speeds by the observer, by truth, as commanded and by encoders, and their errors",
     responses=refusals(404, 409, 503),
 )
-async def get_chart(id: RunId, server: TheServer, request: Request) -> Response:
+async def get_chart(id: NameInPath, server: TheServer, request: Request) -> Response:
     """Gaps are null. While the run is going, and without a recording, there are no errors."""
     run = await server.runs.archive.find(id)
     values = await while_there(request, server.runs.files.chart(run))
     about = json_text(filled(Run, run)).encode()
-    choices = None
-    if run.alignment is not None:
-        choices = AlignChoices.of_alignment(run.alignment).as_dict()
+    choices = kept_choices(run)
+    told = b"null" if choices is None else json_text(choices).encode()
     # The values are JSON already and may be long.
-    begin = b'{"run":' + about + b',"choices":' + json.dumps(choices).encode() + b","
+    begin = b'{"run":' + about + b',"choices":' + told + b","
     return Response(begin + values[1:], media_type="application/json")
 
 
@@ -75,7 +73,7 @@ async def get_chart(id: RunId, server: TheServer, request: Request) -> Response:
     responses=_file(*_CHART_KINDS.values()),
 )
 async def get_chart_file(
-    id: RunId,
+    id: NameInPath,
     format: ChartFormat,
     server: TheServer,
     request: Request,
@@ -95,7 +93,7 @@ async def get_chart_file(
     response_class=Response,
     responses=_file("text/html"),
 )
-async def get_report(id: RunId, server: TheServer, request: Request) -> Response:
+async def get_report(id: NameInPath, server: TheServer, request: Request) -> Response:
     """It takes up to a minute, and stands for itself: images, data and style are in it."""
     run = await server.runs.archive.find(id)
     made = await while_there(request, server.runs.files.report(run))
@@ -110,7 +108,7 @@ async def get_report(id: RunId, server: TheServer, request: Request) -> Response
     responses=_file(*_EXPORT_KINDS.values()),
 )
 async def get_export(
-    id: RunId,
+    id: NameInPath,
     server: TheServer,
     request: Request,
     format: Annotated[

@@ -2,60 +2,103 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Request
+from pydantic import Field
 
-from app.contract.runs import AlignedRunEntry, Run, StartedRun
-from app.contract.values import filled
-from app.http.api.common import RunId, TheServer
+from app.contract.runs import AlignChoicesEntry, AlignedRunEntry, CameraOnBodyFacts, StartedRun
+from app.contract.values import filled, known
+from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
-from app.http.api.run_models import AlignStart, RerunStart
-from app.http.api.values import notes_on
+from app.http.api.values import Changes, Finite, In, Name, notes_on
 from app.http.cancel_on_disconnect import while_there
-from app.server.runs.truths import AlignChoices
-from observer.truth.alignment.camera_on_body import CameraOnBody
+from observer.truth.alignment.camera_on_body import FARTHEST_M, LARGEST_DEG
 
 router = APIRouter(prefix="/runs", tags=["runs"])
+
+Track = Annotated[str, Field(pattern=r"^\d{1,9}[/:]\d{1,9}$")]
+Body = Annotated[
+    str, Field(strict=True, min_length=1, max_length=200, pattern=r"^[^\x00-\x1f\x7f]+$")
+]
+
+
+def _up_to(limit: float) -> Any:
+    return Field(ge=-limit, le=limit)
+
+
+class CameraOnBodyIn(In):
+    """With all angles 0 it looks along the body's x and has the body's z above."""
+
+    x_m: Annotated[Finite, _up_to(FARTHEST_M)]
+    y_m: Annotated[Finite, _up_to(FARTHEST_M)]
+    z_m: Annotated[Finite, _up_to(FARTHEST_M)]
+    pan_deg: Annotated[Finite, _up_to(LARGEST_DEG["pan_deg"])]
+    tilt_deg: Annotated[Finite, _up_to(LARGEST_DEG["tilt_deg"])]
+    roll_deg: Annotated[Finite, _up_to(LARGEST_DEG["roll_deg"])]
+
+
+class AlignStart(In):
+    truth_id: Name | None = Field(
+        None, description="None: the motion capture that was received live with the run."
+    )
+    observer: Body | None = Field(
+        None, description="The body that carries the cameras; none: it is found out."
+    )
+    ignore: Annotated[list[Body], Field(max_length=200)] = Field(
+        default_factory=list, description="Bodies that are neither observer nor obstacle."
+    )
+    matches: Annotated[dict[Track, Body | None], Field(max_length=500)] = Field(
+        default_factory=dict,
+        description="Which body a track (SEGMENT/NUMBER) is, null: none of them.",
+    )
+    expected_offset_s: Annotated[Finite, Field(ge=-1e12, le=1e12)] | None = Field(
+        None,
+        description="To be added to truth's times, to within 2 s; for motions that repeat "
+        "themselves. None: it is found out.",
+    )
+    camera_on_body: CameraOnBodyIn | None = Field(
+        None,
+        description="Of the left camera, on the observer's body. None: it is found out, or as the "
+        "rig says.",
+    )
+
+
+class RerunStart(In):
+    name: Name | None = None
+    preset: Name | None = None
+    parameters: Changes = Field(
+        default_factory=dict, description="Made to the preset, or to the run's own."
+    )
 
 
 @router.post(
     "/{id}/align",
-    response_model=AlignedRunEntry,
     summary="Lay truth over a run",
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
 async def align_run(
-    id: RunId, wanted: AlignStart, server: TheServer, request: Request
-) -> dict[str, Any]:
+    id: NameInPath, wanted: AlignStart, server: TheServer, request: Request
+) -> AlignedRunEntry:
     """Clocks, room and which track is which body are found. Where that is not possible one
     sentence says why, and what was laid over the run before stays.
     """
-    camera = wanted.camera_on_body
-    choices = AlignChoices(
-        wanted.observer,
-        wanted.ignore,
-        {track.replace("/", ":"): body for track, body in wanted.matches.items()},
-        wanted.expected_offset_s,
-        None if camera is None else CameraOnBody(**camera.model_dump()),
+    choices = filled(
+        AlignChoicesEntry,
+        wanted,
+        matches={track.replace("/", ":"): body for track, body in wanted.matches.items()},
+        camera_on_body=known(CameraOnBodyFacts, wanted.camera_on_body),
     )
-    work = server.runs.truths.align(id, wanted.truth_id, choices)
-    found = await while_there(request, work)
-    return {
-        **vars(filled(Run, found.run)),
-        "alignment": found.alignment,
-        "sentence": found.sentence,
-    }
+    return await while_there(request, server.runs.truths.align(id, wanted.truth_id, choices))
 
 
 @router.post(
     "/{id}/rerun",
     status_code=201,
-    response_model=StartedRun,
     summary="Observe a run's recording again",
     responses=refusals(404, 409, 415, 422, 503, 507),
 )
-async def rerun(id: RunId, wanted: RerunStart, server: TheServer) -> StartedRun:
+async def rerun(id: NameInPath, wanted: RerunStart, server: TheServer) -> StartedRun:
     """Once through, as fast as it goes, with the run's own parameters where none are given.
 
     Where truth was laid over the run, it is laid over the new one when it has ended.

@@ -11,15 +11,15 @@ from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse
+from pydantic import Field
 
 from app.contract.robots import RobotIncident
 from app.contract.runs import Run, SpeedEntry, StartedRun
 from app.contract.values import filled
-from app.http.api.common import RunId, TheServer
-from app.http.api.programmes import programme_command
+from app.http.api.common import NameInPath, TheServer, attachment
+from app.http.api.programmes import ProgrammeStart, programme_command
 from app.http.api.refusals import refusals
-from app.http.api.run_models import RunChange, RunStart
-from app.http.api.values import notes_on
+from app.http.api.values import Changes, Identifier, In, Name, Spec, Tag, Text, notes_on
 from app.storage import SpeedRow
 
 router = APIRouter(prefix="/runs", tags=["runs"])
@@ -27,12 +27,32 @@ router = APIRouter(prefix="/runs", tags=["runs"])
 _COLUMNS = ("time", "role", "source", "track_id", "speed", "std", "segment")
 
 
+class RunStart(In):
+    name: Name | None = None
+    source: Spec | None = Field(None, description="None: what is open.")
+    calibration: Identifier | None = Field(None, description="None: the source's own.")
+    preset: Name | None = None
+    parameters: Changes = Field(default_factory=dict, description="Made to the preset, if any.")
+    programme: ProgrammeStart | None = Field(
+        None, description="Driven from the run's beginning, and ended with it."
+    )
+    record: Literal["none", "jpeg", "lossless"] = Field(
+        "jpeg", description="Which images its recording keeps; all else is always recorded."
+    )
+
+
+class RunChange(In):
+    """What is given is changed."""
+
+    name: Name | None = None
+    tags: Annotated[list[Tag], Field(max_length=50)] | None = Field(
+        None, description="All of them, in place of those before."
+    )
+    notes: Text | None = None
+
+
 @router.post(
-    "",
-    status_code=201,
-    response_model=StartedRun,
-    summary="Start a run",
-    responses=refusals(409, 415, 422, 503, 507),
+    "", status_code=201, summary="Start a run", responses=refusals(409, 415, 422, 503, 507)
 )
 async def start_run(wanted: RunStart, server: TheServer) -> StartedRun:
     """Keep what is observed from now on, from the source's beginning, with all its settings.
@@ -55,52 +75,40 @@ async def start_run(wanted: RunStart, server: TheServer) -> StartedRun:
     return filled(StartedRun, run, parameter_notes=notes)
 
 
-@router.get("", response_model=list[Run], summary="All runs", responses=refusals(503))
+@router.get("", summary="All runs", responses=refusals(503))
 async def list_runs(server: TheServer) -> list[Run]:
     """Newest first."""
     return [filled(Run, run) for run in await server.runs.archive.newest()]
 
 
-@router.get("/{id}", response_model=Run, summary="One run", responses=refusals(404, 503))
-async def get_run(id: RunId, server: TheServer) -> Run:
+@router.get("/{id}", summary="One run", responses=refusals(404, 503))
+async def get_run(id: NameInPath, server: TheServer) -> Run:
     return filled(Run, await server.runs.archive.find(id))
 
 
 @router.patch(
-    "/{id}",
-    response_model=Run,
-    summary="Name, tags and notes of a run",
-    responses=refusals(404, 415, 422, 503, 507),
+    "/{id}", summary="Name, tags and notes of a run", responses=refusals(404, 415, 422, 503, 507)
 )
-async def change_run(id: RunId, change: RunChange, server: TheServer) -> Run:
+async def change_run(id: NameInPath, change: RunChange, server: TheServer) -> Run:
     run = await server.runs.history.annotate(
         id, name=change.name, tags=change.tags, notes=change.notes
     )
     return filled(Run, run)
 
 
-@router.delete(
-    "/{id}",
-    status_code=204,
-    summary="Delete a run",
-    responses=refusals(404, 409, 503),
-)
-async def delete_run(id: RunId, server: TheServer) -> None:
+@router.delete("/{id}", status_code=204, summary="Delete a run", responses=refusals(404, 409, 503))
+async def delete_run(id: NameInPath, server: TheServer) -> None:
     """It is hidden, and deleted for good some days later; see ``undo_days`` of the history."""
     await server.runs.delete(id)
 
 
-@router.post(
-    "/{id}/recover", response_model=Run, summary="Undo a deletion", responses=refusals(404, 503)
-)
-async def recover_run(id: RunId, server: TheServer) -> Run:
+@router.post("/{id}/recover", summary="Undo a deletion", responses=refusals(404, 503))
+async def recover_run(id: NameInPath, server: TheServer) -> Run:
     return filled(Run, await server.runs.history.recover(id))
 
 
-@router.post(
-    "/{id}/stop", response_model=Run, summary="End a run", responses=refusals(404, 409, 503)
-)
-async def stop_run(id: RunId, server: TheServer) -> Run:
+@router.post("/{id}/stop", summary="End a run", responses=refusals(404, 409, 503))
+async def stop_run(id: NameInPath, server: TheServer) -> Run:
     """Its source stays open."""
     return filled(Run, await server.runs.stop(id))
 
@@ -116,7 +124,7 @@ async def stop_run(id: RunId, server: TheServer) -> Run:
         **refusals(404, 409, 503),
     },
 )
-async def get_recording(id: RunId, server: TheServer) -> FileResponse:
+async def get_recording(id: NameInPath, server: TheServer) -> FileResponse:
     """Everything that happened in a run; opens in Foxglove and Lichtblick, and as a source."""
     path = await server.runs.archive.recording(id)
     return FileResponse(path, filename=f"{_file_name(id)}.mcap")
@@ -132,7 +140,7 @@ async def get_recording(id: RunId, server: TheServer) -> FileResponse:
     },
 )
 async def get_speeds(
-    id: RunId,
+    id: NameInPath,
     server: TheServer,
     format: Annotated[Literal["json", "csv"], Query(description="csv is for download.")] = "json",
 ) -> Response:
@@ -140,18 +148,14 @@ async def get_speeds(
     rows = await server.runs.archive.speeds(id)
     if format == "csv":
         text = await asyncio.to_thread(_csv, rows)
-        headers = {"Content-Disposition": f'attachment; filename="{_file_name(id)}.csv"'}
-        return Response(text, media_type="text/csv; charset=utf-8", headers=headers)
+        return attachment(text, f"{_file_name(id)}.csv", "text/csv; charset=utf-8")
     return Response(await asyncio.to_thread(_json, rows), media_type="application/json")
 
 
 @router.get(
-    "/{id}/incidents",
-    response_model=list[RobotIncident],
-    summary="What stopped robots during a run",
-    responses=refusals(404, 503),
+    "/{id}/incidents", summary="What stopped robots during a run", responses=refusals(404, 503)
 )
-async def get_incidents(id: RunId, server: TheServer) -> list[RobotIncident]:
+async def get_incidents(id: NameInPath, server: TheServer) -> list[RobotIncident]:
     """Oldest first."""
     return [filled(RobotIncident, each) for each in await server.runs.archive.incidents(id)]
 

@@ -2,32 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated
 
-from fastapi import APIRouter, File, Form, Path, UploadFile
-from pydantic import BaseModel, Field
+from fastapi import APIRouter, File, Form, UploadFile
 
-from app.http.api.common import TheServer, plain_name
+from app.contract.truths import TruthEntry
+from app.http.api.common import NameInPath, TheServer, plain_name
 from app.http.api.refusals import refusals
-from app.storage import TruthRecord
+from observer.truth.files.angles import AngleReading
 
 router = APIRouter(prefix="/truth", tags=["truth"])
 
 
-class TruthEntry(BaseModel):
-    """A truth file."""
-
-    id: str = Field(description="SHA-256 of its content.")
-    name: str
-    format: str = Field(description="What it was recognised as.")
-    info: dict[str, Any] = Field(
-        description="What was understood: rate_hz, duration_s, bodies, notes, and reading as asked."
-    )
-    created_at: str
-
-
-@router.get("", response_model=list[TruthEntry], summary="All truths", responses=refusals(503))
-async def list_truths(server: TheServer) -> list[TruthRecord]:
+@router.get("", summary="All truths", responses=refusals(503))
+async def list_truths(server: TheServer) -> list[TruthEntry]:
     """Newest first."""
     return await server.runs.truths.all()
 
@@ -35,7 +23,6 @@ async def list_truths(server: TheServer) -> list[TruthRecord]:
 @router.post(
     "",
     status_code=201,
-    response_model=TruthEntry,
     summary="Upload a truth file",
     responses=refusals(413, 415, 422, 503, 507),
 )
@@ -47,10 +34,10 @@ async def post_truth(
         Form(gt=0, le=100_000, allow_inf_nan=False, description="Where no file tells it."),
     ] = None,
     angles: Annotated[
-        Literal["helical", "euler_xyz"] | None,
+        AngleReading | None,
         Form(description="How Vicon's three angles are meant, where that cannot be found out."),
     ] = None,
-) -> TruthRecord:
+) -> TruthEntry:
     """Vicon Tracker and Nexus CSV, C3D, plain CSV and TUM are recognised by content.
 
     Where angles can be read in two ways, the refusal of the field ``angles`` says so with figures
@@ -61,11 +48,8 @@ async def post_truth(
 
 
 @router.delete(
-    "/{id}",
-    status_code=204,
-    summary="Take a truth off the list",
-    responses=refusals(404, 503),
+    "/{id}", status_code=204, summary="Take a truth off the list", responses=refusals(404, 503)
 )
-async def delete_truth(id: Annotated[str, Path(max_length=100)], server: TheServer) -> None:
+async def delete_truth(id: NameInPath, server: TheServer) -> None:
     """Runs that were compared with it still are."""
     await server.runs.truths.delete(id)

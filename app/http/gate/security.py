@@ -287,11 +287,17 @@ async def _send_page(send: Send, refusal: Refusal, page: str) -> None:
 
 
 async def _answer_raw(
-    send: Send, status: int, headers: RawHeaders, body: bytes, *, more: bool = False
+    send: Send,
+    status: int,
+    headers: RawHeaders,
+    body: bytes,
+    *,
+    more: bool = False,
+    kind: str = "http.response",
 ) -> None:
     headers = [*headers, (b"content-length", str(len(body)).encode())]
-    await send({"type": "http.response.start", "status": status, "headers": headers})
-    await send({"type": "http.response.body", "body": body, "more_body": more})
+    await send({"type": f"{kind}.start", "status": status, "headers": headers})
+    await send({"type": f"{kind}.body", "body": body, "more_body": more})
 
 
 async def _deny(scope: Scope, refusal: Refusal, send: Send) -> None:
@@ -300,18 +306,6 @@ async def _deny(scope: Scope, refusal: Refusal, send: Send) -> None:
         await send({"type": "websocket.close", "code": 1008, "reason": refusal.detail[:100]})
         return
     body = json.dumps({"detail": refusal.detail}).encode()
-    headers = secured(
-        [
-            (b"content-type", b"application/json"),
-            (b"content-length", str(len(body)).encode()),
-            *refusal.headers,
-        ]
-    )
-    await send(
-        {
-            "type": "websocket.http.response.start",
-            "status": refusal.status,
-            "headers": headers,
-        }
-    )
-    await send({"type": "websocket.http.response.body", "body": body})
+    headers = secured([(b"content-type", b"application/json"), *refusal.headers])
+    kind = "websocket.http.response"
+    await _answer_raw(send, refusal.status, headers, body, kind=kind)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 
+from app.contract.calibrating import Calibration
 from app.contract.commands import ChangeCalibration
 from app.contract.events import EngineState
+from app.contract.values import of_plain, plain
 from app.server.calibrating.session import CalibrationSession
 from app.server.calibrations.library import calibration_facts, find_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
@@ -125,15 +126,23 @@ class CalibrationManager:
             **calibration_facts(calibration),
             "origin": "calibrated here",
             "report": fitted.report,
-            "bound": {
-                "source": cameras.source,
-                "devices": list(cameras.devices),
-                "settings": [dict(settings) for settings in cameras.settings],
-            },
+            "bound": plain(cameras),
         }
         return self._storage.save_calibration(fitted.calibration_yaml, name=name, info=info)
 
     # --- stored calibrations ---------------------------------------------------------------
+
+    def entry(self, record: CalibrationRecord) -> Calibration:
+        """Return a calibration as it is listed."""
+        active = self._source.wanted.calibration
+        known = {
+            "id": record.id,
+            "name": record.name,
+            "created_at": record.created_at,
+            "active": active is not None and active.id == record.id,
+            "devices": record.info.get("bound", {}).get("devices", []),
+        }
+        return of_plain(Calibration, known | record.info)
 
     async def activate(self, id: str | None) -> None:
         """Use this calibration for the open source; None restores the source's own.
@@ -156,8 +165,7 @@ class CalibrationManager:
         """Rename a listed calibration."""
         async with self._shared.lock:
             await asyncio.to_thread(find_calibration, self._storage, id)
-            rename = partial(self._storage.change_calibration, id, name=name)
-            record = await asyncio.to_thread(rename)
+            record = await asyncio.to_thread(self._storage.change_calibration, id, name=name)
             wanted = self._source.wanted
             if wanted.calibration is not None and wanted.calibration.id == id:
                 self._source.wanted = replace(wanted, calibration=record)

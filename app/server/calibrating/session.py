@@ -103,7 +103,7 @@ class CalibrationSession:
             FieldError: the source cannot be opened; the previous one stays open.
             NotAvailable: there is no engine at the moment.
         """
-        facts = await self._ask_to_begin(source, board, ())
+        facts = await self._ask_to_begin(source, board, {})
         await self.end()
         self.source, self.board = source, board
         self._note_source(facts)
@@ -115,16 +115,13 @@ class CalibrationSession:
         Raises:
             Conflict: no live cameras are being calibrated. FieldError: they cannot be opened again.
         """
-        self._refuse_closed()
-        assert self.board is not None
+        board = self._open_board()
         try:
             source = swapped_spec(self.source or "")
         except SourceError as error:
             raise Conflict(str(error)) from error
         views = {name: _swapped(kept) for name, kept in self._views.items()}
-        facts = await self._ask_to_begin(
-            source, self.board, tuple(kept.view for kept in views.values())
-        )
+        facts = await self._ask_to_begin(source, board, views)
         # The result was for swapped cameras.
         await self.computation.cancel()
         self.computation.result = None
@@ -136,12 +133,12 @@ class CalibrationSession:
         """Continue with a new engine where the lost one stopped; do nothing for uploaded images."""
         if self.source is None or self.board is None:
             return
-        views = tuple(kept.view for kept in self._views.values())
-        self._note_source(await self._ask_to_begin(self.source, self.board, views))
+        self._note_source(await self._ask_to_begin(self.source, self.board, self._views))
 
     async def _ask_to_begin(
-        self, source: str, board: Board, views: tuple[BoardView, ...]
+        self, source: str, board: Board, kept: Mapping[str, KeptView]
     ) -> Opened:
+        views = tuple(each.view for each in kept.values())
         command = BeginCalibration(source, board, views, self.automatic)
         return await ask(self._engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
 
@@ -169,23 +166,18 @@ class CalibrationSession:
             Conflict: no calibration is in progress, or there is nothing to capture or undo.
             NotThere: there is no view with the name to remove.
         """
-        self._refuse_closed()
+        self._open_board()
         if command.remove is not None and command.remove not in self._views:
             raise NotThere(f"there is no view {command.remove[:80]!r}")
-        if self.source is None:
-            self._change_sent_in(command)
-            return
-        await ask(self._engine, command)
-        if command.automatic is not None:
-            self.automatic = command.automatic
-        self._changed()
-
-    def _change_sent_in(self, command: ChangeCalibration) -> None:
-        if command.remove is not None:
+        if self.source is not None:
+            await ask(self._engine, command)
+            if command.automatic is not None:
+                self.automatic = command.automatic
+        elif command.remove is not None:
             del self._views[command.remove]
-            self._changed()
-            return
-        raise Conflict("images were sent in; begin with cameras to capture more")
+        else:
+            raise Conflict("images were sent in; begin with cameras to capture more")
+        self._changed()
 
     def looked(self, event: BoardLookEvent) -> None:
         """Take the engine's result for an image pair."""
@@ -232,14 +224,13 @@ class CalibrationSession:
             Conflict: no calibration is in progress, there are no views, or it is already being
                 computed.
         """
-        self._refuse_closed()
+        board = self._open_board()
         self.computation.refuse_going()
-        assert self.board is not None
         if not self._views or self._size is None:
             raise Conflict("there are no views yet; show the board to both cameras first")
         views = tuple(kept.view for kept in self._views.values())
         self.computation.fit(
-            FitViews(views, self.board, *self._size, self._frame_rate, distortion_model)
+            FitViews(views, board, *self._size, self._frame_rate, distortion_model)
         )
 
     # --- display -----------------------------------------------------------------------------
@@ -265,20 +256,20 @@ class CalibrationSession:
             result=None if result is None else list(result.names),
         )
 
-    def _refuse_closed(self) -> None:
-        if not self.open:
+    def _open_board(self) -> Board:
+        if self.board is None:
             raise Conflict("nothing is being calibrated; begin a calibration first")
+        return self.board
 
 
-def board_of(kind: str, columns: int, rows: int, square_mm: float) -> Board:
+def board_of(kind: BoardKind, columns: int, rows: int, square_mm: float) -> Board:
     """Return the board that a request names.
 
     Raises:
         FieldError: there is no such board.
     """
-    of_kind: BoardKind = "charuco" if kind == "charuco" else "chessboard"
     try:
-        return Board(of_kind, columns, rows, square_mm / 1e3)
+        return Board(kind, columns, rows, square_mm / 1e3)
     except CalibrationError as error:
         raise FieldError(("body", "board"), str(error)) from error
 

@@ -7,12 +7,11 @@ import io
 import math
 import zipfile
 from collections.abc import Sequence
-from functools import partial
 from typing import Any, Literal
 
-from app.contract.answers import CalibrationPreview
-from app.contract.calibrating import PlaceDepth
-from app.contract.commands import MeasureDepth, PreviewCalibration, TakeScenePairs
+from app.contract.calibrating import TapeCheck
+from app.contract.commands import MeasureDepth, TakeScenePairs
+from app.contract.values import filled, plain
 from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.contracts import Engine
@@ -147,26 +146,6 @@ def exported(record: CalibrationRecord, kind: Literal["opencv", "ros", "kalibr"]
     return NamedFile(f"{name}-{kind}.zip", archive.getvalue())
 
 
-async def measure_depth(
-    engine: Engine,
-    record: CalibrationRecord,
-    u: float,
-    v: float,
-    *,
-    field: tuple[str, ...] = ("body", "u"),
-) -> PlaceDepth:
-    """Measure the distance of a point in the newest pair by a calibration; see ``MeasureDepth``.
-
-    Args:
-        field: where the request names the point.
-
-    Raises:
-        FieldError: the point has no depth, or the calibration does not fit the images.
-        Conflict: there are no images. NotAvailable: there is no engine at the moment.
-    """
-    return await ask(engine, MeasureDepth(record.text, u, v), field=field)
-
-
 async def check_by_tape(
     engine: Engine, storage: Storage, record: CalibrationRecord, u: float, v: float, tape_m: float
 ) -> CalibrationRecord:
@@ -176,9 +155,11 @@ async def check_by_tape(
         tape_m: straight-line distance from the left lens to the point.
 
     Raises:
-        FieldError, Conflict, NotAvailable: as ``measure_depth``. StorageError: it was not stored.
+        FieldError: the point has no depth, or the calibration does not fit the images.
+        Conflict: there are no images. NotAvailable: there is no engine at the moment.
+        StorageError: it was not stored.
     """
-    place = await measure_depth(engine, record, u, v)
+    place = await ask(engine, MeasureDepth(record.text, u, v), field=("body", "u"))
     calibration = read_calibration(record.text, name=record.name)
     report = record.info.get("report") or {}
     bias, lasting_px = depth_bias_of(report)
@@ -194,17 +175,10 @@ async def check_by_tape(
         )
     except InputError as error:
         raise FieldError(("body", "measured_m"), str(error)) from error
-    entry = {
-        "measured_m": tape_m,
-        "stated_m": place.range_m,
-        "expected_m": check.expected_m,
-        "agrees": check.agrees,
-        "sentence": check.sentence,
-        "at": utc_now(),
-    }
-    checks = [*record.info.get("tape_checks", []), entry][-_MOST_CHECKS:]
-    keep = partial(storage.change_calibration, record.id, info={"tape_checks": checks})
-    return await asyncio.to_thread(keep)
+    entry = filled(TapeCheck, check, measured_m=tape_m, stated_m=place.range_m, at=utc_now())
+    checks = [*record.info.get("tape_checks", []), plain(entry)][-_MOST_CHECKS:]
+    info = {"tape_checks": checks}
+    return await asyncio.to_thread(storage.change_calibration, record.id, info=info)
 
 
 async def refine_rows(
@@ -235,25 +209,9 @@ async def refine_rows(
     info = {**calibration_facts(calibration), "origin": origin, "refinement": facts}
     if active is not None and "bound" in active.info:
         info["bound"] = active.info["bound"]
-    return await asyncio.to_thread(
-        partial(
-            storage.save_calibration,
-            refined.calibration_yaml,
-            name=f"{name}, refined {utc_now()[:10]}"[:100],
-            info=info,
-        )
-    )
-
-
-async def preview_text(engine: Engine, calibration_yaml: str) -> CalibrationPreview:
-    """Return the newest pair rectified with a calibration; see ``PreviewCalibration``.
-
-    Raises:
-        FieldError: it does not fit the images. Conflict: there are no images.
-        NotAvailable: there is no engine at the moment.
-    """
-    command = PreviewCalibration(calibration_yaml)
-    return await ask(engine, command, field=("path", "id"), timeout_s=20.0)
+    name = f"{name}, refined {utc_now()[:10]}"[:_LONGEST_NAME]
+    save = storage.save_calibration
+    return await asyncio.to_thread(save, refined.calibration_yaml, name=name, info=info)
 
 
 def _unheard(_: Progress) -> None:

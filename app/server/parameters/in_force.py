@@ -40,11 +40,6 @@ class Revision:
     difference: dict[str, ParameterValue]
 
 
-def first_parameters() -> ParametersInForce:
-    """Return the parameters of a new installation."""
-    return ParametersInForce(built_in("default"), 0, "default")
-
-
 def restored_parameters(
     values: Mapping[str, Any], revision: int, preset_name: str | None
 ) -> tuple[ParametersInForce, str | None]:

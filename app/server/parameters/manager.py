@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from app.contract.commands import SetParameters
+from app.contract.parameters import Preset
 from app.runtime.errors import ProcessUnavailable
 from app.server.asking import ask
 from app.server.errors import Conflict, FieldError, NotAvailable, NotThere
@@ -18,7 +19,6 @@ from app.server.parameters.in_force import (
     Revision,
     built_in,
     change,
-    first_parameters,
     matching_preset,
     preset_values,
     restored_parameters,
@@ -28,16 +28,6 @@ from app.storage import PresetRecord, StorageExists
 from observer.errors import InputError
 from observer.guard.parameters import AllParameters
 from observer.parameters import PRESET_HELP, ParameterValue
-
-
-@dataclass(frozen=True)
-class PresetEntry:
-    """Preset as listed."""
-
-    name: str
-    help: str
-    values: dict[str, ParameterValue]
-    built_in: bool
 
 
 class ParameterManager:
@@ -53,7 +43,7 @@ class ParameterManager:
         self._storage = shared.storage
         self._writer = shared.writer
         self._saved: dict[str, PresetRecord] = {}
-        self.current = first_parameters()
+        self.current = ParametersInForce(built_in("default"), 0, "default")
         self.followed: Callable[[], None] = lambda: None
 
     def group(self, name: str) -> dict[str, ParameterValue]:
@@ -132,29 +122,22 @@ class ParameterManager:
         after, storage = revision.after, self._storage
         values = after.values.flat()
         self._writer.post(partial(storage.save_parameters, after.revision, values, after.preset))
-        self._writer.post(
-            partial(
-                storage.record_parameter_revision,
-                run_id,
-                frame,
-                after.revision,
-                dict(revision.difference),
-            )
-        )
+        note = storage.record_parameter_revision
+        self._writer.post(partial(note, run_id, frame, after.revision, revision.difference))
 
-    def presets(self) -> list[PresetEntry]:
+    def presets(self) -> list[Preset]:
         """Return the built-in presets, then the saved ones by name."""
         own = [
-            PresetEntry(name, PRESET_HELP.get(name, ""), built_in(name).flat(), True)
+            Preset(name, PRESET_HELP.get(name, ""), built_in(name).flat(), True)
             for name in BUILT_IN
         ]
         saved = [
-            PresetEntry(name, record.help, dict(record.values), False)
+            Preset(name, record.help, dict(record.values), False)
             for name, record in sorted(self._saved.items())
         ]
         return own + saved
 
-    async def save_preset(self, name: str, help: str) -> PresetEntry:
+    async def save_preset(self, name: str, help: str) -> Preset:
         """Save the current values under a name.
 
         Raises:
@@ -163,13 +146,14 @@ class ParameterManager:
         if name in BUILT_IN:
             raise Conflict(f"the preset {name} is built in; choose another name")
         values = self.current.values.flat()
-        save = partial(self._storage.save_preset, name, dict(values), help=help)
         try:
-            self._saved[name] = await asyncio.to_thread(save)
+            self._saved[name] = await asyncio.to_thread(
+                self._storage.save_preset, name, values, help=help
+            )
         except StorageExists as error:
             raise Conflict(str(error)) from error
         self._rename()
-        return PresetEntry(name, help, values, False)
+        return Preset(name, help, values, False)
 
     async def delete_preset(self, name: str) -> None:
         """Delete a saved preset.

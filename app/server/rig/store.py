@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+from app.contract.rig import RigNumber
 from app.server.errors import FieldError
 from app.server.whole_files import told_as_ours, write_whole
 from app.settings import RIG_FILE
@@ -71,8 +72,8 @@ class RigStore:
 
     def changed(
         self,
-        mount: Mapping[str, tuple[float, float | None] | None],
-        models: Mapping[Role, RobotModel] | None,
+        mount: Mapping[str, RigNumber | None],
+        models: Mapping[Role, RobotModel | None] | None,
         *,
         for_simulated: bool,
         calibration: str | None,
@@ -80,21 +81,20 @@ class RigStore:
         """Return the rig with the changes of a request; mocap bodies stay the same.
 
         Args:
-            mount: value and standard deviation (None: typed by hand) by key, None if unknown.
-            models: robot models by role; None: unchanged.
+            mount: values by key, None if unknown.
+            models: robot models by role, None if unknown; None: unchanged.
             calibration: calibration in use while the mount was measured.
 
         Raises:
             FieldError: a value is out of its range.
         """
         try:
-            values = {
-                key: RigValue(*pair) for key in MOUNT_KEYS if (pair := mount.get(key)) is not None
-            }
+            values = {key: RigValue(n.value, n.sigma) for key, n in mount.items() if n is not None}
+            known = self.rig.models if models is None else models
             return replace(
                 self.rig,
                 mount=RigMount(**values),
-                models=self.rig.models if models is None else models,
+                models={role: model for role, model in known.items() if model is not None},
                 for_simulated=for_simulated,
                 calibration=calibration,
             )

@@ -97,7 +97,8 @@ class CheckManager:
         """
         if self._check is not None and not self._check.over():
             raise Conflict(f"a check of the {self._check.role} is going on; give it up first")
-        self._refuse_unsaved()
+        if self._unsaved:
+            raise Conflict("the check before is not kept yet; DELETE /api/robots/check keeps it")
         self._check = GuardCheck(
             role, self._circumstances(), started_at=time_of_day(), started_by=by, note=note
         )
@@ -148,10 +149,6 @@ class CheckManager:
     def _unsaved(self) -> bool:
         check = self._check
         return check is not None and check.over() and self._saved is None
-
-    def _refuse_unsaved(self) -> None:
-        if self._unsaved:
-            raise Conflict("the check before is not kept yet; DELETE /api/robots/check keeps it")
 
     # --- storing ---------------------------------------------------------------------------
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 import contextlib
 import json
 import re
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
-from app.contract.robots import CheckEntry
+from app.contract.robots import CheckEntry, CheckRecord
+from app.contract.values import filled, of_plain, plain
 from app.server.errors import Conflict, NotThere
 from app.server.robots.circumstances import Circumstances
 from app.server.whole_files import told_as_ours, write_whole
@@ -22,7 +23,6 @@ _MOST_BYTES = 1_000_000
 _MOST_ALIKE = 999
 # A check older than a month should be repeated.
 _LASTS = timedelta(days=30)
-_OUTCOMES = ("passed", "failed", "incomplete", "given_up")
 
 
 class CheckRecords:
@@ -35,7 +35,7 @@ class CheckRecords:
     def __init__(self, folder: Path | None) -> None:
         self._folder = folder
 
-    def save(self, record: dict[str, Any]) -> str:
+    def save(self, record: CheckRecord) -> str:
         """Store a record under a new name and return the name; never overwrite a record.
 
         Raises:
@@ -43,13 +43,12 @@ class CheckRecords:
         """
         if self._folder is None:
             raise Conflict("this server keeps no records of checks")
-        started = datetime.fromisoformat(record["started_at"]).astimezone(UTC)
-        name = self._reserved(f"{started:%Y-%m-%dT%H%M}-{record['role']}")
-        record = {"name": name, **record}
+        name = self._reserved(f"{_started(record):%Y-%m-%dT%H%M}-{record.role}")
+        text = json.dumps({"name": name, **plain(record)}, indent=2, allow_nan=False) + "\n"
         file = self._file(name, "json")
         try:
             write_whole(self._file(name, "md"), markdown(record))
-            write_whole(file, json.dumps(record, indent=2, allow_nan=False) + "\n")
+            write_whole(file, text)
         except BaseException:
             with contextlib.suppress(OSError):
                 file.unlink()
@@ -69,16 +68,15 @@ class CheckRecords:
 
     def all(self) -> list[CheckEntry]:
         """Return list entries of the newest hundred records, newest first; skip invalid files."""
-        found = [self._entry(name) for name in self._names()[:_LISTED]]
-        return [entry for entry in found if entry is not None]
+        return [
+            filled(CheckEntry, record, name=name, states={s.name: s.state for s in record.steps})
+            for name, record in self._newest()
+        ]
 
-    def newest(self, role: Role) -> dict[str, Any] | None:
+    def newest(self, role: Role) -> CheckRecord | None:
         """Return the newest complete record of a role, except those given up."""
-        for name in self._names()[:_LISTED]:
-            record = self._read(name)
-            if record and record["role"] == role and record["outcome"] != "given_up":
-                return record
-        return None
+        found = (each for _, each in self._newest() if each.role == role)
+        return next((each for each in found if each.outcome != "given_up"), None)
 
     def text(self, name: str, suffix: str) -> str:
         """Return the text of a record's file, ``json`` or ``md``.
@@ -94,23 +92,16 @@ class CheckRecords:
                     return text
         raise NotThere(f"there is no check {name[:80]!r}; GET /api/robots/checks lists them")
 
-    def _entry(self, name: str) -> CheckEntry | None:
-        record = self._read(name)
-        return None if record is None else entry_of(name, record)
-
-    def _read(self, name: str) -> dict[str, Any] | None:
-        try:
-            file = self._file(name, "json")
-            if file.stat().st_size > _MOST_BYTES:
-                return None
-            record = json.loads(file.read_text(encoding="utf-8"))
-            datetime.fromisoformat(record["started_at"]).astimezone(UTC)
-            if record["outcome"] not in _OUTCOMES or record["role"] not in name:
-                return None
-            entry_of(name, record)
-        except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError):
-            return None
-        return dict(record)
+    def _newest(self) -> Iterator[tuple[str, CheckRecord]]:
+        """Yield the newest hundred valid records with their names, newest first."""
+        for name in self._names()[:_LISTED]:
+            with contextlib.suppress(OSError, ValueError, RecursionError):
+                file = self._file(name, "json")
+                if file.stat().st_size <= _MOST_BYTES:
+                    record = of_plain(CheckRecord, json.loads(file.read_text(encoding="utf-8")))
+                    _started(record)
+                    if record.outcome is not None and record.role in name:
+                        yield name, record
 
     def _file(self, name: str, suffix: str) -> Path:
         assert self._folder is not None
@@ -133,75 +124,64 @@ def _age(name: str) -> tuple[str, int, str]:
     return stem, int(last) if last.isdigit() else 1, number
 
 
-def entry_of(name: str, record: dict[str, Any]) -> CheckEntry:
-    """Return the list entry of a record."""
-    return CheckEntry(
-        name,
-        record["role"],
-        str(record["started_at"]),
-        record["outcome"],
-        None if record.get("note") is None else str(record["note"]),
-        {str(step["name"]): str(step["state"]) for step in record["steps"]},
-    )
+def _started(record: CheckRecord) -> datetime:
+    return datetime.fromisoformat(record.started_at).astimezone(UTC)
 
 
-def advice(newest: dict[str, Any] | None, now: Circumstances, today: datetime) -> str | None:
+def advice(newest: CheckRecord | None, now: Circumstances, today: datetime) -> str | None:
     """Return why to check again, in one sentence; None while the newest check is still valid."""
     if newest is None:
         return "The guard was not checked yet: check it before you rely on it."
     why = []
-    age = today - datetime.fromisoformat(newest["started_at"]).astimezone(UTC)
+    age = today - _started(newest)
     if age > _LASTS:
         why.append(f"the newest check is {age.days} days old")
     changed = now.differences(newest)
     if changed:
         why.append(f"{' and '.join(changed)} changed since the newest check")
-    if newest["outcome"] == "failed":
+    if newest.outcome == "failed":
         why.append("the newest check failed")
-    if newest["outcome"] == "incomplete":
+    if newest.outcome == "incomplete":
         why.append("steps of the newest check were skipped")
     return f"Check again: {', and '.join(why)}." if why else None
 
 
-def markdown(record: dict[str, Any]) -> str:
+def markdown(record: CheckRecord) -> str:
     """Format a record for people."""
-    robot = record["robot"]
+    robot = record.robot
     lines = [
-        f"# Check of the guard, {record['role']}, {record['started_at']}",
+        f"# Check of the guard, {record.role}, {record.started_at}",
         "",
-        f"Outcome: **{record['outcome'].replace('_', ' ')}**"
-        + (f" by {_text(record['given_up_by'])}" if record["given_up_by"] else ""),
+        f"Outcome: **{str(record.outcome).replace('_', ' ')}**"
+        + (f" by {_text(record.given_up_by)}" if record.given_up_by else ""),
         "",
-        f"- Robot: {_text(robot.get('name'))}, model {_text(robot.get('model'))}, "
-        f"own watchdog {_figure(robot.get('watchdog_s'), ' s')}",
-        f"- Driven by: {', '.join(map(_text, record['operators'])) or '-'}; "
-        f"begun by {_text(record['started_by'])}",
-        f"- Source: {_text(record['source'])}",
-        f"- Calibration: {_text(record['calibration'] or 'that of the source')}; "
-        f"rig: {record['rig']}",
-        f"- Software: {', '.join(f'{k} {v}' for k, v in record['software'].items())}",
+        f"- Robot: {_text(robot.name)}, model {_text(robot.model)}, "
+        f"own watchdog {_figure(robot.watchdog_s, ' s')}",
+        f"- Driven by: {', '.join(map(_text, record.operators)) or '-'}; "
+        f"begun by {_text(record.started_by)}",
+        f"- Source: {_text(record.source)}",
+        f"- Calibration: {_text(record.calibration or 'that of the source')}; rig: {record.rig}",
+        f"- Software: {', '.join(f'{k} {v}' for k, v in record.software.items())}",
     ]
-    if record["note"]:
-        lines.append(f"- Note: {_text(record['note'])}")
-    if record["changed_meanwhile"]:
-        lines.append(f"- Changed during the check: {', '.join(record['changed_meanwhile'])}")
+    if record.note:
+        lines.append(f"- Note: {_text(record.note)}")
+    if record.changed_meanwhile:
+        lines.append(f"- Changed during the check: {', '.join(record.changed_meanwhile)}")
     lines += [
         "",
-        f"Promised: zero within {record['promised_ms']:.0f} ms of the cause. A dash was not told.",
+        f"Promised: zero within {record.promised_ms:.0f} ms of the cause. A dash was not told.",
         "",
         "| Step | State | Speed, m/s | Zero, ms | Stood, ms | Way, m | Left, m | Verdict |",
         "|---|---|---|---|---|---|---|---|",
     ]
-    for step in record["steps"]:
-        figures = step["figures"] or {}
+    for step in record.steps:
         names = ("speed_mps", "zero_ms", "stood_ms", "distance_m", "separation_m")
-        cells = [_figure(figures.get(name)) for name in names]
-        skipped = f"skipped by {_text(step['skipped_by'])}" if step["skipped_by"] else None
-        verdict = step["verdict"] or skipped or step["told"]
-        row = [step["title"], step["state"], *cells, _text(verdict)]
+        cells = [_figure(getattr(step.figures, name, None)) for name in names]
+        skipped = f"skipped by {_text(step.skipped_by)}" if step.skipped_by else None
+        row = [step.title, step.state, *cells, _text(step.verdict or skipped or step.told)]
         lines.append(f"| {' | '.join(row)} |")
     lines += ["", "Parameters of the guard:", ""]
-    lines += [f"- {name}: {value}" for name, value in record["guard"].items()]
+    lines += [f"- {name}: {value}" for name, value in record.guard.items()]
     return "\n".join(lines) + "\n"
 
 

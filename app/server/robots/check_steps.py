@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import Literal
+from dataclasses import dataclass, fields, replace
 
 from app.contract.drive import StoppedEvent
 from app.contract.robots import CheckStep, StopMeasured
-from app.contract.values import filled
 from app.server.robots.stop_figures import stop_figures
 from observer.rig.rig import Role
 
@@ -15,8 +13,6 @@ from observer.rig.rig import Role
 PROMISED_MS = 300.0
 # A stop from a lower speed shows nothing.
 MOVING_MPS = 0.1
-
-StepState = Literal["waiting", "driving", "passed", "failed", "skipped"]
 
 _CAUSES = {
     "guard": "the guard's verdict",
@@ -27,76 +23,14 @@ _CAUSES = {
 
 
 @dataclass(frozen=True)
-class StepPlan:
-    """Plan of a step.
+class Step(CheckStep):
+    """State of a step.
 
     Attributes:
         kinds: kinds of ``StoppedEvent`` that the step tests; it ignores stops of other kinds.
     """
 
-    name: str
-    title: str
-    instruction: str
     kinds: tuple[str, ...]
-
-
-_WALK_IN = StepPlan(
-    "walk_in",
-    "Walk in",
-    "Drive straight ahead at 0.2 to 0.3 m/s through free space, and keep driving while somebody "
-    "steps in front of the robot, a metre and a half away or more.",
-    ("guard",),
-)
-_COVER_LENS = StepPlan(
-    "cover_lens",
-    "Cover a lens",
-    "Arm again if need be, drive at 0.2 to 0.3 m/s, and keep driving while somebody covers one "
-    "lens with a hand.",
-    ("sight",),
-)
-_UNPLUG = StepPlan(
-    "unplug",
-    "Unplug a camera",
-    "Free the lens, arm again, drive at 0.2 to 0.3 m/s, and keep driving while somebody pulls one "
-    "camera's cable.",
-    ("sight",),
-)
-_CLOSE_BROWSER = StepPlan(
-    "close_browser",
-    "Close the browser",
-    "With everything plugged in, arm again, drive at 0.2 to 0.3 m/s, and close this page while "
-    "you drive. Then open it again: the check is kept.",
-    ("expired", "lease"),
-)
-_PLANS: dict[Role, tuple[StepPlan, ...]] = {
-    "observer": (_WALK_IN, _COVER_LENS, _UNPLUG, _CLOSE_BROWSER),
-    # The obstacle has no cameras; its guard uses sonar.
-    "obstacle": (_WALK_IN, _CLOSE_BROWSER),
-}
-
-
-@dataclass(frozen=True)
-class Step:
-    """State of a step.
-
-    Attributes:
-        kind, sentence, at, operator, figures: of the accepted stop: its kind, its time
-            (ISO 8601, UTC), and who drove.
-        verdict: one sentence that compares it with the promise.
-        told: one sentence about the newest stop that was not accepted.
-        skipped_by: who skipped the step, in words.
-    """
-
-    plan: StepPlan
-    state: StepState = "waiting"
-    kind: str | None = None
-    sentence: str | None = None
-    at: str | None = None
-    operator: str | None = None
-    figures: StopMeasured | None = None
-    verdict: str | None = None
-    told: str | None = None
-    skipped_by: str | None = None
 
     def with_stop(
         self, event: StoppedEvent, at: str, operator: str | None, margin_m: float | None
@@ -107,8 +41,8 @@ class Step:
             margin_m: clearance that the guard keeps from everything; None if unknown.
         """
         before = event.before_mps
-        if event.kind not in self.plan.kinds:
-            wanted = " or ".join(self.plan.kinds)
+        if event.kind not in self.kinds:
+            wanted = " or ".join(self.kinds)
             told = f"not what this step is about ({event.kind}, not {wanted}): {event.sentence}"
             return replace(self, told=told)
         if before is None or abs(before) < MOVING_MPS:
@@ -129,17 +63,51 @@ class Step:
             told=None,
         )
 
-    def facts(self) -> CheckStep:
-        """Return the facts for the page."""
-        plan = self.plan
-        return filled(
-            CheckStep, self, name=plan.name, title=plan.title, instruction=plan.instruction
-        )
+
+def _step(name: str, title: str, instruction: str, *kinds: str) -> Step:
+    unknown = (each.name for each in fields(CheckStep)[4:])
+    return Step(name, title, instruction, "waiting", **dict.fromkeys(unknown), kinds=kinds)
+
+
+_WALK_IN = _step(
+    "walk_in",
+    "Walk in",
+    "Drive straight ahead at 0.2 to 0.3 m/s through free space, and keep driving while somebody "
+    "steps in front of the robot, a metre and a half away or more.",
+    "guard",
+)
+_COVER_LENS = _step(
+    "cover_lens",
+    "Cover a lens",
+    "Arm again if need be, drive at 0.2 to 0.3 m/s, and keep driving while somebody covers one "
+    "lens with a hand.",
+    "sight",
+)
+_UNPLUG = _step(
+    "unplug",
+    "Unplug a camera",
+    "Free the lens, arm again, drive at 0.2 to 0.3 m/s, and keep driving while somebody pulls one "
+    "camera's cable.",
+    "sight",
+)
+_CLOSE_BROWSER = _step(
+    "close_browser",
+    "Close the browser",
+    "With everything plugged in, arm again, drive at 0.2 to 0.3 m/s, and close this page while "
+    "you drive. Then open it again: the check is kept.",
+    "expired",
+    "lease",
+)
+_STEPS: dict[Role, tuple[Step, ...]] = {
+    "observer": (_WALK_IN, _COVER_LENS, _UNPLUG, _CLOSE_BROWSER),
+    # The obstacle has no cameras; its guard uses sonar.
+    "obstacle": (_WALK_IN, _CLOSE_BROWSER),
+}
 
 
 def steps_of(role: Role) -> list[Step]:
     """Return the steps of a role, in order."""
-    return [Step(plan) for plan in _PLANS[role]]
+    return list(_STEPS[role])
 
 
 def judged(kind: str, figures: StopMeasured, margin_m: float | None) -> tuple[bool, str]:

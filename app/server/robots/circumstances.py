@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
+from app.contract.robots import CheckRecord
 from app.server.rig.store import text_without_ports
 from observer.rig.rig import Rig
 
@@ -43,21 +44,15 @@ class Circumstances:
         text = text_without_ports(rig)
         return Circumstances(software, source, calibration, _id_of(text), text, dict(guard))
 
-    def facts(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return asdict(self)
-
-    def differences(self, before: Mapping[str, Any]) -> list[str]:
-        """Describe the differences from a record in words; a value missing there counts as a
-        difference.
-        """
+    def differences(self, before: Circumstances | CheckRecord) -> list[str]:
+        """Describe the differences from earlier ones in words."""
         words = []
-        if before.get("rig") != self.rig:
+        if before.rig != self.rig:
             words.append("the rig")
-        own = self.calibration is None and before.get("source") != self.source
-        if before.get("calibration", "") != self.calibration or own:
+        own = self.calibration is None and before.source != self.source
+        if before.calibration != self.calibration or own:
             words.append("the calibration")
-        if before.get("guard") != dict(self.guard):
+        if before.guard != self.guard:
             words.append("the guard's parameters")
         return words
 

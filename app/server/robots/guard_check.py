@@ -6,16 +6,13 @@ The check itself moves nothing. It lives in the server, so it outlasts the page 
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Any, Literal
 
 from app.contract.drive import StoppedEvent
-from app.contract.robots import CheckFacts, RobotNow
-from app.contract.values import filled, plain
+from app.contract.robots import CheckedRobot, CheckFacts, CheckOutcome, CheckRecord, RobotNow
+from app.contract.values import filled
 from app.server.robots.check_steps import MOVING_MPS, PROMISED_MS, Step, steps_of
 from app.server.robots.circumstances import Circumstances
 from observer.rig.rig import Role
-
-Outcome = Literal["passed", "failed", "incomplete", "given_up"]
 
 _MARGIN = "guard.margin_m"
 
@@ -45,7 +42,7 @@ class GuardCheck:
         self.steps: list[Step] = steps_of(role)
         self.ended_at: str | None = None
         self.given_up_by: str | None = None
-        self._robot: dict[str, str | float | None] = {}
+        self._robot = CheckedRobot()
         self._operator: str | None = None
 
     @property
@@ -57,7 +54,7 @@ class GuardCheck:
         return next(going, None)
 
     @property
-    def outcome(self) -> Outcome | None:
+    def outcome(self) -> CheckOutcome | None:
         """Return the outcome; None while the check is in progress."""
         if self.ended_at is None:
             return None
@@ -79,11 +76,7 @@ class GuardCheck:
         if robot is not None:
             report = robot.report
             speed = report.speed_mps
-            self._robot = {
-                "name": robot.name or report.name,
-                "model": report.model,
-                "watchdog_s": report.watchdog_s,
-            }
+            self._robot = CheckedRobot(robot.name or report.name, report.model, report.watchdog_s)
             self._operator = robot.operator or self._operator
         step = self.steps[present]
         drives = speed is not None and abs(speed) >= MOVING_MPS
@@ -118,20 +111,19 @@ class GuardCheck:
 
     def facts(self) -> CheckFacts:
         """Return the facts for the page."""
-        steps = [step.facts() for step in self.steps]
-        return filled(CheckFacts, self, promised_ms=PROMISED_MS, steps=steps)
+        return filled(CheckFacts, self, promised_ms=PROMISED_MS, steps=list(self.steps))
 
-    def record(self, now: Circumstances) -> dict[str, Any]:
+    def record(self, now: Circumstances) -> CheckRecord:
         """Return the record to store.
 
         Args:
             now: the circumstances at the end of the check.
         """
         operators = {step.operator: None for step in self.steps if step.operator is not None}
-        return {
-            **plain(self.facts()),
-            "robot": self._robot,
-            "operators": list(operators),
-            **self.circumstances.facts(),
-            "changed_meanwhile": now.differences(self.circumstances.facts()),
-        }
+        return CheckRecord(
+            **vars(self.facts()),
+            **vars(self.circumstances),
+            robot=self._robot,
+            operators=list(operators),
+            changed_meanwhile=now.differences(self.circumstances),
+        )

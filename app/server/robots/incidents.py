@@ -9,6 +9,7 @@ from typing import Protocol
 
 from app.contract.drive import IncidentEvent, StoppedEvent
 from app.contract.robots import RobotIncident
+from app.contract.values import filled
 from app.server.robots.stop_figures import stop_figures
 from app.server.robots.time_of_day import time_of_day
 from observer.rig.rig import Role
@@ -74,16 +75,8 @@ class Incidents:
     def take(self, event: IncidentEvent) -> None:
         """Store an incident."""
         self._numbered += 1
-        incident = Incident(
-            at=time_of_day(self._clock() - event.time),
-            role=event.role,
-            kind=event.kind,
-            sentence=event.sentence,
-            speed_mps=event.speed_mps,
-            stops={},
-            number=self._numbered,
-            time=event.time,
-        )
+        at = time_of_day(self._clock() - event.time)
+        incident = filled(Incident, event, at=at, stops={}, number=self._numbered)
         run = self._run()
         if run is not None:
             run.happened(incident)

@@ -21,7 +21,6 @@ from app.contract.drive import (
     ResetStop,
     StartProgramme,
     StoppedEvent,
-    StopProgramme,
     StopRobots,
     ToDrive,
     WheelSpeedEvent,
@@ -29,6 +28,7 @@ from app.contract.drive import (
 from app.contract.events import ObservationEvent, StateEvent
 from app.contract.robots import DriveFacts, DriveProcess, RobotNow, RobotPortNow, Robots, RobotsNow
 from app.runtime.errors import ProcessUnavailable
+from app.runtime.supervisor import ProcessHealth
 from app.server.asking import ask_drive
 from app.server.background import Background
 from app.server.contracts import Drive
@@ -151,14 +151,10 @@ class RobotManager:
     # --- changes elsewhere -----------------------------------------------------------------
 
     def source_changed(self, state: StateEvent) -> None:
-        """Handle a newly opened source, or other robots in the same one."""
+        """Handle a newly opened source, other robots in the same one, or other ports or models."""
         self._world = state.world
         self._connecting.want(state, self._rig())
         self._changed()
-
-    def rig_changed(self, state: StateEvent) -> None:
-        """Handle changed ports or models."""
-        self.source_changed(state)
 
     def guard_changed(self) -> None:
         """Handle changed parameters."""
@@ -261,14 +257,9 @@ class RobotManager:
         return None if self._facts.loop is None else self._facts.loop.late_p99_ms
 
     @property
-    def alive(self) -> bool:
-        """Return whether there is a drive process."""
-        return self._drive.health.alive
-
-    @property
-    def restarts(self) -> int:
-        """Return the number of restarts of the drive process."""
-        return self._drive.health.restarts
+    def health(self) -> ProcessHealth:
+        """Return the health of the drive process."""
+        return self._drive.health
 
     # --- requests --------------------------------------------------------------------------
 
@@ -359,15 +350,3 @@ class RobotManager:
                 raise
             return False
         return True
-
-    async def start_programme(self, start: StartProgramme) -> None:
-        """Start a programme of timed velocities.
-
-        Raises:
-            FieldError, Conflict, NotAvailable: as ``ask``.
-        """
-        await self.ask(start)
-
-    async def stop_programme(self) -> None:
-        """Stop the programme, if one is running."""
-        await self.ask(StopProgramme())

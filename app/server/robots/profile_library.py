@@ -42,14 +42,10 @@ class ProfileLibrary:
 
         Files that are not (or no longer) valid programmes are left out.
         """
-        kept = [KeptProfile(load_profile(name), False) for name in profile_names()]
-        built_in = {each.profile.name for each in kept}
-        for name in self._own_names():
-            with contextlib.suppress(InputError):
-                own = read_profile(self._file(name))
-                if own.name == name and name not in built_in:
-                    kept.append(KeptProfile(own, True))
-        return kept
+        names = profile_names()
+        built_in = [KeptProfile(load_profile(name), False) for name in names]
+        own = [self._own(name) for name in self._own_names() if name not in names]
+        return built_in + [each for each in own if each is not None]
 
     def find(self, name: str) -> KeptProfile:
         """Return a programme by name.
@@ -60,11 +56,9 @@ class ProfileLibrary:
         if name in profile_names():
             return KeptProfile(load_profile(name), False)
         # Only names from a listing of the folder lead to a file.
-        if name in self._own_names():
-            with contextlib.suppress(InputError):
-                own = read_profile(self._file(name))
-                if own.name == name:
-                    return KeptProfile(own, True)
+        own = self._own(name) if name in self._own_names() else None
+        if own is not None:
+            return own
         raise NotThere(f"there is no programme {name[:80]!r}; GET /api/programmes lists them")
 
     def save(self, text: str) -> KeptProfile:
@@ -101,6 +95,14 @@ class ProfileLibrary:
         if name not in self._own_names():
             raise NotThere(f"there is no programme {name[:80]!r}; GET /api/programmes lists them")
         self._file(name).unlink(missing_ok=True)
+
+    def _own(self, name: str) -> KeptProfile | None:
+        """Read a file; return None if it is no valid programme of that name."""
+        with contextlib.suppress(InputError):
+            profile = read_profile(self._file(name))
+            if profile.name == name:
+                return KeptProfile(profile, True)
+        return None
 
     def _file(self, name: str) -> Path:
         assert self._folder is not None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 from app.server.errors import Conflict, NotThere
@@ -45,7 +44,7 @@ class RunArchive:
             return current
         record = await asyncio.to_thread(self._storage.get_run, run_id)
         if record is None or record.deleted_at is not None:
-            raise no_such_run(run_id)
+            raise NotThere(f"there is no run {run_id[:80]!r}; GET /api/runs lists them")
         return record
 
     async def recording(self, run_id: str) -> Path:
@@ -87,14 +86,9 @@ class RunArchive:
         second.
         """
         await self.find(run_id)
-        return await asyncio.to_thread(partial(self._storage.speeds, run_id))
+        return await asyncio.to_thread(self._storage.speeds, run_id)
 
     async def incidents(self, run_id: str) -> list[IncidentRecord]:
         """Return what stopped robots during a run, oldest first."""
         await self.find(run_id)
-        return await asyncio.to_thread(partial(self._storage.incidents, run_id))
-
-
-def no_such_run(run_id: str) -> NotThere:
-    """Return the error for an unknown id."""
-    return NotThere(f"there is no run {run_id[:80]!r}; GET /api/runs lists them")
+        return await asyncio.to_thread(self._storage.incidents, run_id)

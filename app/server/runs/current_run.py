@@ -10,6 +10,8 @@ from typing import Any, ClassVar
 
 from app.contract.events import ObservationEvent
 from app.contract.robots import Robots, StopMeasured
+from app.contract.runs import SpeedSource
+from app.contract.values import filled
 from app.server.robots.incidents import Incident
 from app.server.robots.wheels import WheelSample
 from app.server.runs.pending_rows import PendingRows
@@ -96,10 +98,7 @@ class CurrentRun:
 
     def happened(self, incident: Incident) -> None:
         """Store an incident that stopped a robot."""
-        record = IncidentRecord(
-            self.id, incident.at, incident.role, incident.kind, incident.sentence,
-            incident.speed_mps,
-        )  # fmt: skip
+        record = filled(IncidentRecord, incident, run_id=self.id)
         self._writer.post(partial(self._write_incident, incident.number, record))
         if self.record.record is not None:
             self.robots.happened(incident)
@@ -223,11 +222,12 @@ def speed_rows(
 
 def wheel_rows(run_id: str, sample: WheelSample) -> Iterator[SpeedRow]:
     """Yield the rows of a sample: the command, and the encoder speed if there is one."""
-    yield SpeedRow(
-        run_id, sample.time, sample.role, "commanded", None, sample.sent_mps, None, sample.segment
-    )
-    if sample.encoder_mps is not None:
-        yield SpeedRow(
-            run_id, sample.time, sample.role, "encoder", None, sample.encoder_mps, None,
-            sample.segment,
-        )  # fmt: skip
+    speeds: dict[SpeedSource, float | None] = {
+        "commanded": sample.sent_mps,
+        "encoder": sample.encoder_mps,
+    }
+    for source, speed in speeds.items():
+        if speed is not None:
+            yield SpeedRow(
+                run_id, sample.time, sample.role, source, None, speed, None, sample.segment
+            )

@@ -9,10 +9,10 @@ import json
 import secrets
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import IO, Any, Literal
 
+from app.contract.values import plain
 from app.server.errors import Conflict
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
@@ -67,7 +67,7 @@ class RunFiles:
         path = self._storage.folder.run(run.id) / RECORDING
         if self._archive.is_going(run.id) or not await asyncio.to_thread(path.is_file):
             rows = await asyncio.to_thread(self._storage.speeds, run.id)
-            return await asyncio.to_thread(lambda: json.dumps(chart_of_rows(rows)).encode())
+            return await asyncio.to_thread(lambda: json.dumps(plain(chart_of_rows(rows))).encode())
         kept = path.with_name(f"{_CHART}{await asyncio.to_thread(_key, run, path)}.json")
         with contextlib.suppress(OSError):
             return await asyncio.to_thread(kept.read_bytes)
@@ -146,7 +146,7 @@ async def compared_words(storage: Storage, run: RunRecord, folder: Path) -> list
     """Return the option that passes a run's truth to a command."""
     if run.alignment is None:
         return []
-    kept = await asyncio.to_thread(partial(kept_comparison, run, storage))
+    kept = await asyncio.to_thread(kept_comparison, run, storage)
     file = folder / "compared.json"
     await asyncio.to_thread(file.write_text, json.dumps(kept), encoding="utf-8")
     return ["--compared", str(file)]

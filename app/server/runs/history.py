@@ -7,28 +7,20 @@ from collections.abc import Callable, Iterable
 from dataclasses import replace
 from datetime import timedelta
 from functools import partial
-from typing import Protocol
 
 import structlog
 
 from app.contract.runs import DiskUse, History, Run
 from app.contract.values import filled
 from app.server.errors import NotThere
-from app.server.runs.archive import no_such_run
+from app.server.runs.archive import RunArchive
+from app.server.runs.current_run import CurrentRun
 from app.storage import UNDO, RunRecord, Storage, StorageError, StorageMissing
 
 log = structlog.get_logger(__name__)
 
 # Measuring visits every file of the data folder, and typing a search asks many times a second.
 _DISK_AGE_S = 5.0
-
-
-class KeptRun(Protocol):
-    """Run in progress."""
-
-    record: RunRecord
-
-    def snapshot(self) -> RunRecord: ...
 
 
 class RunHistory:
@@ -42,11 +34,13 @@ class RunHistory:
     def __init__(
         self,
         storage: Storage,
-        current: Callable[[], KeptRun | None],
+        archive: RunArchive,
+        current: Callable[[], CurrentRun | None],
         clock: Callable[[], float],
         undo: timedelta = UNDO,
     ) -> None:
         self._storage = storage
+        self._archive = archive
         self._current = current
         self._clock = clock
         self._undo = undo
@@ -66,12 +60,10 @@ class RunHistory:
         Args:
             deleted: recoverable runs instead of the others.
         """
-        find = partial(
-            self._storage.find_runs, text, tags=tuple(tags), deleted=deleted,
-            limit=limit, offset=offset,
-        )  # fmt: skip
+        find, tags = self._storage.find_runs, tuple(tags)
         found, all_tags = await asyncio.gather(
-            asyncio.to_thread(find), asyncio.to_thread(self._storage.run_tags)
+            asyncio.to_thread(find, text, tags=tags, deleted=deleted, limit=limit, offset=offset),
+            asyncio.to_thread(self._storage.run_tags),
         )
         return History(
             runs=tuple(filled(Run, self._as_it_stands(run)) for run in found.runs),
@@ -94,7 +86,7 @@ class RunHistory:
         Raises:
             NotThere: there is no run with that id, or it is deleted.
         """
-        await self._present(run_id)
+        await self._archive.find(run_id)
         change = partial(self._storage.annotate_run, run_id, name=name, tags=tags, notes=notes)
         record = await self._of_storage(change, run_id)
         current = self._current()
@@ -110,7 +102,7 @@ class RunHistory:
         Raises:
             NotThere: there is no run with that id, or it is hidden already.
         """
-        await self._present(run_id)
+        await self._archive.find(run_id)
         await self._of_storage(partial(self._storage.discard_run, run_id), run_id)
 
     async def recover(self, run_id: str) -> RunRecord:
@@ -131,11 +123,6 @@ class RunHistory:
         else:
             if gone:
                 log.info("purged", runs=gone)
-
-    async def _present(self, run_id: str) -> None:
-        record = await asyncio.to_thread(self._storage.get_run, run_id)
-        if record is None or record.deleted_at is not None:
-            raise no_such_run(run_id)
 
     async def _of_storage(self, change: Callable[[], RunRecord], run_id: str) -> RunRecord:
         try:

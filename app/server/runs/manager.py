@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, Literal
 
 from app.contract.commands import MAX_PLAYBACK_RATE
-from app.contract.drive import StartProgramme
+from app.contract.drive import StartProgramme, StopProgramme
 from app.contract.events import ObservationEvent, StateEvent
 from app.server.calibrations.library import keep_own_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
@@ -24,7 +24,6 @@ from app.server.runs.files import RunFiles
 from app.server.runs.history import RunHistory
 from app.server.runs.recording import (
     complete_recording,
-    keep_telling,
     record_order,
     tell_robots,
 )
@@ -38,6 +37,9 @@ from app.storage import RunRecord, RunState, StorageError
 from app.versions import versions
 from observer.opening import shown_spec
 from observer.rig.rig import ROLES
+
+# Interval; at most this much of the robots' data is lost with the server.
+_TELL_S = 0.5
 
 
 class RunManager:
@@ -68,7 +70,7 @@ class RunManager:
         storage = shared.storage
         self.running: CurrentRun | None = None
         self.archive = RunArchive(storage, lambda: self.current)
-        self.history = RunHistory(storage, lambda: self.running, shared.clock)
+        self.history = RunHistory(storage, self.archive, lambda: self.running, shared.clock)
         self.files = RunFiles(storage, self.archive)
         self.truths = TruthFiles(storage, self.archive, self.files.quick)
         self.clips = SavedClips(shared, automatic=clips_at_guard_stops)
@@ -99,11 +101,16 @@ class RunManager:
 
     def begin(self) -> None:
         """Start the background work for runs, and finish what was left undone."""
-        self._soon(keep_telling(self._engine, lambda: self.running))
+        self._soon(self._keep_telling())
         self._soon(asyncio.to_thread(self.history.purge))
         for run_id in self._interrupted:
-            complete = partial(complete_recording, self._storage.folder, run_id)
-            self._soon(asyncio.to_thread(complete))
+            self._soon(asyncio.to_thread(complete_recording, self._storage.folder, run_id))
+
+    async def _keep_telling(self) -> None:
+        while True:
+            await asyncio.sleep(_TELL_S)
+            if self.running is not None:
+                await tell_robots(self._engine, self.running.robots)
 
     # --- starting --------------------------------------------------------------------------
 
@@ -175,11 +182,11 @@ class RunManager:
         record: str,
         rerun_of: str | None,
     ) -> RunRecord:
-        create = partial(
+        return await asyncio.to_thread(
             self._storage.create_run,
             name=name or f"Run of {shown_spec(opening.source)}"[:100],
             source=shown_spec(opening.source),
-            parameters=dict(parameters.values.flat()),
+            parameters=parameters.values.flat(),
             versions=versions(),
             calibration_id=None if opening.calibration is None else opening.calibration.id,
             preset=parameters.preset,
@@ -187,7 +194,6 @@ class RunManager:
             record=record,
             rerun_of=rerun_of,
         )
-        return await asyncio.to_thread(create)
 
     async def _observe(
         self,
@@ -209,7 +215,7 @@ class RunManager:
         """Start a run's programme; if that fails, the run does not start."""
         try:
             await self._robots.arm_again(programme)
-            await self._robots.start_programme(programme)
+            await self._robots.ask(programme)
         except BaseException:
             await self.close(RunState.FAILED, "its programme could not be driven")
             await self._forget(run.id)
@@ -310,8 +316,8 @@ class RunManager:
         assert run is not None
         if run.programme:
             with contextlib.suppress(NotAvailable, Conflict, FieldError):
-                await self._robots.stop_programme()
-        await tell_robots(self._engine, run)
+                await self._robots.ask(StopProgramme())
+        await tell_robots(self._engine, run.robots)
         recording = await end_recording(self._engine, self._source.wanted)
         # A finished run says why its recording is incomplete.
         ended = run.ended(state, reason or (None if recording is None else recording.trouble))

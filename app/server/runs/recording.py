@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 from collections import deque
-from collections.abc import Callable
-from typing import Protocol
 
 import structlog
 
@@ -26,8 +23,6 @@ from observer.rig.rig import ROLES
 
 log = structlog.get_logger(__name__)
 
-# Interval; at most this much of the robots' data is lost with the server.
-_TELL_S = 0.5
 # Two robots, ten rows a second: half a minute without an engine.
 _MOST_ROWS = 600
 _MOST_INCIDENTS = 100
@@ -92,25 +87,12 @@ class RobotFeed:
         return told
 
 
-class RecordedRun(Protocol):
-    """Run in progress, as needed for its recording."""
-
-    robots: RobotFeed
-
-
-async def tell_robots(engine: Engine, run: RecordedRun | None) -> None:
+async def tell_robots(engine: Engine, robots: RobotFeed) -> None:
     """Send the robots' states to the recording; without an engine they are lost."""
-    told = None if run is None else run.robots.take()
+    told = robots.take()
     if told is not None:
         with contextlib.suppress(NotAvailable, Conflict, FieldError):
             await ask(engine, told)
-
-
-async def keep_telling(engine: Engine, run: Callable[[], RecordedRun | None]) -> None:
-    """Call ``tell_robots`` twice a second, forever."""
-    while True:
-        await asyncio.sleep(_TELL_S)
-        await tell_robots(engine, run())
 
 
 def complete_recording(folder: DataFolder, run_id: str) -> None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
 from statistics import median
 from typing import Any
 
+from app.contract.runs import ChartCurve, ChartValues
 from app.storage import SpeedRow
 
 _OBSTACLE = "obstacle"
@@ -15,67 +18,59 @@ _GAP_STEPS = 3.0
 _FEWEST_STEPS = 2
 
 
-def chart_of_rows(rows: Iterable[SpeedRow]) -> dict[str, Any]:
+def chart_of_rows(rows: Iterable[SpeedRow]) -> ChartValues:
     """Return the values of ``app.reports.run_chart.chart_values``, without matching tracks to
     bodies.
 
     So they have neither errors nor identity switches.
     """
-    curves: dict[tuple[Any, ...], dict[str, Any]] = {}
+    found: defaultdict[tuple[Any, ...], list[SpeedRow]] = defaultdict(list)
     for row in rows:
-        if row.role != _OBSTACLE:
-            continue
-        seen = row.source == "estimate"
-        segment = row.segment if seen else None
-        key = (row.source, segment, row.track_id, row.body)
-        curve = curves.setdefault(key, _curve(row, segment))
-        curve["times"].append(row.time)
-        curve["speeds"].append(row.speed)
-        if seen:
-            curve["stds"].append(row.std)
-    for curve in curves.values():
-        _break(curve)
-    return {
-        "aligned": any(source == "truth" for source, *_ in curves),
-        "sentence": None,
-        "alignment": None,
-        "curves": list(curves.values()),
-        "changes": [],
-        "errors": [],
-    }
+        if row.role == _OBSTACLE:
+            segment = row.segment if row.source == "estimate" else None
+            found[row.source, segment, row.track_id, row.body].append(row)
+    return ChartValues(
+        aligned=any(source == "truth" for source, *_ in found),
+        sentence=None,
+        alignment=None,
+        curves=[_curve(each) for each in found.values()],
+        changes=[],
+        errors=[],
+    )
 
 
-def _break(curve: dict[str, Any]) -> None:
-    """Insert None into every gap, so that no line is drawn across it."""
-    times = curve["times"]
-    steps = [after - before for before, after in pairwise(times)]
-    if len(steps) < _FEWEST_STEPS:
-        return
-    longest = _GAP_STEPS * median(steps)
-    # From the end, so that earlier indices stay valid.
-    for k in range(len(steps), 0, -1):
-        if steps[k - 1] > longest:
-            times.insert(k, (times[k - 1] + times[k]) / 2)
-            curve["speeds"].insert(k, None)
-            if curve["stds"] is not None:
-                curve["stds"].insert(k, None)
-
-
-def _curve(row: SpeedRow, segment: int | None) -> dict[str, Any]:
+def _curve(rows: Sequence[SpeedRow]) -> ChartCurve:
+    first = rows[0]
     labels = {
-        "estimate": f"track {row.segment}:{row.track_id}",
-        "truth": row.body or f"body {row.track_id}",
+        "estimate": f"track {first.segment}:{first.track_id}",
+        "truth": first.body or f"body {first.track_id}",
         "commanded": "as commanded",
         "encoder": "by its encoders",
     }
-    return {
-        "kind": row.source,
-        "label": labels[row.source],
-        "role": row.role,
-        "track_id": row.track_id if segment is not None else None,
-        "body": row.body,
-        "segment": segment,
-        "times": [],
-        "speeds": [],
-        "stds": None if segment is None else [],
-    }
+    seen = first.source == "estimate"
+    times, speeds, stds = zip(*_broken(rows), strict=True)
+    return ChartCurve(
+        kind=first.source,
+        label=labels[first.source],
+        role=first.role,
+        track_id=first.track_id if seen else None,
+        body=first.body,
+        segment=first.segment if seen else None,
+        times=times,
+        speeds=speeds,
+        stds=stds if seen else None,
+    )
+
+
+def _broken(
+    rows: Sequence[SpeedRow],
+) -> Iterator[tuple[float, float | None, float | None]]:
+    """Yield time, speed and deviation of each row, and None in every gap, so that no line is drawn
+    across it.
+    """
+    steps = [after.time - before.time for before, after in pairwise(rows)]
+    longest = _GAP_STEPS * median(steps) if len(steps) >= _FEWEST_STEPS else math.inf
+    for before, row in zip((rows[0], *rows), rows, strict=False):
+        if row.time - before.time > longest:
+            yield (before.time + row.time) / 2, None, None
+        yield row.time, row.speed, row.std

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from functools import partial
+import shutil
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
 
 import structlog
 
 from app.contract.commands import LiveTruthOrder
+from app.contract.runs import AlignChoicesEntry, AlignedRunEntry, AlignmentFacts
+from app.contract.truths import TruthEntry, TruthInfo
+from app.contract.values import filled, of_plain, plain
 from app.server.errors import FieldError, NotThere
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
@@ -21,67 +24,28 @@ from app.storage import RunRecord, SpeedRow, Storage, StorageMissing, TruthRecor
 from app.storage.comparison import comparison_truth
 from observer.errors import DynamicObserverError
 from observer.truth.alignment.camera_on_body import CameraOnBody
+from observer.truth.files.angles import AngleReading
 
 log = structlog.get_logger(__name__)
 
 _CHUNK = 1 << 20
 
 
-@dataclass(frozen=True)
-class AlignChoices:
-    """User's choices for aligning truth with a run.
+_ALL_OPEN = AlignChoicesEntry(None, (), {}, None, None)
 
-    Attributes:
-        observer: the body that carries the cameras; None: detect it.
-        ignore: bodies that are neither observer nor obstacle; they need not be present.
-        matches: body of a track (``0:3``), None for none of them.
-        expected_offset_s: rough offset to add to the truth's times; None: estimate it.
-        camera_on_body: pose on the observer's body; None: estimate it, or take it from the rig.
+
+def kept_choices(run: RunRecord) -> AlignChoicesEntry | None:
+    """Return the choices stored with a run's alignment; None without one.
+
+    Those unknown to earlier versions stay open.
     """
-
-    observer: str | None = None
-    ignore: Sequence[str] = ()
-    matches: Mapping[str, str | None] = field(default_factory=dict)
-    expected_offset_s: float | None = None
-    camera_on_body: CameraOnBody | None = None
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return plain values for JSON."""
-        return {
-            "observer": self.observer,
-            "ignore": list(self.ignore),
-            "matches": dict(self.matches),
-            "expected_offset_s": self.expected_offset_s,
-            "camera_on_body": None if self.camera_on_body is None else asdict(self.camera_on_body),
-        }
-
-    @staticmethod
-    def of_alignment(kept: Mapping[str, Any]) -> AlignChoices:
-        """Return the choices stored with a run's alignment; those unknown to earlier versions stay
-        open.
-        """
-        plain = kept.get("choices", {})
-        camera = plain.get("camera_on_body")
-        return AlignChoices(
-            plain.get("observer"),
-            tuple(plain.get("ignore", ())),
-            dict(plain.get("matches", {})),
-            plain.get("expected_offset_s"),
-            None if camera is None else CameraOnBody(**camera),
-        )
-
-
-@dataclass(frozen=True)
-class AlignedRun:
-    """Run with the truth laid over it, and the quality of the fit in a sentence."""
-
-    run: RunRecord
-    alignment: dict[str, Any] | None
-    sentence: str
+    if run.alignment is None:
+        return None
+    return of_plain(AlignChoicesEntry, vars(_ALL_OPEN) | run.alignment.get("choices", {}))
 
 
 class TruthFiles:
-    """Store of truth files.
+    """Store of truth files, which lays them over runs.
 
     Args:
         commands: commands that read files and align runs.
@@ -92,13 +56,13 @@ class TruthFiles:
         self._archive = archive
         self._commands = commands
 
-    async def all(self) -> list[TruthRecord]:
+    async def all(self) -> list[TruthEntry]:
         """Return the listed truths, newest first."""
-        return await asyncio.to_thread(self._storage.list_truths)
+        return [_entry(each) for each in await asyncio.to_thread(self._storage.list_truths)]
 
     async def upload(
-        self, content: IO[bytes], name: str, rate_hz: float | None, angles: str | None
-    ) -> TruthRecord:
+        self, content: IO[bytes], name: str, rate_hz: float | None, angles: AngleReading | None
+    ) -> TruthEntry:
         """Read a truth file and store it; the same content is the same truth.
 
         Args:
@@ -127,11 +91,11 @@ class TruthFiles:
             if "question" in told:
                 sentence = str(told["question"]).replace(file.name, name)
                 raise FieldError(("body", "angles"), sentence)
-            keep = partial(
-                self._storage.save_truth, file, name=name, format=told["format"],
-                info=told | {"reading": reading},
-            )  # fmt: skip
-            return await asyncio.to_thread(keep)
+            info = told | {"reading": reading}
+            save = self._storage.save_truth
+            return _entry(
+                await asyncio.to_thread(save, file, name=name, format=told["format"], info=info)
+            )
 
     async def delete(self, id: str) -> None:
         """Remove a truth from the list; runs compared with it keep it.
@@ -146,10 +110,10 @@ class TruthFiles:
         self,
         run_id: str,
         truth_id: str | None,
-        choices: AlignChoices,
+        choices: AlignChoicesEntry,
         *,
         heard_by: str | None = None,
-    ) -> AlignedRun:
+    ) -> AlignedRunEntry:
         """Lay truth over a run; an earlier alignment is replaced only by a successful one.
 
         Args:
@@ -162,13 +126,9 @@ class TruthFiles:
             NotAvailable: the command failed.
         """
         path = await self._archive.recording(run_id)
-        kept: dict[str, Any] = {
-            "choices": choices.as_dict(),
-            "heard_by": heard_by,
-        }
+        kept: dict[str, Any] = {"choices": plain(choices), "heard_by": heard_by}
         try:
-            about = partial(comparison_truth, self._storage, truth_id, kept)
-            truth = await asyncio.to_thread(about)
+            truth = await asyncio.to_thread(comparison_truth, self._storage, truth_id, kept)
         except StorageMissing as error:
             raise FieldError(("body", "truth_id"), str(error)) from error
         if truth is not None:
@@ -186,12 +146,12 @@ class TruthFiles:
                 SpeedRow(run_id=run_id, source="truth", std=None, **row)
                 for row in await asyncio.to_thread(_read, speeds)
             ]
-        lay = partial(
-            self._storage.align_run, run_id, {**(found["alignment"] or {}), **kept},
-            truth_id=truth_id, rows=rows,
-        )  # fmt: skip
-        await asyncio.to_thread(lay)
-        return AlignedRun(await self._archive.find(run_id), found["facts"], found["words"])
+        alignment = {**(found["alignment"] or {}), **kept}
+        lay = self._storage.align_run
+        await asyncio.to_thread(lay, run_id, alignment, truth_id=truth_id, rows=rows)
+        facts = None if found["facts"] is None else of_plain(AlignmentFacts, found["facts"])
+        run = await self._archive.find(run_id)
+        return filled(AlignedRunEntry, run, alignment=facts, sentence=found["words"])
 
     async def run_ended(self, run: RunRecord, heard: LiveTruthOrder | None) -> None:
         """Lay the truth that belongs to an ended run over it; failures are only logged.
@@ -208,26 +168,31 @@ class TruthFiles:
                 if original.aligned:
                     await self._align_again(run.id, original)
             elif heard is not None:
-                choices = AlignChoices(heard.observer, heard.ignore)
+                choices = replace(_ALL_OPEN, observer=heard.observer, ignore=heard.ignore)
                 await self.align(run.id, None, choices)
         except DynamicObserverError as error:
             log.info("ended_run_not_aligned", run=run.id, reason=str(error))
 
     async def _align_again(self, run_id: str, original: RunRecord) -> None:
+        choices = kept_choices(original)
         assert original.alignment is not None
+        assert choices is not None
         # Track numbers differ in a re-run, so the user's matches no longer apply.
-        choices = replace(AlignChoices.of_alignment(original.alignment), matches={})
+        choices = replace(choices, matches={})
         heard_by = None
         if original.truth_id is None:
             heard_by = original.alignment.get("heard_by") or original.id
         await self.align(run_id, original.truth_id, choices, heard_by=heard_by)
 
 
+def _entry(record: TruthRecord) -> TruthEntry:
+    return filled(TruthEntry, record, info=of_plain(TruthInfo, record.info))
+
+
 def _copy(content: IO[bytes], file: Path) -> None:
     content.seek(0)
     with file.open("wb") as target:
-        while chunk := content.read(_CHUNK):
-            target.write(chunk)
+        shutil.copyfileobj(content, target, _CHUNK)
 
 
 def _read(path: Path) -> Any:
@@ -249,11 +214,11 @@ def _truth_words(truth: Mapping[str, Any] | None) -> list[str]:
     return [f"--truth={truth['path']}", f"--name={truth['name']}", *_reading_words(truth)]
 
 
-def _choice_words(choices: AlignChoices) -> list[str]:
+def _choice_words(choices: AlignChoicesEntry) -> list[str]:
     words = [] if choices.observer is None else [f"--observer={choices.observer}"]
     words += [f"--ignore={body}" for body in choices.ignore]
     if choices.expected_offset_s is not None:
         words.append(f"--expect={choices.expected_offset_s!r}")
     if choices.camera_on_body is not None:
-        words.append(f"--camera-on-body={choices.camera_on_body}")
+        words.append(f"--camera-on-body={CameraOnBody(**vars(choices.camera_on_body))}")
     return words + [f"--match={track}={body or ''}" for track, body in choices.matches.items()]

@@ -9,6 +9,7 @@ from typing import Any
 
 from app.contract.commands import LiveTruthOrder, SetTruth
 from app.contract.live_truth import LiveTruthStatus
+from app.contract.values import of_plain, plain
 from app.server.asking import ask
 from app.server.errors import FieldError, NotAvailable
 from app.server.shared import Shared
@@ -43,7 +44,7 @@ class LiveTruthManager:
         if self._spec is not None and (kept is None or kept.spec != self._spec):
             # The chosen bodies have the names of another system.
             kept = LiveTruthOrder(self._spec)
-            self._storage.set_setting(_KEY, _plain(kept))
+            self._storage.set_setting(_KEY, plain(kept))
         self.order = kept
 
     async def choose(self, order: LiveTruthOrder | None) -> LiveTruthStatus | None:
@@ -59,7 +60,7 @@ class LiveTruthManager:
         async with self._shared.lock:
             if order is not None:
                 order = checked(order)
-            await asyncio.to_thread(self._storage.set_setting, _KEY, _plain(order))
+            await asyncio.to_thread(self._storage.set_setting, _KEY, plain(order))
             self.order = order
             facts: LiveTruthStatus | None = None
             with contextlib.suppress(NotAvailable):
@@ -90,16 +91,8 @@ def checked(order: LiveTruthOrder) -> LiveTruthOrder:
     return replace(order, spec=spec)
 
 
-def _plain(order: LiveTruthOrder | None) -> dict[str, Any] | None:
-    if order is None:
-        return None
-    return {"spec": order.spec, "observer": order.observer, "ignore": list(order.ignore)}
-
-
-def _order(plain: Any) -> LiveTruthOrder | None:
+def _order(kept: Any) -> LiveTruthOrder | None:
     """Parse a stored order; return None if this version cannot use it."""
-    with contextlib.suppress(KeyError, TypeError, FieldError):
-        return checked(
-            LiveTruthOrder(str(plain["spec"]), plain["observer"], tuple(plain["ignore"]))
-        )
+    with contextlib.suppress(ValueError, FieldError):
+        return checked(of_plain(LiveTruthOrder, kept))
     return None

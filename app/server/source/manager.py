@@ -6,9 +6,8 @@ import asyncio
 from dataclasses import replace
 from functools import partial
 
-from app.contract.commands import CloseSource, RecordOrder, SetPlayback
+from app.contract.commands import CloseSource, OpenSource, RecordOrder
 from app.contract.events import EngineLostEvent, EngineState, ObservationEvent, StateEvent
-from app.contract.status import PlaybackStatus
 from app.server.asking import ask
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
@@ -84,10 +83,6 @@ class SourceManager:
                 await asyncio.to_thread(make_opening, self._storage, source, calibration_id)
             )
 
-    async def play(self, change: SetPlayback) -> PlaybackStatus:
-        """Change the playback and return its new state."""
-        return await ask(self._engine, change)
-
     async def use(self, opening: Opening) -> None:
         """Observe this from now on, also after a restart of the engine.
 
@@ -120,11 +115,14 @@ class SourceManager:
         Raises:
             FieldError, NotAvailable: as ``use``.
         """
-        before = self.state.source
-        same = before is not None and before.spec == shown_spec(opening.source)
-        command = opening.command(
-            parameters or self._parameters.current,
-            playback=self.state.playback if same else None,
+        parameters = parameters or self._parameters.current
+        command = OpenSource(
+            source=opening.source,
+            calibration_yaml=None if opening.calibration is None else opening.calibration.text,
+            parameters=parameters.values.flat(),
+            parameters_revision=parameters.revision,
+            loop=run_id is None or opening.endless,
+            rate=self._rate(opening, run_id),
             run_id=run_id,
             segment=segment,
             rig_yaml=self._rig.observed_text,
@@ -137,6 +135,14 @@ class SourceManager:
         self._shared.telemetry.new_source()
         self.latest = None
         return str(reply.calibration_yaml)
+
+    def _rate(self, opening: Opening, run_id: str | None) -> float:
+        """Return the rate to play at: a run's own, or the present one of the same source."""
+        if run_id is not None and opening.run_rate is not None:
+            return opening.run_rate
+        before, playback = self.state.source, self.state.playback
+        same = before is not None and before.spec == shown_spec(opening.source)
+        return playback.rate if same and playback is not None else 1.0
 
     async def restore(self) -> None:
         """Observe the wanted source again, without its calibration if that does not fit.

@@ -1,14 +1,12 @@
-"""Sources to open, and the command that opens them."""
+"""Sources to open."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.contract.commands import LiveTruthOrder, OpenSource, RecordOrder, SetPlayback
-from app.contract.status import PlaybackStatus
+from app.contract.commands import SetPlayback
 from app.server.calibrations.library import find_calibration
 from app.server.errors import FieldError, NotThere
-from app.server.parameters.in_force import ParametersInForce
 from app.server.source.camera_match import calibration_of_cameras
 from app.storage import CalibrationRecord, Storage
 from observer.errors import SourceError
@@ -40,40 +38,6 @@ class Opening:
     def preview_playback(self) -> SetPlayback:
         """Return the playback that follows a run."""
         return SetPlayback(loop=True, rate=None if self.run_rate is None else 1.0)
-
-    def command(
-        self,
-        parameters: ParametersInForce,
-        *,
-        playback: PlaybackStatus | None,
-        run_id: str | None = None,
-        segment: int = 0,
-        rig_yaml: str | None = None,
-        record: RecordOrder | None = None,
-        truth: LiveTruthOrder | None = None,
-    ) -> OpenSource:
-        """Return the command that opens it from its beginning.
-
-        Args:
-            playback: the present playback, whose rate is kept; None if another source was open.
-            record: how to record the run. truth: live motion capture to use.
-        """
-        rate = 1.0 if playback is None else playback.rate
-        if run_id is not None and self.run_rate is not None:
-            rate = self.run_rate
-        return OpenSource(
-            source=self.source,
-            calibration_yaml=None if self.calibration is None else self.calibration.text,
-            parameters=dict(parameters.values.flat()),
-            parameters_revision=parameters.revision,
-            loop=run_id is None or self.endless,
-            rate=rate,
-            run_id=run_id,
-            segment=segment,
-            rig_yaml=rig_yaml,
-            record=record,
-            truth=truth,
-        )
 
 
 def check_spec(source: str) -> None:

@@ -115,9 +115,9 @@ def test_where_the_room_has_no_place_speeds_are_compared_without_directions(fold
     placeless = Alignment.of_dict({**found.as_dict(), "T_world_room": {}})
     values = chart_values(gather_compared(path, Comparison(placeless, truth)))
     placed = chart_values(gather_compared(path, Comparison(found, truth)))
-    errors = {(each["group"], each["label"]): each for each in values["errors"]}
+    errors = {(each.group, each.label): each for each in values.errors}
     assert ("direction", "right") not in errors
     assert ("way", "backward") not in errors
-    whole = next(each for each in placed["errors"] if each["group"] == "all")
-    assert errors["all", "whole run"]["samples"] == whole["samples"]
-    assert errors["all", "whole run"]["rmse_mps"] == pytest.approx(whole["rmse_mps"], abs=1e-3)
+    whole = next(each for each in placed.errors if each.group == "all")
+    assert errors["all", "whole run"].samples == whole.samples
+    assert errors["all", "whole run"].rmse_mps == pytest.approx(whole.rmse_mps, abs=1e-3)

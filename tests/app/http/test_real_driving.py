@@ -79,7 +79,7 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
         driving = served.server.driving
         page = Elsewhere(served.port, token, "obstacle")
         page.speed_mps = None
-        await until(lambda: driving.alive, "the drive process")
+        await until(lambda: driving.health.alive, "the drive process")
         # By which speeds get their time.
         peer.observe()
         page.start()

@@ -5,11 +5,11 @@ from __future__ import annotations
 import errno
 import os
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
+from app.contract.rig import RigNumber
 from app.server.errors import FieldError
 from app.server.rig.store import RigStore
 from app.storage import StorageFull
@@ -106,7 +106,7 @@ def test_a_change_leaves_what_it_does_not_name(path: Path) -> None:
     store = loaded(path)
     store.keep(FULL)
     rig = store.changed(
-        {"height_m": (0.5, 0.01), "tilt_deg": None},
+        {"height_m": RigNumber(0.5, 0.01), "tilt_deg": None},
         None,
         for_simulated=True,
         calibration="abc",
@@ -128,11 +128,11 @@ def test_a_value_out_of_range_names_its_key(key: str) -> None:
     for value in (low - 0.01, high + 0.01):
         with pytest.raises(FieldError, match=f"^{key} must lie between") as refused:
             RigStore(None).changed(
-                {key: (value, None)}, None, for_simulated=False, calibration=None
+                {key: RigNumber(value)}, None, for_simulated=False, calibration=None
             )
         assert refused.value.field == ("body", "mount", key)
     for value in (low, high):
-        given: dict[str, Any] = {key: (value, None)}
+        given = {key: RigNumber(value)}
         rig = RigStore(None).changed(given, None, for_simulated=False, calibration=None)
         assert rig.mount.values()[key].value == value
 

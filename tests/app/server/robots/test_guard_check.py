@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from app.contract.drive import StoppedEvent
-from app.contract.robots import RobotNow, StopMeasured, Velocity
+from app.contract.robots import CheckRecord, RobotNow, StopMeasured, Velocity
 from app.server import Conflict, FieldError, NotThere
 from app.server.robots.check_manager import CheckManager
 from app.server.robots.check_records import CheckRecords, advice
@@ -81,7 +81,7 @@ def states(check: GuardCheck) -> list[str]:
 
 def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
     check = begun()
-    assert [step.plan.name for step in check.steps] == [
+    assert [step.name for step in check.steps] == [
         "walk_in", "cover_lens", "unplug", "close_browser",
     ]  # fmt: skip
     check.stopped(BLIND, NOW)
@@ -122,7 +122,7 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
 )
 def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> None:
     check = begun("obstacle")
-    assert [step.plan.name for step in check.steps] == ["walk_in", "close_browser"]
+    assert [step.name for step in check.steps] == ["walk_in", "close_browser"]
     check.stopped(replace(STOP, role="obstacle", **changes), NOW)
     assert states(check) == ["failed", "waiting"]
     assert words in str(check.steps[0].verdict)
@@ -148,7 +148,7 @@ def test_driving_is_shown_and_skipping_and_giving_up_name_who() -> None:
     assert (other.outcome, states(other)) == ("given_up", ["waiting"] * 4)
 
 
-def ended(outcome: str = "passed", started_at: str = NOW) -> dict[str, Any]:
+def ended(outcome: str = "passed", started_at: str = NOW) -> CheckRecord:
     check = begun()
     check.started_at = started_at
     if outcome == "given_up":
@@ -161,7 +161,7 @@ def ended(outcome: str = "passed", started_at: str = NOW) -> dict[str, Any]:
 def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
     records = CheckRecords(tmp_path / "guard-checks")
     assert records.all() == []
-    names = [records.save(ended()) for _ in range(11)]
+    names = [records.save(replace(ended(), started_by=str(n))) for n in range(11)]
     assert names[:2] == ["2026-11-22T0209-observer", "2026-11-22T0209-observer-2"]
     record = json.loads(records.text(names[0], "json"))
     assert record["robot"] == {"name": "amigo", "model": "amigo-sh", "watchdog_s": 2.0}
@@ -184,7 +184,9 @@ def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
     ]  # fmt: skip
     assert (listed[0].outcome, listed[-1].states["unplug"]) == ("given_up", "passed")
     # What was given up tells nothing of the guard.
-    assert (records.newest("observer") or {})["name"] == names[-1]
+    newest = records.newest("observer")
+    assert newest is not None
+    assert newest.started_by == "10"
     assert records.newest("obstacle") is None
     assert not [each for each in (tmp_path / "guard-checks").iterdir() if each.name[0] == "."]
 
@@ -229,7 +231,8 @@ def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
         ({"guard": {"guard.margin_m": 0.2}}, "the guard's parameters changed"),
     ):
         assert words in str(advice(newest, circumstances(**changes), today))
-    own = {**newest, "calibration": None}
+    assert newest is not None
+    own = replace(newest, calibration=None)
     assert advice(own, circumstances(calibration=None), today) is None
     other = circumstances(calibration=None, source="camera:2,3")
     assert "the calibration changed" in str(advice(own, other, today))

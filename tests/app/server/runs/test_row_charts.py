@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import pytest
 
 from app.server.runs.row_charts import chart_of_rows
@@ -26,21 +24,22 @@ def rows() -> list[SpeedRow]:
 
 def test_each_track_is_a_curve_and_gaps_are_gaps() -> None:
     chart = chart_of_rows(rows())
-    curves: dict[str, Any] = {each["label"]: each for each in chart["curves"]}
+    curves = {each.label: each for each in chart.curves}
     assert set(curves) == {"track 0:7", "track 1:7", "cart"}
-    assert (chart["aligned"], chart["errors"], chart["changes"]) == (True, [], [])
+    assert (chart.aligned, chart.errors, chart.changes) == (True, [], [])
     first = curves["track 0:7"]
-    assert first["speeds"] == [k / 10 for k in range(10)]
-    assert (first["segment"], first["track_id"], set(first["stds"])) == (0, 7, {0.01})
+    assert first.stds is not None
+    assert list(first.speeds) == [k / 10 for k in range(10)]
+    assert (first.segment, first.track_id, set(first.stds)) == (0, 7, {0.01})
     # Coasting.
-    assert set(curves["track 1:7"]["speeds"]) == {None}
+    assert set(curves["track 1:7"].speeds) == {None}
     truth = curves["cart"]
-    assert (truth["kind"], truth["body"], truth["stds"]) == ("truth", "cart", None)
-    (hole,) = (k for k, speed in enumerate(truth["speeds"]) if speed is None)
-    assert truth["times"][hole - 1 : hole + 2] == pytest.approx([1.1, 1.45, 1.8])
-    assert len(truth["times"]) == len(truth["speeds"])
+    assert (truth.kind, truth.body, truth.stds) == ("truth", "cart", None)
+    (hole,) = (k for k, speed in enumerate(truth.speeds) if speed is None)
+    assert truth.times[hole - 1 : hole + 2] == pytest.approx([1.1, 1.45, 1.8])
+    assert len(truth.times) == len(truth.speeds)
 
 
 def test_a_run_of_which_nothing_is_known_has_an_empty_chart() -> None:
-    assert chart_of_rows([])["curves"] == []
-    assert chart_of_rows([])["aligned"] is False
+    assert chart_of_rows([]).curves == []
+    assert chart_of_rows([]).aligned is False

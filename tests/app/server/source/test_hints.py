@@ -16,7 +16,7 @@ KINDS = ("simulated:", "camera:", "rtsp:", "video:", "coppeliasim:")
 
 
 def test_every_kind_can_be_chosen_and_is_named_in_every_hint() -> None:
-    specs = [entry["spec"] for entry in source_entries()]
+    specs = [entry.spec for entry in source_entries()]
     with pytest.raises(FieldError) as refused:
         check_spec("")
     page = Path(__file__).resolve().parents[4] / "static" / "app" / "source-picker.js"

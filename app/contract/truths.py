@@ -1,0 +1,57 @@
+"""Truth files, as they are told."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from app.contract.values import means
+from observer.truth.files.angles import AngleReading
+
+
+@dataclass(frozen=True)
+class TruthBody:
+    """One body, as it was understood."""
+
+    name: str
+    has_orientation: bool
+    samples: int
+    seen: Annotated[int, means("Of the samples.")]
+    gaps: int
+    from_s: Annotated[float | None, means("On the system's clock, as is to_s.")]
+    to_s: float | None
+    extent_m: Annotated[Sequence[float] | None, means("Along the room's three axes.")]
+    highest_speed_mps: Annotated[float | None, means("Smoothed over 11 samples.")]
+
+
+@dataclass(frozen=True)
+class TruthReading:
+    """How the file was to be read; None: as it says itself."""
+
+    rate_hz: float | None
+    angles: AngleReading | None
+
+
+@dataclass(frozen=True)
+class TruthInfo:
+    format: str
+    rate_hz: float | None
+    duration_s: Annotated[float | None, means("Of all bodies together.")]
+    bodies: Sequence[TruthBody]
+    notes: Sequence[str]
+    reading: TruthReading
+
+
+@dataclass(frozen=True)
+class TruthEntry:
+    """A truth file."""
+
+    id: Annotated[str, means("SHA-256 of its content.")]
+    name: str
+    format: Annotated[str, means("What it was recognised as.")]
+    info: Annotated[
+        TruthInfo,
+        means("What was understood: rate_hz, duration_s, bodies, notes, and reading as asked."),
+    ]
+    created_at: str
