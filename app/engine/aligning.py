@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
-from app.engine.replies import unexpected
+from app.engine.errors import unexpected
 from app.workers.alignment.messages import Choices, Solve, Solved
 from app.workers.alignment.process import AlignmentWorker
 from observer.truth.alignment.live_clocks import LiveClocks, SourceClock
@@ -77,8 +77,8 @@ class _Beginning:
     carry: bool
 
 
-class AlignmentThread:
-    """Alignment thread and its worker. The other methods return at once.
+class AlignmentThread(threading.Thread):
+    """Alignment thread and its worker; starts itself.
 
     Attributes:
         aligned: the alignment now in force.
@@ -99,6 +99,7 @@ class AlignmentThread:
             server_clock: returns the fit of motion capture's clock, where known.
             rest_s: minimum pause between two solutions.
         """
+        super().__init__(name="alignment", daemon=True)
         self.aligned: Aligned | None = None
         self.sentence = NOTHING_SEEN
         self._samples = samples
@@ -119,8 +120,7 @@ class AlignmentThread:
         self._anew = False
         self._slipped = False
         self._not_before = 0.0
-        self._thread = threading.Thread(target=self._run, name="alignment", daemon=True)
-        self._thread.start()
+        self.start()
 
     def begin(self, session: int, choices: Choices, *, carry: bool) -> None:
         """Begin a new session: another source, or the same one reopened.
@@ -135,22 +135,14 @@ class AlignmentThread:
         self._waiting.append((line, received))
 
     def end(self) -> None:
-        """Stop aligning."""
+        """Stop aligning; returns at once."""
         self._ending.set()
         self._worker.end()
 
-    @property
-    def ended(self) -> bool:
-        """Return true once the thread has ended and released everything."""
-        return not self._thread.is_alive()
-
-    def join(self, timeout_s: float) -> None:
-        """Wait until the shutdown begun by ``end`` is complete."""
-        self._thread.join(timeout_s)
-
     # --- the thread --------------------------------------------------------------------------
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Align until ``end``."""
         try:
             while not self._ending.wait(_LOOK_EVERY_S):
                 self._look()
@@ -225,14 +217,13 @@ class AlignmentThread:
             self._not_before = now + self._rest_s
             return
         self._not_before = now + max(self._rest_s, _REST_SHARE * solved.seconds)
-        if solved.alignment is not None:
-            found = Alignment.of_dict(solved.alignment)
-            known = None if self.aligned is None else self.aligned.alignment
-            if known is None or _believable(found, known):
-                self._carried = None
-                self._hold(beginning, found, clocks, carried=False)
-        elif solved.sentence is not None:
-            self.sentence = solved.sentence
+        if isinstance(solved.state, str):
+            self.sentence = solved.state
+            return
+        known = None if self.aligned is None else self.aligned.alignment
+        if known is None or _believable(solved.state, known):
+            self._carried = None
+            self._hold(beginning, solved.state, clocks, carried=False)
 
 
 def _needed(line: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,13 +10,11 @@ from app.contract.answers import Opened
 from app.contract.commands import BeginCalibration, OpenSource
 from app.contract.events import EngineState, StateEvent
 from app.engine.calibrating import BoardPublisher, CalibrationSession, open_calibration
-from app.engine.errors import NotNow
-from app.engine.lending import LentRobots, LentSource, lent
+from app.engine.errors import NotNow, refusal, unexpected
 from app.engine.live_truth import LiveTruth, ObservedSource
 from app.engine.opening import Opening
 from app.engine.played_source import OpeningCommand, PlayedSource, SourceOpener
 from app.engine.recorders import Recorders
-from app.engine.replies import refusal, unexpected
 from app.engine.session import Session
 from app.engine.session_opening import NotCalibrated, ObserverFactory, open_session
 from app.runtime.requests import Reply, Request
@@ -100,7 +98,7 @@ class CurrentSource:
                 f"{shown_spec(self.opening.command.source)} is being opened; wait for it, or "
                 f"close the source"
             )
-        if self.session is not None and self.session.run_id is not None:
+        if self.observing is not None and self.observing.run_id is not None:
             raise NotNow("a run is going; stop it before another source is opened")
         if isinstance(command, OpenSource) and command.truth is not None:
             check_live(command.truth.spec)
@@ -112,8 +110,8 @@ class CurrentSource:
             # a second time.
             if session.spec == command.source:
                 opening.lender, session.resting = session, True
-                source, robots = session.source, session.robots
-                open_source = lambda _: lent(source, robots)  # noqa: E731
+                lent = session.lend()
+                open_source = lambda _: lent  # noqa: E731
             else:
                 opening.before = self._again(session)
                 self.close()
@@ -147,28 +145,21 @@ class CurrentSource:
         self.opening = None
         if session is None:
             return self._not_opened(opening)
-        if opening.lender is None:
-            self.close()
-        else:
-            self.session = None
-            self._closed()
-            for kept in (session.source, session.robots):
-                if kept is not None:
-                    assert isinstance(kept, LentSource | LentRobots)
-                    kept.keep()
+        if opening.lender is not None:
+            session.take_over(opening.lender)
+        self.close()
         self.session = session
+        calibration_yaml = None
         if isinstance(session, Session):
             assert isinstance(opening.command, OpenSource)
             self._truth.use(opening.command.truth)
             self._truth.observing(
                 ObservedSource(session.source.info, session.mount, session.T_body_base)
             )
-        opened = Opened(self.state(), None)
-        if isinstance(session, Session):
             if opening.parameters is not None:
                 session.use(*opening.parameters)
-            opened = replace(opened, calibration_yaml=session.calibration_yaml)
-        return Reply(opening.request.number, value=opened)
+            calibration_yaml = session.calibration_yaml
+        return Reply(opening.request.number, value=Opened(self.state(), calibration_yaml))
 
     def _not_opened(self, opening: Opening) -> Reply:
         number, command, error = opening.request.number, opening.command, opening.error
@@ -236,27 +227,13 @@ class CurrentSource:
 
     def state(self) -> StateEvent:
         """Return the engine's state as it is published."""
-        session = self.session
-        if session is None:
+        truth = self._truth
+        if self.session is None:
             idle = self._failed or StateEvent(EngineState.IDLE, None)
-            return replace(idle, truth=self._truth.facts())
-        return StateEvent(
-            state=session.state,
-            reason=None,
-            source=session.source.info,
-            playback=session.playback_facts(self._clock()),
-            camera=session.camera_facts(),
-            run_id=session.run_id,
-            segment=session.segment,
-            has_truth=session.has_truth or self._truth.in_place,
-            live=session.live_facts(),
-            mount=session.mount_facts(),
-            ageing=session.ageing_facts(),
-            world=session.world,
-            robots=session.robot_facts(),
-            recording=session.recording_facts(),
-            truth=self._truth.facts(),
-        )
+            return replace(idle, truth=truth.facts())
+        state = self.session.state(self._clock())
+        has_truth = state.has_truth or truth.in_place
+        return replace(state, has_truth=has_truth, truth=truth.facts())
 
 
 def _share_cameras(a: str, b: str) -> bool:

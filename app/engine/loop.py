@@ -16,7 +16,7 @@ from app.contract.events import HeartbeatEvent, ObservationEvent, SkippedFrameEv
 from app.engine.calibrating import BoardPublisher, CalibrationSession
 from app.engine.commands import CommandHandler
 from app.engine.current_source import CurrentSource
-from app.engine.explaining import Explainer, ego_motion_facts
+from app.engine.explaining import ego_motion_facts
 from app.engine.live_truth import LiveTruth
 from app.engine.opening import Opening
 from app.engine.playback import PlayedFrame
@@ -77,13 +77,12 @@ class Engine:
         self._sight = sight
         self._clock = clock
         self._thread = threading.get_ident()
-        self._explainer = Explainer()
         self._truth = truth or LiveTruth()
         self._current = CurrentSource(
             open_source=open_source,
             make_observer=make_observer,
             opened=inbox.put,
-            closed=self._forget,
+            closed=publisher.forget,
             boards=BoardPublisher(send, publisher.show_cameras, self.beat),
             truth=self._truth,
             stage_clock=self._beating_clock,
@@ -92,7 +91,6 @@ class Engine:
         self._commands = CommandHandler(
             self._current,
             publisher,
-            self._explainer,
             self._truth,
             send=send,
             beat=self.beat,
@@ -140,11 +138,6 @@ class Engine:
     @property
     def _leaving(self) -> bool:
         return self._ended or self._commands.leaving
-
-    def _forget(self) -> None:
-        """Drop the observations of a closed source: they are no longer shown or explained."""
-        self._publisher.forget()
-        self._explainer.forget()
 
     # --- waiting ---------------------------------------------------------------------------
 
@@ -229,7 +222,7 @@ class Engine:
         if isinstance(session, Session):
             self._observe(session, played)
         elif isinstance(session, CalibrationSession):
-            session.watch.look(played.frame)
+            session.look(played.frame)
 
     def _observe(self, session: Session, played: PlayedFrame) -> None:
         frame = self._with_odometry(played.frame, session)
@@ -240,13 +233,15 @@ class Engine:
         session.record(frame, played)
         trace = FullTrace()
         observation = observer.observe(frame, trace)
-        observed = Observed(frame, observation, trace, observer.camera, observer.parameters)
+        session.segment = session.first_segment + observation.segment
+        observed = Observed(
+            frame, observation, trace, observer.camera, observer.parameters, session.segment
+        )
         if self._sight is not None:
             # Before all else: a robot drives by it.
             self._sight.tell(observed, session.mount, session.world, session.parameters.guard)
         published = self._clock()
         line = observation_line(observation)
-        session.segment = session.first_segment + observation.segment
         line["segment"] = session.segment
         truth = session.truth
         # Motion capture replaces the truth of a simulation.
@@ -274,7 +269,6 @@ class Engine:
                 )
         self.beat()
         session.ageing.look(observed)
-        self._explainer.remember(observed, session.segment)
         self._publisher.publish(observed)
 
     def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:

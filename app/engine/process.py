@@ -58,8 +58,8 @@ def run_engine(
         droppable=(ObservationEvent, SkippedFrameEvent),
     )
     slots = dict(arguments.slots)
-    # Slots shared with the drive process; an engine without one has neither.
-    sight, wheels = slots.pop(SIGHT_NAME, None), slots.pop(WHEELS_NAME, None)
+    # Slots shared with the drive process.
+    sight, wheels = slots.pop(SIGHT_NAME), slots.pop(WHEELS_NAME)
     engine = Engine(
         inbox=inbox,
         send=sender.send,
@@ -67,11 +67,7 @@ def run_engine(
         publisher=Publisher(
             {name: LatestWriter(fd) for name, fd in slots.items()}, time.monotonic, sender.send
         ),
-        sight=SightTeller(
-            None if sight is None else LatestWriter(sight),
-            None if wheels is None else LatestReader(wheels),
-            time.monotonic,
-        ),
+        sight=SightTeller(LatestWriter(sight), LatestReader(wheels), time.monotonic),
         open_source=open_source,
         make_observer=make_observer,
     )

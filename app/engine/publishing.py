@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from app.contract.events import DenseStereoEvent
@@ -15,18 +14,15 @@ from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
 from app.engine.watched import Observed
 from app.runtime.latest import LatestWriter
 from observer.errors import InputError
-from observer.types import Image
+from observer.types import Image, StereoFrame
 
 # The scene is drawn ten times a second; a little more, so that a busy machine keeps up the ten.
 DENSE_RATE_HZ = 12.0
 _DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
 
 
-@dataclass(frozen=True, eq=False)
-class _DenseJob:
-    pair: DensePair
-    # Epoch of the source: a job from a source closed meanwhile is not shown.
-    epoch: int
+# Pair, and the epoch of its source: a pair from a source closed meanwhile is not shown.
+_DenseJob = tuple[DensePair, int]
 
 
 class Publisher:
@@ -88,17 +84,15 @@ class Publisher:
         self._pairs.remember(observed)
         self._draw(observed, self._watched)
 
-    def show_cameras(self, facts: dict[str, Any], draw: Callable[[str], Image]) -> None:
-        """Show the cameras' images as drawn by the caller.
+    def show_cameras(self, frame: StereoFrame, draw: Callable[[str], Image]) -> None:
+        """Show the cameras' images of a frame as drawn by the caller.
 
         Args:
-            facts: frame, time and received of the pair.
             draw: makes the image of a name.
         """
         for name in sorted(self._watched.intersection(CAMERA_NAMES)):
             image = draw(name)
-            width, height = jpeg_size(*image.shape[1::-1])
-            header = {**facts, "width": width, "height": height}
+            header = _header(frame.index, frame.time, frame.received, image)
             self._slots[name].write(header, encode_jpeg(image))
 
     def forget(self) -> None:
@@ -116,15 +110,13 @@ class Publisher:
 
     def _draw(self, observed: Observed, names: frozenset[str]) -> None:
         if names & _DENSE:
-            self._dense.give(_DenseJob(self._pairs.pair(observed), self._epoch))
+            self._dense.give((self._pairs.pair(observed), self._epoch))
         frame = observed.frame
-        facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
         if names.intersection(CAMERA_NAMES):
             images = dict(zip(CAMERA_NAMES, (frame.left, frame.right), strict=True))
-            self.show_cameras(facts, images.__getitem__)
+            self.show_cameras(frame, images.__getitem__)
         for name in names - _DENSE - set(CAMERA_NAMES):
-            width, height = jpeg_size(*frame.left.shape[1::-1])
-            header = {**facts, "width": width, "height": height}
+            header = _header(frame.index, frame.time, frame.received, frame.left)
             self._slots[name].write(header, draw_view(name, observed))
 
     # --- in the other thread ---------------------------------------------------------------
@@ -133,14 +125,14 @@ class Publisher:
         begin, watched = self._clock(), self._watched & _DENSE
         if not watched:
             return
-        dense = trouble = None
+        (pair, epoch), dense, trouble = job, None, None
         try:
-            dense = dense_stereo(job.pair)
-            self._write_dense(job, dense, watched)
+            dense = dense_stereo(pair)
+            self._write_dense(pair, dense, epoch, watched)
         except Exception as error:  # noqa: BLE001
             # A failure in display must stop neither the observing nor the next attempt.
             trouble = f"dense stereo failed: {type(error).__name__}: {error}"
-        now, instant = self._clock(), job.pair.instant
+        now, instant = self._clock(), pair.instant
         self._send(
             DenseStereoEvent(
                 frame=instant["frame"],
@@ -153,17 +145,22 @@ class Publisher:
         )
 
     def _write_dense(
-        self, job: _DenseJob, dense: DenseStereo | None, watched: frozenset[str]
+        self, pair: DensePair, dense: DenseStereo | None, epoch: int, watched: frozenset[str]
     ) -> None:
-        pair, values = job.pair, []
+        values = []
         if CLOUD_NAME in watched and dense is not None:
             values.append((CLOUD_NAME, *cloud_value(pair, dense)))
         if DISPARITY_NAME in watched:
-            facts = {name: pair.instant[name] for name in ("frame", "time", "received")}
-            width, height = jpeg_size(*pair.left.shape[1::-1])
-            header = {**facts, "width": width, "height": height}
+            instant = pair.instant
+            header = _header(instant["frame"], instant["time"], instant["received"], pair.left)
             values.append((DISPARITY_NAME, header, [draw_disparity(pair, dense)]))
         with self._writing:
-            if job.epoch == self._epoch:
+            if epoch == self._epoch:
                 for name, header, payload in values:
                     self._slots[name].write(header, *payload)
+
+
+def _header(frame: int, time: float, received: float, image: Image) -> dict[str, Any]:
+    """Return the header of a view: its instant, and the size of the image's JPEG."""
+    width, height = jpeg_size(*image.shape[1::-1])
+    return {"frame": frame, "time": time, "received": received, "width": width, "height": height}

@@ -47,8 +47,10 @@ def free_bytes(path: Path) -> int:
     return shutil.disk_usage(path.parent).free
 
 
-class RunRecorder:
-    """Recorder of one run. Its methods return at once; all but ``capture`` are for the loop.
+class RunRecorder(threading.Thread):
+    """Recorder of one run; starts itself. All its methods but ``capture`` are for the loop.
+
+    They return at once. The thread ends when the file is complete or given up after ``end``.
 
     Args:
         writer: writes the file; None records nothing.
@@ -70,6 +72,7 @@ class RunRecorder:
         free: Callable[[Path], int] = free_bytes,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        super().__init__(name="recording", daemon=True)
         self._writer = writer
         self._order = order
         self._path = None if order is None else Path(order.path)
@@ -92,8 +95,7 @@ class RunRecorder:
         # A frame that began something was dropped: that beginning moves to the next frame.
         self._owed: Begins | None = None
         self._disk_looked_at = clock()
-        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
-        self._thread.start()
+        self.start()
 
     def facts(self) -> RecordingStatus | None:
         """Return the facts as ``StateEvent.recording`` holds them; None with only the ring kept."""
@@ -235,15 +237,6 @@ class RunRecorder:
             self._ending = True
             self._changed.notify()
 
-    def join(self, timeout_s: float) -> None:
-        """Wait until the shutdown begun by ``end`` is complete."""
-        self._thread.join(timeout_s)
-
-    @property
-    def ended(self) -> bool:
-        """Return true once the file is closed for good."""
-        return not self._thread.is_alive()
-
     def _give(self, work: Work, size: int = 0) -> bool:
         with self._changed:
             if self._trouble is not None or self._ending:
@@ -261,7 +254,8 @@ class RunRecorder:
 
     # --- the thread --------------------------------------------------------------------------
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Write until ``end``."""
         # Keep the loop's own priority: a thread that lost its core while it holds Python's lock
         # would block the loop, and the robots' sight with it.
         try:

@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from app.contract.commands import OpenSource
-from app.contract.events import EngineState
-from app.contract.status import AgeingStatus, RecordingStatus
+from app.contract.events import EngineState, StateEvent
 from app.engine.ageing import CalibrationAgeing
 from app.engine.playback import PlayedFrame, Player
 from app.engine.played_source import PlayedSource
@@ -70,7 +69,7 @@ class Session(PlayedSource):
             recorder: records the run, where ordered.
             record_again: makes the recorder that follows the run.
         """
-        super().__init__(command.source, opened.source, player, skipped, opened.robots)
+        super().__init__(command.source, opened, player, skipped)
         self._command = command
         self.calibration_yaml = calibration_yaml
         self.mount = mount
@@ -83,7 +82,6 @@ class Session(PlayedSource):
         self.first_segment = command.segment
         self.parameters_revision = command.parameters_revision
         self.truth = None if opened.truth is None else TruthMatcher(opened.truth)
-        self.has_truth = self.truth is not None
         self.segment = command.segment
         self.recorder = recorder
         self._record_again = record_again
@@ -92,9 +90,22 @@ class Session(PlayedSource):
             for frame in skipped:
                 recorder.skipped(frame)
 
-    @property
-    def state(self) -> EngineState:
-        return EngineState.PREVIEW if self.run_id is None else EngineState.RUNNING
+    def state(self, now: float) -> StateEvent:
+        """Return the engine's state with this source, all but live motion capture."""
+        recorder = None if self.run_id is None else self.recorder
+        return replace(
+            super().state(now),
+            state=EngineState.PREVIEW if self.run_id is None else EngineState.RUNNING,
+            camera=self.observer.camera,
+            run_id=self.run_id,
+            segment=self.segment,
+            has_truth=self.truth is not None,
+            mount=self.mount,
+            ageing=self.ageing.facts(),
+            world=self.world,
+            robots=self._ports,
+            recording=None if recorder is None else recorder.facts(),
+        )
 
     def again(self) -> OpenSource:
         """Return the command that would reopen it in its present state, with nothing kept."""
@@ -130,48 +141,19 @@ class Session(PlayedSource):
     def end_run(self) -> RunRecorder | None:
         """End the run and keep nothing from now on; the caller ends the returned recorder."""
         self.run_id = None
-        recorder = self.stop_recording()
-        self.recorder = self._record_again()
+        recorder, self.recorder = self.recorder, self._record_again()
         if self.recorder is not None:
             self.recorder.parameters(self.parameters, self.parameters_revision)
         return recorder
 
-    def stop_recording(self) -> RunRecorder | None:
-        """Stop recording; the caller ends the returned recorder."""
-        recorder, self.recorder = self.recorder, None
-        return recorder
-
-    def recording_facts(self) -> RecordingStatus | None:
-        """Return the recording as ``StateEvent.recording`` holds it."""
-        if self.run_id is None or self.recorder is None:
-            return None
-        return self.recorder.facts()
-
     def close(self) -> None:
-        recorder = self.stop_recording()
-        if recorder is not None:
-            recorder.end()
+        if self.recorder is not None:
+            self.recorder.end()
         super().close()
-
-    def camera_facts(self) -> StereoCamera:
-        """Return the rectified camera as ``StateEvent.camera`` holds it."""
-        return self.observer.camera
-
-    def mount_facts(self) -> CameraMount | None:
-        """Return the mount as ``StateEvent.mount`` holds it."""
-        return self.mount
-
-    def ageing_facts(self) -> AgeingStatus | None:
-        """Return the ageing as ``StateEvent.ageing`` holds it."""
-        return self.ageing.facts()
 
     @property
     def world(self) -> str | None:
         """Return the robots' own world, ``real`` for live cameras, none for a replay."""
-        if self.robots is not None:
-            return self.robots.world
+        if self.opened.robots is not None:
+            return self.opened.robots.world
         return REAL_WORLD if self.source.info.live else None
-
-    def robot_facts(self) -> tuple[RobotPort, ...]:
-        """Return the robots as ``StateEvent.robots`` holds them."""
-        return self._ports

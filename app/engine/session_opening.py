@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import Any, Protocol
+from typing import Protocol
 
 from app.contract.commands import OpenSource
 from app.engine.playback import Player
@@ -76,7 +76,7 @@ def open_session(
         InputError: one sentence on the fault in the source, calibration or a parameter.
         RecordingError: a recording was ordered and is not possible.
     """
-    parameters = parse_parameters(command.parameters)
+    parameters = AllParameters().changed(command.parameters)
     calibration = (
         None
         if command.calibration_yaml is None
@@ -130,15 +130,6 @@ def open_session(
     except BaseException:
         close_opened(opened)
         raise
-
-
-def parse_parameters(values: Mapping[str, Any]) -> AllParameters:
-    """Return the declared defaults updated with these values, by dotted name.
-
-    Raises:
-        ParameterError: names every refused field and its range.
-    """
-    return AllParameters().changed(values)
 
 
 def _check_size(calibration: StereoCalibration, source: Source) -> None:

@@ -21,6 +21,7 @@ class Observed:
         trace: the observer's intermediate images and numbers by name (see ``observer.observer``).
         camera: the rectified pair.
         parameters: those in force for this frame.
+        segment: counted over restarts of the engine.
     """
 
     frame: StereoFrame
@@ -28,3 +29,4 @@ class Observed:
     trace: Mapping[str, Any]
     camera: StereoCamera
     parameters: Parameters
+    segment: int

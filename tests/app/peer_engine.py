@@ -43,6 +43,7 @@ from app.contract.events import (
 from app.contract.pixel import Pixel, PixelObstacle
 from app.contract.status import PlaybackStatus, RecordingStatus
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
+from app.engine.motion_listening import CONNECTING
 from app.engine.supervisor import EngineRefused, EngineUnavailable
 from app.engine.truth_facts import truth_facts
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
@@ -323,7 +324,9 @@ class PeerEngine:
                 robots=self.robots,
                 truth=None
                 if opened.truth is None
-                else truth_facts(opened.truth, None, None, None, "not yet aligned: only a peer"),
+                else truth_facts(
+                    opened.truth, CONNECTING, None, None, "not yet aligned: only a peer"
+                ),
             )
             if not more
             else replace(self.state(), **more)

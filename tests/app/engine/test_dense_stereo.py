@@ -42,7 +42,7 @@ def observed(index: int, *, width: int = 160, height: int = 120, **trace: Any) -
         index, frame.time, frame.received, 2, Status.OK, ("weak",), 1, pose, ()
     )
     trace = {"left": left, "right": right} | trace
-    return Observed(frame, observation, trace, camera(width, height), Parameters())
+    return Observed(frame, observation, trace, camera(width, height), Parameters(), 0)
 
 
 def keeper(*frames: Observed) -> PairKeeper:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import threading
 import time
 from typing import Any
 
@@ -153,6 +154,10 @@ def test_the_same_cameras_are_handed_on_and_never_opened_twice(
         assert reply.error is None
         assert cameras.open == 1
     assert cameras.opened == [SPEC]
+    deadline = time.monotonic() + 10
+    while sum(thread.name == "recording" for thread in threading.enumerate()) > 1:
+        assert time.monotonic() < deadline, "the old sessions still keep their last half minute"
+        time.sleep(0.01)
     assert desk.current.session is not None
     # It delivers, and tells how it is.
     assert desk.current.session.source.read() is not None

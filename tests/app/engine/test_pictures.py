@@ -108,7 +108,7 @@ def observed(
     observation = Observation(
         index, frame.time, frame.received, 0, Status.OK, reasons, 1, pose, (obstacle(),)
     )
-    return Observed(frame, observation, trace, CAMERA, Parameters())
+    return Observed(frame, observation, trace, CAMERA, Parameters(), 0)
 
 
 def drawn(name: str, what: Observed) -> bytes:

@@ -43,7 +43,7 @@ def observed(index: int, **changes: Any) -> Observed:
     frame = StereoFrame(index, index / 10, left, left, received=50.0 + index)
     pose = Pose(np.eye(3), np.array([0, 0, 0.1 * index]))
     observation = Observation(index, frame.time, frame.received, 0, Status.OK, (), 1, pose, ())
-    return Observed(frame, observation, trace, CAMERA, Parameters())
+    return Observed(frame, observation, trace, CAMERA, Parameters(), 0)
 
 
 class Bench:
