@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
 
-from app.client.errors import DrivingFailed
-from observer.errors import InputError
+from observer.errors import DynamicObserverError, InputError
 
 # Arming waits for a robot's answer; no request takes longer.
 _TIMEOUT_S = 5.0
@@ -17,6 +16,10 @@ _LONGEST_TOKEN = 512
 # These mean that the caller's request is wrong; anything else concerns the state of the server or
 # of a robot. 404 may be either.
 _WRONG_INPUT = (400, 401, 403, 413, 415, 422)
+
+
+class DrivingFailed(DynamicObserverError):
+    """Refusal by the server or a robot, or a lost link to them."""
 
 
 class ServerApi:
@@ -103,10 +106,8 @@ class ServerApi:
             content = answer.read()
         except (OSError, http.client.HTTPException) as error:
             self.close()
-            raise DrivingFailed(
-                f"{self.address} does not answer ({_why(error)}); start the server with "
-                f"dynamic-observer serve, or name another one with --server"
-            ) from None
+            late = isinstance(error, TimeoutError)
+            raise self.unanswered(f"for {_TIMEOUT_S:g} s" if late else why(error)) from None
         except BaseException:
             # A late reply must not be taken for the reply to the next request.
             self.close()
@@ -118,6 +119,13 @@ class ServerApi:
         sentence = self._sentence(content, f"{method} {target} was answered {answer.status}")
         unknown = answer.status == 404 and path[0] == "programmes"
         raise (InputError if unknown or answer.status in _WRONG_INPUT else DrivingFailed)(sentence)
+
+    def unanswered(self, reason: str) -> DrivingFailed:
+        """Return the failure of a server that cannot be reached."""
+        return DrivingFailed(
+            f"{self.address} does not answer ({reason}); start the server with "
+            f"dynamic-observer serve, or name another one with --server"
+        )
 
     def close(self) -> None:
         """Close the connection; the next request opens a new one."""
@@ -175,7 +183,6 @@ def read_token(token: str | None, file: Path | None) -> str:
     return token
 
 
-def _why(error: Exception) -> str:
-    if isinstance(error, TimeoutError):
-        return f"for {_TIMEOUT_S:g} s"
+def why(error: Exception) -> str:
+    """Return the reason for a failed connection, in words."""
     return getattr(error, "strerror", None) or str(error) or type(error).__name__

@@ -17,10 +17,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from app.client.errors import DrivingFailed
 from app.client.operator_socket import OperatorSocket
 from app.client.profile_drive import PlayRequest, ProfileDrive
-from app.client.server_api import ServerApi
+from app.client.server_api import DrivingFailed, ServerApi
 from app.reports.experiments import Experiment, judged, with_experiments
 from app.reports.gathering import Gathered
 from app.reports.report import Report, Step, make_report

@@ -88,9 +88,9 @@ def trail_segments(positions: Sequence[ArrayLike]) -> Float64Array:
     return np.array([(a, b) for a, b in pairwise(points)]).reshape(-1, 2, 3)
 
 
-def floor_lines(half_width_m: int, step_m: float = 1.0) -> Float64Array:
-    """Return (N, 2, 3) lines of a square grid on z = 0 around the origin, along x and along y."""
-    at = np.arange(-half_width_m, half_width_m + step_m / 2, step_m)
+def floor_lines(half_width_m: int) -> Float64Array:
+    """Return (N, 2, 3) lines of a grid of 1 m on z = 0 around the origin, along x and along y."""
+    at = np.arange(-half_width_m, half_width_m + 1.0)
     far = np.full_like(at, half_width_m)
     zero = np.zeros_like(at)
     along_x = np.stack([np.stack([-far, at, zero], 1), np.stack([far, at, zero], 1)], axis=1)
