@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from app.contract.answers import CalibrationPreview, KeptClip, ScenePairs
-from app.contract.calibrating import PlaceDepth
 from app.contract.commands import (
     BeginCalibration,
     ChangeCalibration,
@@ -61,21 +61,18 @@ class CommandHandler:
         *,
         send: Callable[[Reply], None],
         beat: Callable[[], None],
-        clock: Callable[[], float],
     ) -> None:
-        """Set the outputs and the clock.
+        """Set the outputs.
 
         Args:
             send: takes the refusal of an opening that a later command ends.
             beat: called between the steps of lengthy work.
-            clock: the host's monotonic clock.
         """
         self._current = current
         self._publisher = publisher
         self._truth = truth
         self._send = send
         self._beat = beat
-        self._clock = clock
         self.leaving = False
 
     def answer(self, request: Request) -> Reply | None:
@@ -118,7 +115,10 @@ class CommandHandler:
             case PreviewCalibration():
                 return self._preview(command.calibration_yaml)
             case MeasureDepth():
-                return self._measure(command)
+                pair = self._newest_pair()
+                return measure_depth(
+                    pair, command.calibration_yaml, command.u, command.v, self._beat
+                )
             case LookAtFloor():
                 return look_at_floor(self._publisher.newest)
             case TakeScenePairs():
@@ -191,17 +191,13 @@ class CommandHandler:
         if session is None:
             raise NotNow("no source is open, so there is nothing to play; open one first")
         session.player.change(command)
-        return session.playback_facts(self._clock())
+        return session.playback_facts(time.monotonic())
 
     def _take_scene_pairs(self) -> ScenePairs:
         session = self._current.observing
         if session is None:
             raise NotNow("nothing is observed whose calibration could be refined; open a source")
         return ScenePairs(session.ageing.pairs, session.calibration_yaml)
-
-    def _measure(self, command: MeasureDepth) -> PlaceDepth:
-        pair = self._newest_pair()
-        return measure_depth(pair, command.calibration_yaml, command.u, command.v, self._beat)
 
     def _preview(self, calibration_yaml: str) -> CalibrationPreview:
         session = self._current.calibrating

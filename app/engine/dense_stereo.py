@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.camera import StereoCamera, as_gray
 from observer.parameters import StereoParameters
 from observer.types import Image

@@ -10,7 +10,7 @@ from app.contract.pixel import Pixel, PixelObstacle
 from app.contract.status import CameraMotion, Decomposition, EgoMotionStatus
 from app.contract.values import word
 from app.engine.errors import NotNow
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.errors import InputError
 from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
 from observer.parameters import Parameters

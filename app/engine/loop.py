@@ -15,17 +15,16 @@ from dataclasses import replace
 from app.contract.events import HeartbeatEvent, ObservationEvent, SkippedFrameEvent, StateEvent
 from app.engine.calibrating import BoardPublisher, CalibrationSession
 from app.engine.commands import CommandHandler
-from app.engine.current_source import CurrentSource
+from app.engine.current_source import CurrentSource, Opening
 from app.engine.explaining import ego_motion_facts
 from app.engine.live_truth import LiveTruth
-from app.engine.opening import Opening
+from app.engine.observed import Observed
 from app.engine.playback import PlayedFrame
 from app.engine.played_source import PlayedSource, SourceOpener
 from app.engine.publishing import Publisher
 from app.engine.session import Session
 from app.engine.session_opening import ObserverFactory
 from app.engine.sight import SightTeller
-from app.engine.watched import Observed
 from app.runtime.requests import Request
 from observer.guard.sight import REAL_WORLD
 from observer.jsonl import observation_line
@@ -56,8 +55,6 @@ class Engine:
         sight: SightTeller | None = None,
         open_source: SourceOpener,
         make_observer: ObserverFactory,
-        truth: LiveTruth | None = None,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Set up the loop.
 
@@ -67,17 +64,14 @@ class Engine:
             observations_lost: returns how many events ``send`` has dropped.
             publisher: takes observed frames, for views and the cloud; closed at the end.
             sight: sends each frame's sight to the drive process, if there is one.
-            truth: live motion capture; it listens to none until ordered.
-            clock: the host's monotonic clock.
         """
         self._inbox = inbox
         self._send = send
         self._observations_lost = observations_lost
         self._publisher = publisher
         self._sight = sight
-        self._clock = clock
         self._thread = threading.get_ident()
-        self._truth = truth or LiveTruth()
+        self._truth = LiveTruth()
         self._current = CurrentSource(
             open_source=open_source,
             make_observer=make_observer,
@@ -86,18 +80,11 @@ class Engine:
             boards=BoardPublisher(send, publisher.show_cameras, self.beat),
             truth=self._truth,
             stage_clock=self._beating_clock,
-            clock=clock,
         )
         self._commands = CommandHandler(
-            self._current,
-            publisher,
-            self._truth,
-            send=send,
-            beat=self.beat,
-            clock=clock,
+            self._current, publisher, self._truth, send=send, beat=self.beat
         )
         self._sequence = 0
-        self._ended = False
         self._next_beat = 0.0
         self._sent_state: StateEvent | None = None
         self._state_sent_at = 0.0
@@ -107,7 +94,7 @@ class Engine:
         self._thread = threading.get_ident()
         self._publish_state()
         try:
-            while not self._leaving:
+            while not self._commands.leaving:
                 self._take_messages()
                 self._advance()
                 self._publish_state()
@@ -119,7 +106,7 @@ class Engine:
 
     def beat(self) -> None:
         """Send a heartbeat if one is due; only calls from the loop's own thread do anything."""
-        now = self._clock()
+        now = time.monotonic()
         if now < self._next_beat or threading.get_ident() != self._thread:
             return
         self._next_beat = now + BEAT_INTERVAL_S
@@ -135,17 +122,13 @@ class Engine:
             session.tend()
         return time.perf_counter()
 
-    @property
-    def _leaving(self) -> bool:
-        return self._ended or self._commands.leaving
-
     # --- waiting ---------------------------------------------------------------------------
 
     def _take_messages(self) -> None:
         """Wait until a frame is due or a message arrives; answer all messages."""
-        while not self._leaving:
+        while not self._commands.leaving:
             self.beat()
-            now = self._clock()
+            now = time.monotonic()
             due = self._due_in_s(now)
             wait = min(due, max(self._next_beat - now, 0.0))
             try:
@@ -156,7 +139,7 @@ class Engine:
                 self._publish_state()
                 continue
             if message is None:
-                self._ended = True
+                self._commands.leaving = True
             elif isinstance(message, Opening):
                 self._opened(message)
             else:
@@ -193,7 +176,7 @@ class Engine:
     def _advance(self) -> None:
         """Read or observe at most one frame, whichever is due."""
         session = self._current.session
-        if session is None or session.resting or self._leaving:
+        if session is None or session.resting or self._commands.leaving:
             return
         source = session.source.info.spec
         try:
@@ -208,7 +191,7 @@ class Engine:
             if isinstance(session, Session) and session.recorder is not None:
                 session.recorder.skipped(skipped)
             return
-        if session.player.wait_s(self._clock()) != 0.0:
+        if session.player.wait_s(time.monotonic()) != 0.0:
             return
         try:
             self._use_frame(session)
@@ -217,7 +200,7 @@ class Engine:
             self._current.fail(f"observing a frame of {source}", error)
 
     def _use_frame(self, session: PlayedSource) -> None:
-        played = session.player.take(self._clock())
+        played = session.player.take(time.monotonic())
         self._current.raw_pair = played.frame
         if isinstance(session, Session):
             self._observe(session, played)
@@ -240,7 +223,7 @@ class Engine:
         if self._sight is not None:
             # Before all else: a robot drives by it.
             self._sight.tell(observed, session.mount, session.world, session.parameters.guard)
-        published = self._clock()
+        published = time.monotonic()
         line = observation_line(observation)
         line["segment"] = session.segment
         truth = session.truth
@@ -281,7 +264,7 @@ class Engine:
     # --- state -----------------------------------------------------------------------------
 
     def _publish_state(self) -> None:
-        now = self._clock()
+        now = time.monotonic()
         state, sent = self._current.state(), self._sent_state
         # If only the position moved, an occasional update is enough.
         lately = now - self._state_sent_at < _POSITION_INTERVAL_S

@@ -64,9 +64,7 @@ def run_engine(
         inbox=inbox,
         send=sender.send,
         observations_lost=lambda: sender.lost(ObservationEvent),
-        publisher=Publisher(
-            {name: LatestWriter(fd) for name, fd in slots.items()}, time.monotonic, sender.send
-        ),
+        publisher=Publisher({name: LatestWriter(fd) for name, fd in slots.items()}, sender.send),
         sight=SightTeller(LatestWriter(sight), LatestReader(wheels), time.monotonic),
         open_source=open_source,
         make_observer=make_observer,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -10,8 +11,8 @@ from app.contract.events import DenseStereoEvent
 from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES
 from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
 from app.engine.latest_worker import LatestWorker
+from app.engine.observed import Observed
 from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
-from app.engine.watched import Observed
 from app.runtime.latest import LatestWriter
 from observer.errors import InputError
 from observer.types import Image, StereoFrame
@@ -30,27 +31,25 @@ class Publisher:
 
     A thread beside the loop computes everything that needs dense stereo, from the newest pair and
     at its own rate; the rest is drawn at once. Only one thread writes each slot.
+
+    Attributes:
+        newest: the newest observed frame of the open source.
     """
 
     def __init__(
-        self,
-        slots: Mapping[str, LatestWriter],
-        clock: Callable[[], float],
-        send: Callable[[DenseStereoEvent], None],
+        self, slots: Mapping[str, LatestWriter], send: Callable[[DenseStereoEvent], None]
     ) -> None:
         """Set the slots.
 
         Args:
             slots: one for each name in ``VIEW_NAMES`` and ``CLOUD_NAME``.
-            clock: the host's monotonic clock.
             send: told of every cloud or disparity view, including failed ones; called in the other
                 thread.
         """
         self._slots = slots
-        self._clock = clock
         self._send = send
         self._watched: frozenset[str] = frozenset()
-        self._newest: Observed | None = None
+        self.newest: Observed | None = None
         self._pairs = PairKeeper()
         self._epoch = 0
         self._writing = threading.Lock()
@@ -70,17 +69,12 @@ class Publisher:
                 f"there are: {', '.join((*VIEW_NAMES, CLOUD_NAME))}"
             )
         new, self._watched = wanted - self._watched, wanted
-        if self._newest is not None:
-            self._draw(self._newest, new)
-
-    @property
-    def newest(self) -> Observed | None:
-        """Return the newest observed frame of the open source."""
-        return self._newest
+        if self.newest is not None:
+            self._draw(self.newest, new)
 
     def publish(self, observed: Observed) -> None:
         """Draw the watched views of the newest frame."""
-        self._newest = observed
+        self.newest = observed
         self._pairs.remember(observed)
         self._draw(observed, self._watched)
 
@@ -97,7 +91,7 @@ class Publisher:
 
     def forget(self) -> None:
         """Drop the closed source's frame, so that it is not shown again."""
-        self._newest = None
+        self.newest = None
         self._pairs = PairKeeper()
         self._dense.forget()
         with self._writing:
@@ -122,7 +116,7 @@ class Publisher:
     # --- in the other thread ---------------------------------------------------------------
 
     def _make_dense(self, job: _DenseJob) -> None:
-        begin, watched = self._clock(), self._watched & _DENSE
+        begin, watched = time.monotonic(), self._watched & _DENSE
         if not watched:
             return
         (pair, epoch), dense, trouble = job, None, None
@@ -132,7 +126,7 @@ class Publisher:
         except Exception as error:  # noqa: BLE001
             # A failure in display must stop neither the observing nor the next attempt.
             trouble = f"dense stereo failed: {type(error).__name__}: {error}"
-        now, instant = self._clock(), pair.instant
+        now, instant = time.monotonic(), pair.instant
         self._send(
             DenseStereoEvent(
                 frame=instant["frame"],

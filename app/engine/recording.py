@@ -70,7 +70,6 @@ class RunRecorder(threading.Thread):
         trouble: str | None = None,
         most_bytes: int = MOST_BYTES,
         free: Callable[[Path], int] = free_bytes,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         super().__init__(name="recording", daemon=True)
         self._writer = writer
@@ -80,8 +79,7 @@ class RunRecorder(threading.Thread):
         self._trouble = trouble
         self._most_bytes = most_bytes
         self._free = free
-        self._clock = clock
-        self._began = clock()
+        self._began = time.monotonic()
         self._bytes = 0 if writer is None else writer.size
         self._seconds = 0.0
         self._changed = threading.Condition()
@@ -94,7 +92,7 @@ class RunRecorder(threading.Thread):
         self._done: Callable[[], None] | None = None
         # A frame that began something was dropped: that beginning moves to the next frame.
         self._owed: Begins | None = None
-        self._disk_looked_at = clock()
+        self._disk_looked_at = time.monotonic()
         self.start()
 
     def facts(self) -> RecordingStatus | None:
@@ -167,7 +165,7 @@ class RunRecorder(threading.Thread):
         told = ParameterRevision(
             revision=revision, values=values, frame=frame, difference=difference
         )
-        now = self._clock()
+        now = time.monotonic()
         self._give(lambda w: w.parameters(told, now))
 
     def robots(self, rows: Sequence[RobotRow], incidents: Sequence[Incident]) -> None:
@@ -187,12 +185,12 @@ class RunRecorder(threading.Thread):
 
     def skipped(self, skipped: SkippedFrame) -> None:
         """Record a frame that the source could not read."""
-        now = self._clock()
+        now = time.monotonic()
         self._give(lambda w: w.skipped(skipped, now))
 
     def incident(self, kind: str, sentence: str) -> None:
         """Record an incident to be found again."""
-        told = Incident(kind=kind, sentence=sentence, received=self._clock())
+        told = Incident(kind=kind, sentence=sentence, received=time.monotonic())
         self._give(lambda w: w.incident(told))
 
     def save_clip(
@@ -274,10 +272,10 @@ class RunRecorder(threading.Thread):
                 self._changed.wait(_FLUSH_S)
             if self._waiting:
                 return self._waiting.popleft()
-            return None if self._ending else (_nothing, 0)
+            return None if self._ending else ((lambda _: None), 0)
 
     def _step(self, work: Work, size: int) -> None:
-        writer, now = self._writer, self._clock()
+        writer, now = self._writer, time.monotonic()
         try:
             if writer is not None:
                 self._tell_of_lost(writer, now)
@@ -357,7 +355,3 @@ def make_room(path: Path, reserve_bytes: int) -> None:
         raise RecordingError.of(error, path.name) from None
     if left < reserve_bytes:
         raise RecordingError(almost_full(path, left, reserve_bytes), full=True)
-
-
-def _nothing(_: RecordingWriter) -> None:
-    pass

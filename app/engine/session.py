@@ -56,8 +56,7 @@ class Session(PlayedSource):
         mount: CameraMount | None,
         T_body_base: Mapping[str, Pose],
         ports: tuple[RobotPort, ...],
-        recorder: RunRecorder | None = None,
-        record_again: Callable[[], RunRecorder | None] = lambda: None,
+        begin_recording: Callable[[OpenSource], RunRecorder | None],
     ) -> None:
         """Set up the session.
 
@@ -66,8 +65,7 @@ class Session(PlayedSource):
             calibration_yaml, mount: the calibration and mount the observer was made with.
             T_body_base: by body of motion capture, as the rig file gives it.
             ports: addresses of the robots in the source's world.
-            recorder: records the run, where ordered.
-            record_again: makes the recorder that follows the run.
+            begin_recording: begins to record a run as its command orders, or keeps what it can.
         """
         super().__init__(command.source, opened, player, skipped)
         self._command = command
@@ -83,12 +81,12 @@ class Session(PlayedSource):
         self.parameters_revision = command.parameters_revision
         self.truth = None if opened.truth is None else TruthMatcher(opened.truth)
         self.segment = command.segment
-        self.recorder = recorder
-        self._record_again = record_again
-        if recorder is not None:
-            recorder.parameters(parameters, command.parameters_revision)
+        self._begin_recording = begin_recording
+        self.recorder = begin_recording(command)
+        if self.recorder is not None:
+            self.recorder.parameters(parameters, command.parameters_revision)
             for frame in skipped:
-                recorder.skipped(frame)
+                self.recorder.skipped(frame)
 
     def state(self, now: float) -> StateEvent:
         """Return the engine's state with this source, all but live motion capture."""
@@ -141,7 +139,7 @@ class Session(PlayedSource):
     def end_run(self) -> RunRecorder | None:
         """End the run and keep nothing from now on; the caller ends the returned recorder."""
         self.run_id = None
-        recorder, self.recorder = self.recorder, self._record_again()
+        recorder, self.recorder = self.recorder, self._begin_recording(self.again())
         if self.recorder is not None:
             self.recorder.parameters(self.parameters, self.parameters_revision)
         return recorder

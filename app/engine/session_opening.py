@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
@@ -111,8 +110,6 @@ def open_session(
         skipped = read_first(player)
         info = opened.source.info
         begin = partial(recorders.begin, info=info, calibration_yaml=text, mount=mount)
-        recorder = begin(command)
-        again = partial(begin, replace(command, run_id=None, segment=0, record=None))
         return Session(
             command,
             opened,
@@ -124,8 +121,7 @@ def open_session(
             mount,
             bodies,
             ports,
-            recorder,
-            again,
+            begin,
         )
     except BaseException:
         close_opened(opened)

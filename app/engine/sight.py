@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from app.runtime.latest import LatestReader, LatestWriter
 from observer.camera import as_gray
 from observer.guard.free_path import FreePath

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.engine.dense_stereo import DensePair, DenseStereo
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.drawing import color_copy
 from observer.types import Image, Obstacle
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.engine.dense_stereo import PairKeeper, cloud_value, coarseness, dense_stereo
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.parameters import Parameters, StereoParameters

@@ -11,7 +11,7 @@ from app.contract.pixel import PixelObstacle
 from app.contract.values import json_text
 from app.engine.errors import NotNow
 from app.engine.explaining import ego_motion_facts, explain
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.errors import InputError
 from observer.observer import Observer
 from observer.opening import open_source

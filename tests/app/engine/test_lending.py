@@ -13,8 +13,7 @@ import pytest
 from app.contract.commands import BeginCalibration, OpenSource
 from app.contract.events import EngineState
 from app.engine.calibrating import BoardPublisher
-from app.engine.current_source import CurrentSource
-from app.engine.opening import Opening
+from app.engine.current_source import CurrentSource, Opening
 from app.runtime.requests import Reply, Request
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
@@ -103,7 +102,6 @@ class Desk:
             closed=lambda: None,
             boards=BoardPublisher(lambda _: None, lambda *_: None, lambda: None),
             stage_clock=time.perf_counter,
-            clock=time.monotonic,
         )
         self._number = 0
 

@@ -12,8 +12,8 @@ import pytest
 from app.contract.views import CAMERA_NAMES, VIEW_NAMES
 from app.engine.calibration_preview import preview_calibration, vertical_error
 from app.engine.dense_stereo import PairKeeper, dense_stereo
+from app.engine.observed import Observed
 from app.engine.views import MAX_WIDTH, draw_disparity, draw_view
-from app.engine.watched import Observed
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera

@@ -17,8 +17,8 @@ from app.contract.events import DenseStereoEvent
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.engine import publishing
 from app.engine.dense_stereo import MAX_POINTS, DensePair, DenseStereo, dense_stereo
+from app.engine.observed import Observed
 from app.engine.publishing import Publisher
-from app.engine.watched import Observed
 from app.runtime.latest import Latest, LatestReader, LatestWriter, create_slot
 from observer.camera import StereoCamera
 from observer.errors import InputError
@@ -54,7 +54,7 @@ class Bench:
         writers = {name: LatestWriter(fd) for name, fd in self.fds.items()}
         self.readers = {name: LatestReader(fd) for name, fd in self.fds.items()}
         self.told: queue.SimpleQueue[DenseStereoEvent] = queue.SimpleQueue()
-        self.publisher = Publisher(writers, time.monotonic, self.told.put)
+        self.publisher = Publisher(writers, self.told.put)
 
     def wait_read(self, name: str, fits: Callable[[Latest], bool] = lambda _: True) -> Latest:
         deadline = time.monotonic() + PATIENCE_S

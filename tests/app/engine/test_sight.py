@@ -13,11 +13,11 @@ import pytest
 
 from app.contract.commands import OpenSource
 from app.contract.drive import SIGHT_NAME, WHEELS_NAME
+from app.engine.observed import Observed
 from app.engine.recorders import Recorders
 from app.engine.session import Session
 from app.engine.session_opening import open_session
 from app.engine.sight import SightTeller
-from app.engine.watched import Observed
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
 from observer.guard.parameters import AllParameters, GuardParameters

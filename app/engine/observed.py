@@ -1,4 +1,4 @@
-"""Newest observed frame in the form that all drawing needs."""
+"""Observed frame in the form that everything behind the observer needs."""
 
 from __future__ import annotations
 
