@@ -27,9 +27,6 @@ from observer.types import Image, StereoFrame
 
 _log = logging.getLogger(__name__)
 
-# Takes a pair and a function that draws the image of a given name; draws the watched images.
-ShowCameras = Callable[[StereoFrame, Callable[[str], Image]], None]
-
 
 @dataclass(frozen=True)
 class BoardPublisher:
@@ -37,12 +34,12 @@ class BoardPublisher:
 
     Attributes:
         send: takes events and never blocks.
-        show: draws the cameras' images if they are watched.
+        show: shows the watched ones of a pair's images, each as the function draws it by its name.
         beat: called between the steps, each of which takes some ten milliseconds.
     """
 
     send: Callable[[object], None]
-    show: ShowCameras
+    show: Callable[[StereoFrame, Callable[[str], Image]], None]
     beat: Callable[[], None]
 
 

@@ -16,8 +16,7 @@ from app.engine.errors import NotNow, refusal, unexpected
 from app.engine.live_truth import LiveTruth, ObservedSource
 from app.engine.played_source import OpeningCommand, PlayedSource, SourceOpener
 from app.engine.recorders import Recorders
-from app.engine.session import Session
-from app.engine.session_opening import NotCalibrated, ObserverFactory, open_session
+from app.engine.session import NotCalibrated, ObserverFactory, Session, open_session
 from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError
 from observer.guard.parameters import AllParameters

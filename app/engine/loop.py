@@ -22,8 +22,7 @@ from app.engine.observed import Observed
 from app.engine.playback import PlayedFrame
 from app.engine.played_source import PlayedSource, SourceOpener
 from app.engine.publishing import Publisher
-from app.engine.session import Session
-from app.engine.session_opening import ObserverFactory
+from app.engine.session import ObserverFactory, Session
 from app.engine.sight import SightTeller
 from app.runtime.requests import Request
 from observer.guard.sight import REAL_WORLD

@@ -151,8 +151,8 @@ class Player:
 
     def _hold(self, frame: StereoFrame) -> None:
         if self._time_offset is None:
-            after = 0.0 if self._last_time is None else self._last_time + self._period
-            self._time_offset = after - (0.0 if self._last_time is None else frame.time)
+            last = self._last_time
+            self._time_offset = 0.0 if last is None else last + self._period - frame.time
         self._frames_in_pass += 1
         right_time = None if frame.right_time is None else frame.right_time + self._time_offset
         continued = replace(

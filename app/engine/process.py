@@ -21,7 +21,7 @@ from app.contract.events import (
 from app.engine.loop import Engine, Inbox
 from app.engine.played_source import SourceOpener
 from app.engine.publishing import Publisher
-from app.engine.session_opening import ObserverFactory
+from app.engine.session import ObserverFactory
 from app.engine.sight import SightTeller
 from app.runtime.arguments import ProcessArguments
 from app.runtime.heap import keep_for_good

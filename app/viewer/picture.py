@@ -150,19 +150,11 @@ def _optics(camera: StereoCamera) -> tuple[float, float]:
 
 
 def _pose(entry: Mapping[str, Any]) -> Pose:
-    return Pose(_rotation(entry["orientation_wxyz"]), np.array(entry["position"]))
-
-
-def _rotation(wxyz: Any) -> Float64Array:
-    from scipy.spatial.transform import Rotation
-
-    w, x, y, z = wxyz
-    return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
+    return Pose.from_quaternion(entry["orientation_wxyz"], entry["position"])
 
 
 def _obstacle_edges(obstacle: Mapping[str, Any]) -> Float64Array:
-    wxyz = obstacle["orientation_wxyz"]
-    rotation = np.eye(3) if wxyz is None else _rotation(wxyz)
+    rotation = np.eye(3) if obstacle["orientation_wxyz"] is None else _pose(obstacle).rotation
     return box_edges(obstacle["position"], obstacle["size"], rotation)
 
 

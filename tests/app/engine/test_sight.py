@@ -15,8 +15,7 @@ from app.contract.commands import OpenSource
 from app.contract.drive import SIGHT_NAME, WHEELS_NAME
 from app.engine.observed import Observed
 from app.engine.recorders import Recorders
-from app.engine.session import Session
-from app.engine.session_opening import open_session
+from app.engine.session import Session, open_session
 from app.engine.sight import SightTeller
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
