@@ -13,8 +13,7 @@ from urllib.parse import quote
 from websockets.exceptions import InvalidStatus, WebSocketException
 from websockets.sync.client import ClientConnection, connect
 
-from app.client.errors import DrivingFailed
-from app.client.server_api import ServerApi
+from app.client.server_api import DrivingFailed, ServerApi, why
 from observer.errors import InputError
 from observer.rig.rig import Role
 
@@ -43,15 +42,9 @@ class OperatorSocket:
         self._leases: queue.SimpleQueue[dict[str, Any]] = queue.SimpleQueue()
         # Reason why driving cannot go on; the first one counts.
         self._over: str | None = None
-        self._link: str | None = None
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="operator", daemon=True)
         self._thread.start()
-
-    @property
-    def link(self) -> str | None:
-        """Return the server's complaint about a slow link; None while the link is good."""
-        return self._link
 
     def take(self, role: Role, *, takeover: bool) -> str:
         """Take the lease on a role and return the lease's id.
@@ -161,8 +154,6 @@ class OperatorSocket:
             self._send({"type": "pong", "id": message.get("id"), "time": now_ms})
         elif kind == "lease":
             self._take_lease(message)
-        elif kind == "link":
-            self._link = message.get("sentence")
 
     def _take_lease(self, message: dict[str, Any]) -> None:
         role: Role = message["role"]
@@ -210,8 +201,4 @@ def _connected(api: ServerApi) -> ClientConnection:
             ) from None
         raise DrivingFailed(f"{address} was answered {status}") from None
     except (OSError, WebSocketException) as error:
-        why = getattr(error, "strerror", None) or str(error) or type(error).__name__
-        raise DrivingFailed(
-            f"{api.address} does not answer ({why}); start the server with dynamic-observer serve, "
-            f"or name another one with --server"
-        ) from None
+        raise api.unanswered(why(error)) from None

@@ -8,9 +8,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from app.client.errors import DrivingFailed
 from app.client.operator_socket import OperatorSocket
-from app.client.server_api import ServerApi
+from app.client.server_api import DrivingFailed, ServerApi
 from app.client.travelled import Travelled
 from observer.errors import DynamicObserverError
 from observer.rig.rig import Role

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlsplit
 
-from app.client.errors import DrivingFailed
-from observer.errors import InputError
+from observer.errors import DynamicObserverError, InputError
 
 # Arming waits for a robot's answer; no request takes longer.
 _TIMEOUT_S = 5.0
@@ -19,18 +18,23 @@ _LONGEST_TOKEN = 512
 _WRONG_INPUT = (400, 401, 403, 413, 415, 422)
 
 
+class DrivingFailed(DynamicObserverError):
+    """Refusal by the server or a robot, or a lost link to them."""
+
+
 class ServerApi:
     """Client for a server's REST interface; for one thread.
 
     Args:
         server: an address such as ``http://127.0.0.1:8080``; https works too.
         token: the token that the server printed at its start or keeps in its token file.
+        timeout_s: within which each request must be answered.
 
     Raises:
         InputError: the address is invalid.
     """
 
-    def __init__(self, server: str, token: str) -> None:
+    def __init__(self, server: str, token: str, timeout_s: float = _TIMEOUT_S) -> None:
         parts = urlsplit(server if "//" in server else f"//{server}", scheme="http")
         try:
             port = parts.port
@@ -46,6 +50,7 @@ class ServerApi:
             )
         self._tls = parts.scheme == "https"
         self._host, self._port = parts.hostname, port or (443 if self._tls else 80)
+        self._timeout_s = timeout_s
         self._headers = {"Authorization": f"Bearer {token}"}
         self._connection: http.client.HTTPConnection | None = None
 
@@ -103,10 +108,8 @@ class ServerApi:
             content = answer.read()
         except (OSError, http.client.HTTPException) as error:
             self.close()
-            raise DrivingFailed(
-                f"{self.address} does not answer ({_why(error)}); start the server with "
-                f"dynamic-observer serve, or name another one with --server"
-            ) from None
+            late = isinstance(error, TimeoutError)
+            raise self.unanswered(f"for {self._timeout_s:g} s" if late else why(error)) from None
         except BaseException:
             # A late reply must not be taken for the reply to the next request.
             self.close()
@@ -119,6 +122,13 @@ class ServerApi:
         unknown = answer.status == 404 and path[0] == "programmes"
         raise (InputError if unknown or answer.status in _WRONG_INPUT else DrivingFailed)(sentence)
 
+    def unanswered(self, reason: str) -> DrivingFailed:
+        """Return the failure of a server that cannot be reached."""
+        return DrivingFailed(
+            f"{self.address} does not answer ({reason}); start the server with "
+            f"dynamic-observer serve, or name another one with --server"
+        )
+
     def close(self) -> None:
         """Close the connection; the next request opens a new one."""
         connection, self._connection = self._connection, None
@@ -127,7 +137,7 @@ class ServerApi:
 
     def _connect(self) -> http.client.HTTPConnection:
         kind = http.client.HTTPSConnection if self._tls else http.client.HTTPConnection
-        self._connection = kind(self._host, self._port, timeout=_TIMEOUT_S)
+        self._connection = kind(self._host, self._port, timeout=self._timeout_s)
         return self._connection
 
     def _decoded(self, content: bytes) -> Any:
@@ -175,7 +185,6 @@ def read_token(token: str | None, file: Path | None) -> str:
     return token
 
 
-def _why(error: Exception) -> str:
-    if isinstance(error, TimeoutError):
-        return f"for {_TIMEOUT_S:g} s"
+def why(error: Exception) -> str:
+    """Return the reason for a failed connection, in words."""
     return getattr(error, "strerror", None) or str(error) or type(error).__name__

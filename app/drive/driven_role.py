@@ -16,10 +16,9 @@ from app.contract.drive import IncidentEvent, IncidentKind
 from app.drive import reasons
 from app.drive.connection import Connection, Tick
 from app.drive.consent import ZERO, Consent, Velocity
-from app.drive.guarding import Guarding, least
-from app.drive.ramp import ramped
+from app.drive.ramp import least, ramped
 from app.runtime.errors import ProcessRefused
-from observer.guard.guard import Verdict, sight_trouble
+from observer.guard.guard import Guard, Verdict, sight_trouble
 from observer.rig.rig import Role
 from observer.robots.contract import Explained, Robot, RobotPhase, RobotReport, Sent
 
@@ -51,7 +50,7 @@ class DrivenRole:
         report: the robot's last report.
     """
 
-    def __init__(self, role: Role, guard: Guarding) -> None:
+    def __init__(self, role: Role, guard: Guard) -> None:
         self.role: Role = role
         self._guard = guard
         self.connection: Connection | None = None
@@ -283,10 +282,13 @@ class DrivenRole:
         if self.hindrance is None:
             self.hindrance = reasons.why_less(
                 self.role,
-                reasons.Way(wanted, permitted, target, self.sent),
-                verdict.reason,
-                report,
-                tick.parameters,
+                wanted=wanted,
+                permitted=permitted,
+                target=target,
+                sent=self.sent,
+                guard=verdict.reason,
+                report=report,
+                parameters=tick.parameters,
             )
         if isinstance(robot, Explained):
             robot.explain(self.hindrance)

@@ -13,7 +13,6 @@ class Lateness:
     Lateness counts from a tick's deadline.
     """
 
-    p50_ms: float | None
     p99_ms: float | None
     max_ms: float | None
 
@@ -35,12 +34,8 @@ class Jitter:
         self.ticks += 1
 
     def lateness(self) -> Lateness:
-        """Return nearest-rank percentiles."""
+        """Return the lateness; the percentile by nearest rank."""
         ordered = sorted(self._late)
         if not ordered:
-            return Lateness(None, None, None)
-
-        def percentile(share: float) -> float:
-            return 1000 * ordered[min(len(ordered) - 1, int(share * len(ordered)))]
-
-        return Lateness(percentile(0.5), percentile(0.99), 1000 * ordered[-1])
+            return Lateness(None, None)
+        return Lateness(1000 * ordered[int(0.99 * len(ordered))], 1000 * ordered[-1])

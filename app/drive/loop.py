@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 import queue
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from app.contract.drive import (
@@ -23,15 +23,14 @@ from app.contract.drive import (
 from app.drive.facts import drive_facts, outline_of_facts, role_facts
 from app.drive.jitter import Jitter, Lateness
 from app.drive.priority import Priority, tidy
-from app.drive.robot_opener import AttendantThread
 from app.drive.roles import DriveAnswer, Roles
-from app.drive.stopping import Stopping
+from app.drive.stopping import StopWatch
 from app.drive.wheels import Wheels
 from app.runtime.errors import ProcessRefused
 from app.runtime.requests import Reply, Request
 from observer.errors import InputError
 from observer.guard.sight import Sight
-from observer.rig.rig import Role
+from observer.rig.rig import ROLES
 
 _log = logging.getLogger(__name__)
 
@@ -54,7 +53,6 @@ class DriveLoop:
         self,
         *,
         roles: Roles,
-        attendants: Mapping[Role, AttendantThread],
         inbox: Inbox,
         send: Callable[[object], None],
         newest_sight: Callable[[float], Sight | None],
@@ -66,7 +64,7 @@ class DriveLoop:
         """Set up the loop.
 
         Args:
-            attendants: those of ``roles``; the loop waits for them at the end.
+            roles: the loop waits for their attendants at the end.
             send: takes replies and events; returns at once.
             newest_sight: returns the newest sight at an instant; returns at once.
             write_wheels: takes the content of the slot ``WHEELS_NAME``.
@@ -75,7 +73,6 @@ class DriveLoop:
             clock: the host's monotonic clock.
         """
         self._roles = roles
-        self._attendants = attendants
         self._inbox = inbox
         self._send = send
         self._newest_sight = newest_sight
@@ -84,9 +81,9 @@ class DriveLoop:
         self._priority = priority
         self._clock = clock
         self._jitter = Jitter()
-        self._lateness = Lateness(None, None, None)
+        self._lateness = Lateness(None, None)
         self._wheels = Wheels()
-        self._stopping = Stopping()
+        self._stop_watches = [StopWatch(role) for role in ROLES]
         self._told: object = None
         self._tick_of_event = -_EVENT_TICKS
         self._failures = 0
@@ -176,8 +173,10 @@ class DriveLoop:
 
     def _tell(self, now: float) -> None:
         incidents = self._roles.incidents()
-        for event in (*incidents, *self._stopping.look(now, self._roles, incidents)):
-            self._send(event)
+        stops = [watch.look(now, self._roles, incidents) for watch in self._stop_watches]
+        for event in (*incidents, *stops):
+            if event is not None:
+                self._send(event)
         ticks = self._jitter.ticks
         if ticks % _LATENESS_TICKS == 1:
             self._lateness = self._jitter.lateness()
@@ -207,12 +206,13 @@ class DriveLoop:
 
     def _say_goodbye(self) -> None:
         """Release every robot, in parallel; the last tick has stopped them."""
+        attendants = self._roles.attendants
         for role, driven in self._roles.driven.items():
-            self._attendants[role].close(driven.connect(None))
+            attendants[role].close(driven.connect(None))
         until = self._clock() + _GOODBYE_S
-        while any(each.busy for each in self._attendants.values()) and self._clock() < until:
+        while any(each.busy for each in attendants.values()) and self._clock() < until:
             time.sleep(TICK_S)
-            for each in self._attendants.values():
+            for each in attendants.values():
                 # A robot still being opened is closed.
                 each.opened()
             self._jitter.add(0.0)

@@ -25,14 +25,9 @@ class Playing:
     reverse: bool
     started: float
 
-    @property
-    def roles(self) -> tuple[Role, ...]:
-        """Return the roles that it moves."""
-        return self.profile.roles
-
     def over(self, now: float) -> bool:
         """Return true once it has been played to its end."""
-        return self._sample(self.roles[0], now) is None
+        return self._sample(self.profile.roles[0], now) is None
 
     def velocity(self, role: Role, now: float) -> Velocity:
         """Return the velocity for a role at this instant; zero after the end."""

@@ -55,7 +55,6 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
     attendants = {role: AttendantThread(role, open_robot) for role in ROLES}
     loop = DriveLoop(
         roles=Roles(Guard(parameters), attendants, parameters),
-        attendants=attendants,
         inbox=inbox,
         send=sender.send,
         newest_sight=SightFeed(LatestReader(arguments.slots[SIGHT_NAME])).newest,

@@ -1,8 +1,20 @@
-"""Limit on the rise of a velocity; it may fall at any rate."""
+"""Limits on a velocity: what is permitted, and its rise; it may fall at any rate."""
 
 from __future__ import annotations
 
 from app.drive.consent import Velocity
+
+
+def least(wanted: Velocity, permitted: Velocity) -> Velocity:
+    """Limit a velocity to the permitted one: never faster, never the other way."""
+    return _within(wanted[0], permitted[0]), _within(wanted[1], permitted[1])
+
+
+def _within(wanted: float, permitted: float) -> float:
+    # This also covers values that are not numbers.
+    if not wanted * permitted > 0.0:
+        return 0.0
+    return permitted if abs(permitted) < abs(wanted) else wanted
 
 
 def ramped(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from app.drive.connection import Connection, Tick
 from app.drive.consent import Velocity
 from observer.guard.guard import sight_trouble
@@ -59,31 +57,30 @@ def why_not_armed(
     return f"the {role} is not armed"
 
 
-@dataclass(frozen=True)
-class Way:
-    """Wanted velocity, its stages through the guard and the ramp, and the sent velocity."""
-
-    wanted: Velocity
-    permitted: Velocity
-    target: Velocity
-    sent: Velocity
-
-
 def why_less(
-    role: Role, way: Way, guard: str | None, report: RobotReport, parameters: GuardParameters
+    role: Role,
+    *,
+    wanted: Velocity,
+    permitted: Velocity,
+    target: Velocity,
+    sent: Velocity,
+    guard: str | None,
+    report: RobotReport,
+    parameters: GuardParameters,
 ) -> str | None:
     """Return the reason why less was sent than wanted; None where it was not less.
 
     Args:
+        permitted, target: the wanted velocity after the guard, and after the ramp.
         guard: the guard's reason.
     """
-    if same(way.wanted, way.sent):
+    if same(wanted, sent):
         return None
-    if not same(way.target, way.sent):
+    if not same(target, sent):
         if report.motors_enabled is False:
             return f"the motors of the {role}'s robot are not on yet"
         return f"the {role}'s robot takes no more"
-    if not same(way.permitted, way.target):
+    if not same(permitted, target):
         return "it is still getting faster"
     return guard or (
         f"the highest speed is set to {parameters.speed_max_mps:g} m/s and "

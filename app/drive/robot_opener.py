@@ -17,7 +17,7 @@ RobotOpener = Callable[[str, str | None], Robot]
 
 
 class AttendantThread:
-    """Attendant thread; implements ``app.drive.roles.Attendant``.
+    """Attendant of one role's robots: opens and closes them one after the other, never blocking.
 
     Releasing a robot takes seconds, and opening one imports what its port needs. Requests are
     carried out in order; all methods return at once.

@@ -1,6 +1,6 @@
 """Roles of both robots together: commands in, velocities out, once a tick.
 
-Nothing here waits or reads a clock; robots are opened and closed elsewhere (``Attendant``).
+Nothing here waits or reads a clock; attendants open and close the robots.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from pydantic import ValidationError
 
@@ -32,16 +31,16 @@ from app.contract.robots import Latch
 from app.drive.connection import Connection, Tick
 from app.drive.consent import ZERO
 from app.drive.driven_role import DrivenRole
-from app.drive.guarding import Guarding
 from app.drive.leases import Leases
 from app.drive.playing import Playing
+from app.drive.robot_opener import AttendantThread
 from app.runtime.errors import ProcessRefused
+from observer.guard.guard import Guard
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
 from observer.motion_profiles.playing import duration_s
 from observer.rig.rig import ROLES, Role
 from observer.robot_opening import check_port
-from observer.robots.contract import Robot
 from observer.robots.models import robot_spec
 from observer.robots.ports import shown_port
 
@@ -51,22 +50,6 @@ _GUARD = "guard."
 # A ramp rises by at most this much time, however late a tick is.
 _MOST_DT_S = 0.04
 _FAILED = "was let go because its driver failed; see the drive process's messages"
-
-
-class Attendant(Protocol):
-    """Attendant of one role's robots: opens and closes them one after the other, never blocking."""
-
-    def open(self, port: str, model: str | None) -> None:
-        """Open a robot; any earlier opening still pending is given up."""
-        ...
-
-    def close(self, robot: Robot | None) -> None:
-        """Release a robot, and any that is being opened."""
-        ...
-
-    def opened(self) -> Robot | str | None:
-        """Return the requested robot, or one sentence on why there is none; returned only once."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -81,6 +64,7 @@ class Roles:
     """Roles of both robots; see the module.
 
     Attributes:
+        attendants: the one of each role.
         stopped: the latched stop.
         playing: the programme in progress.
         leases: the lease of each role.
@@ -88,10 +72,13 @@ class Roles:
     """
 
     def __init__(
-        self, guard: Guarding, attendants: Mapping[Role, Attendant], parameters: GuardParameters
+        self,
+        guard: Guard,
+        attendants: Mapping[Role, AttendantThread],
+        parameters: GuardParameters,
     ) -> None:
         self._guard = guard
-        self._attendants = attendants
+        self.attendants = attendants
         self._parameters = parameters
         self.driven: dict[Role, DrivenRole] = {role: DrivenRole(role, guard) for role in ROLES}
         self.leases = Leases()
@@ -121,15 +108,14 @@ class Roles:
             self._end_profile(now, None)
 
     def _look(self, role: Role, tick: Tick) -> None:
-        played = self.playing is not None and role in self.playing.roles
+        played = self._moving(role) is not None
         trouble = self.driven[role].look(tick, played=played)
         if played and trouble is not None:
             self._end_profile(tick.now, trouble)
 
     def _send(self, role: Role, tick: Tick) -> None:
-        playing = self.playing
-        moves = playing is not None and role in playing.roles
-        played = playing.velocity(role, tick.now) if playing and moves else None
+        playing = self._moving(role)
+        played = None if playing is None else playing.velocity(role, tick.now)
         self.driven[role].drive(tick, played)
 
     def _give_up(self, role: Role, now: float) -> None:
@@ -140,7 +126,7 @@ class Roles:
         self._incidents.append(IncidentEvent(role, "fault", f"the {role} {_FAILED}", now, None))
         if connection is not None:
             driven.connect(replace(connection, robot=None, trouble=f"the {role} {_FAILED}"))
-        self._attendants[role].close(robot)
+        self.attendants[role].close(robot)
 
     def _tick(self, now: float) -> Tick:
         return Tick(
@@ -153,7 +139,7 @@ class Roles:
         )
 
     def _take_opened(self, role: Role) -> None:
-        opened = self._attendants[role].opened()
+        opened = self.attendants[role].opened()
         connection = self.driven[role].connection
         if opened is None or connection is None:
             return
@@ -237,9 +223,8 @@ class Roles:
         driven = self.driven[command.role]
         velocity = (float(command.speed_mps), float(command.turn_rate_radps))
         age = driven.consent.take(command.sequence, command.issued, velocity, now)
-        playing = self.playing
-        if playing is not None and command.role in playing.roles and velocity != ZERO:
-            self._end_profile(now, f"the {command.role} was driven by hand meanwhile")
+        if velocity != ZERO:
+            self._end_profile_of(command.role, now, "was driven by hand meanwhile")
         return DriveAnswer(command.role, age)
 
     def _connect(self, command: ConnectRobot, now: float) -> None:
@@ -257,14 +242,14 @@ class Roles:
                 )
         self._end_profile_of(role, now, "was connected anew")
         before = self.driven[role].connect(Connection(shown, command.world, command.name))
-        attendant = self._attendants[role]
+        attendant = self.attendants[role]
         attendant.close(before)
         attendant.open(command.port, command.model)
 
     def _disconnect(self, command: DisconnectRobot, now: float) -> None:
         role = _checked(command.role)
         self._end_profile_of(role, now, "was disconnected")
-        self._attendants[role].close(self.driven[role].connect(None))
+        self.attendants[role].close(self.driven[role].connect(None))
 
     def _take_lease(self, command: TakeLease, now: float) -> str:
         role = _checked(command.role)
@@ -336,8 +321,13 @@ class Roles:
         self.playing = Playing(profile, command.repeat, command.reverse, now)
         return duration
 
+    def _moving(self, role: Role) -> Playing | None:
+        """Return the programme in progress if it moves this role."""
+        playing = self.playing
+        return playing if playing is not None and role in playing.profile.roles else None
+
     def _end_profile_of(self, role: Role, now: float, why: str) -> None:
-        if self.playing is not None and role in self.playing.roles:
+        if self._moving(role) is not None:
             self._end_profile(now, f"the {role} {why}")
 
     def _end_profile(self, now: float, why: str | None) -> None:
@@ -345,7 +335,7 @@ class Roles:
         playing, self.playing = self.playing, None
         if playing is None:
             return
-        for role in playing.roles:
+        for role in playing.profile.roles:
             self.driven[role].rest()
         if why is not None:
             sentence = f"the programme {playing.profile.name} was ended: {why}"

@@ -18,7 +18,7 @@ from app.drive.roles import Roles
 from app.drive.separation import is_heard, separation
 from observer.guard.guard import Verdict, sight_trouble
 from observer.guard.sight import Sight
-from observer.rig.rig import ROLES, Role
+from observer.rig.rig import Role
 from observer.robots.contract import RobotPhase, RobotReport
 
 # Below this encoder speed the robot stands.
@@ -52,29 +52,6 @@ class _Stop:
     stood: float | None = None
 
 
-class Stopping:
-    """Stops of both robots."""
-
-    def __init__(self) -> None:
-        self._watches = {role: StopWatch(role) for role in ROLES}
-
-    def look(
-        self, now: float, roles: Roles, incidents: Iterable[IncidentEvent]
-    ) -> list[StoppedEvent]:
-        """Return the stops whose end is known at this tick.
-
-        Args:
-            now: the host's monotonic clock.
-            incidents: those since the last call.
-        """
-        told = tuple(incidents)
-        ended = (
-            watch.look(now, roles.driven[role], roles.sight, told)
-            for role, watch in self._watches.items()
-        )
-        return [stop for stop in ended if stop is not None]
-
-
 class StopWatch:
     """Measurement of one role's stops, one after the other.
 
@@ -94,13 +71,15 @@ class StopWatch:
         self._zero: float | None = None
 
     def look(
-        self,
-        now: float,
-        driven: DrivenRole,
-        sight: Sight | None,
-        incidents: Iterable[IncidentEvent],
+        self, now: float, roles: Roles, incidents: Iterable[IncidentEvent]
     ) -> StoppedEvent | None:
-        """Process this tick; return a stop whose end is now known."""
+        """Process this tick; return a stop whose end is now known.
+
+        Args:
+            now: the host's monotonic clock.
+            incidents: those since the last call.
+        """
+        driven, sight = roles.driven[self._role], roles.sight
         report = driven.report
         if driven.robot is None:
             self._packets.clear()

@@ -6,7 +6,7 @@ A new process has no robot: the supervisor's owner reconnects them, and only a p
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 from app.contract.drive import (
     DriveLostEvent,
@@ -16,7 +16,6 @@ from app.contract.drive import (
     LeaveDrive,
     ToDrive,
 )
-from app.runtime.child import ChildProcess
 from app.runtime.environment import module_command
 from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
 
@@ -24,7 +23,7 @@ DRIVE_COMMAND = module_command("app.drive")
 # Events come every 0.1 s. A port's own thread sends zero much sooner than a hung loop is detected;
 # a standby would have no robots, so it would be ready no sooner.
 DRIVE_LIMITS = SupervisorLimits(
-    hang_s=0.5, start_s=20.0, standby_delay_s=None, most_backoff_s=5.0, stop_s=4.0
+    hang_s=0.5, start_s=20.0, standby_delay_s=None, most_backoff_s=5.0, stop_s=4.0, answer_s=1.0
 )
 
 
@@ -34,9 +33,11 @@ class DriveSupervisor(ProcessSupervisor[ToDrive[Any], FromDrive]):
     All methods belong to the event loop's thread.
     """
 
-    what: ClassVar[str] = "drive process"
-    heartbeat = DriveState
-    kept = (DriveState,)
+    what = "drive process"
+    farewell = LeaveDrive()
+    heartbeat = state = DriveState
+    started = DriveStartedEvent
+    lost = DriveLostEvent
 
     def __init__(
         self,
@@ -53,24 +54,3 @@ class DriveSupervisor(ProcessSupervisor[ToDrive[Any], FromDrive]):
             command: starts a drive process; its arguments are appended.
         """
         super().__init__(command, slots, limits)
-
-    async def request(self, command: ToDrive[Any], timeout_s: float = 1.0) -> Any:
-        """Send a request to the drive process and return its reply's value.
-
-        Raises:
-            ProcessRefused: it refuses, and why.
-            ProcessUnavailable: there is none, it ended meanwhile or did not answer in time.
-        """
-        return await super().request(command, timeout_s)
-
-    def _farewell(self) -> ToDrive[Any]:
-        return LeaveDrive()
-
-    def _started_event(self, generation: int, pid: int) -> FromDrive:
-        return DriveStartedEvent(generation, pid)
-
-    def _lost_event(self, generation: int, reason: str) -> FromDrive:
-        return DriveLostEvent(generation, reason)
-
-    def _state(self, child: ChildProcess) -> FromDrive | None:
-        return child.newest(DriveState)

@@ -9,6 +9,7 @@ import os
 import sys
 
 from app.runtime.arguments import parse_arguments
+from app.runtime.heap import keep_freed_memory
 from observer.processes import die_with_parent
 
 
@@ -17,8 +18,6 @@ def main() -> None:
     arguments = parse_arguments(sys.argv[1:])
     # Do this first: the imports below take long enough for the parent to die meanwhile.
     die_with_parent(arguments.parent)
-
-    from app.engine.memory import keep_freed_memory
 
     keep_freed_memory()
 

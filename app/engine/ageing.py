@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from app.contract.status import AgeingStatus, RowDriftStatus, VergenceStatus
 from app.contract.values import filled
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.calibration.ageing.watch import AgeingWatch, CalibrationAge
 from observer.camera import StereoCamera
 from observer.mount import CameraMount

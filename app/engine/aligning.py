@@ -9,9 +9,10 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any, Protocol
 
-from app.engine.replies import unexpected
+from app.engine.errors import unexpected
 from app.workers.alignment.messages import Choices, Solve, Solved
 from app.workers.alignment.process import AlignmentWorker
 from observer.truth.alignment.live_clocks import LiveClocks, SourceClock
@@ -70,15 +71,8 @@ class Aligned:
     carried: bool
 
 
-@dataclass(frozen=True, eq=False)
-class _Beginning:
-    session: int
-    choices: Choices
-    carry: bool
-
-
-class AlignmentThread:
-    """Alignment thread and its worker. The other methods return at once.
+class AlignmentThread(threading.Thread):
+    """Alignment thread and its worker; starts itself.
 
     Attributes:
         aligned: the alignment now in force.
@@ -99,19 +93,19 @@ class AlignmentThread:
             server_clock: returns the fit of motion capture's clock, where known.
             rest_s: minimum pause between two solutions.
         """
+        super().__init__(name="alignment", daemon=True)
         self.aligned: Aligned | None = None
         self.sentence = NOTHING_SEEN
         self._samples = samples
         self._server_clock = server_clock
         self._worker = make_worker()
         self._rest_s = rest_s
-        # Observation lines with the arrival times of their frames, and beginnings in between.
-        self._waiting: deque[_Beginning | tuple[Mapping[str, Any], float]] = deque(
-            maxlen=_MOST_WAITING
-        )
+        # Calls for the thread: observation lines, and beginnings in between.
+        self._waiting: deque[Callable[[], None]] = deque(maxlen=_MOST_WAITING)
         self._ending = threading.Event()
         # Used by the thread alone.
-        self._beginning: _Beginning | None = None
+        self._session = 0
+        self._choices = Choices()
         self._carried: Alignment | None = None
         self._source_clock = SourceClock()
         self._lines: list[dict[str, Any]] = []
@@ -119,8 +113,7 @@ class AlignmentThread:
         self._anew = False
         self._slipped = False
         self._not_before = 0.0
-        self._thread = threading.Thread(target=self._run, name="alignment", daemon=True)
-        self._thread.start()
+        self.start()
 
     def begin(self, session: int, choices: Choices, *, carry: bool) -> None:
         """Begin a new session: another source, or the same one reopened.
@@ -128,29 +121,21 @@ class AlignmentThread:
         Args:
             carry: the clock relation and the camera's place on the robot are unchanged.
         """
-        self._waiting.append(_Beginning(session, choices, carry))
+        self._waiting.append(partial(self._begin, session, choices, carry=carry))
 
     def observed(self, line: Mapping[str, Any], received: float) -> None:
         """Queue one frame's line with the time the frame was received."""
-        self._waiting.append((line, received))
+        self._waiting.append(partial(self._take, line, received))
 
     def end(self) -> None:
-        """Stop aligning."""
+        """Stop aligning; returns at once."""
         self._ending.set()
         self._worker.end()
 
-    @property
-    def ended(self) -> bool:
-        """Return true once the thread has ended and released everything."""
-        return not self._thread.is_alive()
-
-    def join(self, timeout_s: float) -> None:
-        """Wait until the shutdown begun by ``end`` is complete."""
-        self._thread.join(timeout_s)
-
     # --- the thread --------------------------------------------------------------------------
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Align until ``end``."""
         try:
             while not self._ending.wait(_LOOK_EVERY_S):
                 self._look()
@@ -164,11 +149,7 @@ class AlignmentThread:
 
     def _look(self) -> None:
         for _ in range(len(self._waiting)):
-            item = self._waiting.popleft()
-            if isinstance(item, _Beginning):
-                self._begin(item)
-            else:
-                self._take(*item)
+            self._waiting.popleft()()
         self._kept.extend(self._samples())
         server, source = self._server_clock(), self._source_clock.fit()
         if server is None or source is None:
@@ -176,15 +157,15 @@ class AlignmentThread:
                 self.sentence = _NO_SERVER_CLOCK if server is None else _ONLY_BEGUN
             return
         clocks = LiveClocks(server, source)
-        if self._carried is not None and self._beginning is not None:
-            self._hold(self._beginning, self._carried, clocks, carried=True)
+        if self._carried is not None:
+            self._hold(self._carried, clocks, carried=True)
         if self._lines and time.monotonic() >= self._not_before:
             self._solve(clocks)
 
-    def _begin(self, beginning: _Beginning) -> None:
+    def _begin(self, session: int, choices: Choices, *, carry: bool) -> None:
         before = self.aligned.alignment if self.aligned is not None else self._carried
-        self._beginning = beginning
-        self._carried = _carried(before) if beginning.carry and before is not None else None
+        self._session, self._choices = session, choices
+        self._carried = _carried(before) if carry and before is not None else None
         self._begin_anew()
 
     def _begin_anew(self) -> None:
@@ -203,19 +184,14 @@ class AlignmentThread:
             self._slipped, self.sentence = True, _ANOTHER_CLOCK
         self._lines.append(_needed(line))
 
-    def _hold(
-        self, beginning: _Beginning, alignment: Alignment, clocks: LiveClocks, *, carried: bool
-    ) -> None:
+    def _hold(self, alignment: Alignment, clocks: LiveClocks, *, carried: bool) -> None:
         now = self.aligned
         if now is None or now.alignment is not alignment or now.clocks != clocks:
-            self.aligned = Aligned(beginning.session, alignment, clocks, carried)
+            self.aligned = Aligned(self._session, alignment, clocks, carried)
 
     def _solve(self, clocks: LiveClocks) -> None:
-        beginning = self._beginning
-        if beginning is None:
-            return
         samples = tuple(pieces(self._kept))
-        job = Solve(self._anew, tuple(self._lines), samples, clocks, beginning.choices)
+        job = Solve(self._anew, tuple(self._lines), samples, clocks, self._choices)
         self._lines.clear()
         self._kept.clear()
         self._anew = False
@@ -225,14 +201,13 @@ class AlignmentThread:
             self._not_before = now + self._rest_s
             return
         self._not_before = now + max(self._rest_s, _REST_SHARE * solved.seconds)
-        if solved.alignment is not None:
-            found = Alignment.of_dict(solved.alignment)
-            known = None if self.aligned is None else self.aligned.alignment
-            if known is None or _believable(found, known):
-                self._carried = None
-                self._hold(beginning, found, clocks, carried=False)
-        elif solved.sentence is not None:
-            self.sentence = solved.sentence
+        if isinstance(solved.state, str):
+            self.sentence = solved.state
+            return
+        known = None if self.aligned is None else self.aligned.alignment
+        if known is None or _believable(solved.state, known):
+            self._carried = None
+            self._hold(solved.state, clocks, carried=False)
 
 
 def _needed(line: Mapping[str, Any]) -> dict[str, Any]:

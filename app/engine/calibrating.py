@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 from app.contract.calibrating import BoardLook
 from app.contract.commands import BeginCalibration, ChangeCalibration
-from app.contract.events import BoardLookEvent, BoardViewsEvent, EngineState
+from app.contract.events import BoardLookEvent, BoardViewsEvent, EngineState, StateEvent
 from app.contract.views import CAMERA_NAMES
-from app.engine.errors import NotNow
+from app.engine.errors import NotNow, unexpected
 from app.engine.playback import Player
 from app.engine.played_source import PlayedSource, SourceOpener, close_opened, read_first
-from app.engine.replies import unexpected
 from observer.calibration.board import Board, BoardSighting, BoardView
 from observer.calibration.board_pictures import draw_board, small_picture
 from observer.calibration.collecting import Look, ViewCollector
@@ -22,61 +20,26 @@ from observer.calibration.detection import detect_board
 from observer.camera import as_gray
 from observer.errors import InputError
 from observer.opening import OpenedSource
-from observer.sources.contract import SkippedFrame, Source
+from observer.sources.contract import SkippedFrame
 from observer.sources.cover_check import CoverCheck
 from observer.types import Image, StereoFrame
 
 _log = logging.getLogger(__name__)
 
-# Takes the facts of a pair and a function that draws the image of a given name; draws the watched
-# images.
-ShowCameras = Callable[[dict[str, Any], Callable[[str], Image]], None]
 
-
+@dataclass(frozen=True)
 class BoardPublisher:
-    """Publisher of the board detections."""
-
-    def __init__(
-        self, send: Callable[[object], None], show: ShowCameras, beat: Callable[[], None]
-    ) -> None:
-        """Set the outputs.
-
-        Args:
-            send: takes events and never blocks.
-            show: draws the cameras' images if they are watched.
-            beat: called between the steps, each of which takes some ten milliseconds.
-        """
-        self.send = send
-        self.show = show
-        self.beat = beat
-
-
-class CalibrationSession(PlayedSource):
-    """State of one source that is being calibrated.
+    """Publisher of the board detections.
 
     Attributes:
-        watch: looks for the board in its frames.
+        send: takes events and never blocks.
+        show: shows the watched ones of a pair's images, each as the function draws it by its name.
+        beat: called between the steps, each of which takes some ten milliseconds.
     """
 
-    def __init__(
-        self,
-        command: BeginCalibration,
-        opened: OpenedSource,
-        player: Player,
-        skipped: tuple[SkippedFrame, ...],
-        publisher: BoardPublisher,
-    ) -> None:
-        super().__init__(command.source, opened.source, player, skipped, opened.robots)
-        self._command = command
-        self.watch = BoardWatch(command, opened.source, publisher)
-
-    @property
-    def state(self) -> EngineState:
-        return EngineState.CALIBRATING
-
-    def again(self) -> BeginCalibration:
-        """Return the command that would reopen the source with the views collected so far."""
-        return replace(self._command, views=self.watch.views, automatic=self.watch.automatic)
+    send: Callable[[object], None]
+    show: Callable[[StereoFrame, Callable[[str], Image]], None]
+    beat: Callable[[], None]
 
 
 def open_calibration(
@@ -97,8 +60,8 @@ def open_calibration(
         raise
 
 
-class BoardWatch:
-    """Board watch: looks for the board in every pair and collects its views.
+class CalibrationSession(PlayedSource):
+    """Source that is being calibrated: its board is looked for in every pair, for views of it.
 
     It runs in the loop's own thread: finding or missing a board takes about 15 ms an image, and a
     live source meanwhile keeps only its newest pair.
@@ -108,9 +71,16 @@ class BoardWatch:
     """
 
     def __init__(
-        self, command: BeginCalibration, source: Source, publisher: BoardPublisher
+        self,
+        command: BeginCalibration,
+        opened: OpenedSource,
+        player: Player,
+        skipped: tuple[SkippedFrame, ...],
+        publisher: BoardPublisher,
     ) -> None:
-        info = source.info
+        super().__init__(command.source, opened, player, skipped)
+        info = opened.source.info
+        self._command = command
         self.board: Board = command.board
         self._publisher = publisher
         self._collector = ViewCollector(command.board, (info.width, info.height), command.views)
@@ -118,15 +88,13 @@ class BoardWatch:
         self._cover = CoverCheck()
         self._newest: StereoFrame | None = None
 
-    @property
-    def views(self) -> tuple[BoardView, ...]:
-        """Return all captured views that were not removed."""
-        return self._collector.views
+    def state(self, now: float) -> StateEvent:
+        return replace(super().state(now), state=EngineState.CALIBRATING)
 
-    @property
-    def automatic(self) -> bool:
-        """Return true if new poses are captured automatically."""
-        return self._collector.automatic
+    def again(self) -> BeginCalibration:
+        """Return the command that would reopen the source with the views collected so far."""
+        collector = self._collector
+        return replace(self._command, views=collector.views, automatic=collector.automatic)
 
     def change(self, command: ChangeCalibration) -> tuple[str, ...]:
         """Apply the change; see ``ChangeCalibration``.
@@ -156,7 +124,7 @@ class BoardWatch:
         return tuple(view.name for view in collector.views)
 
     def look(self, frame: StereoFrame) -> None:
-        """Process one pair and pass the result to the publisher."""
+        """Look for the board in one pair and pass the result to the publisher."""
         try:
             self._look_at(frame)
         except Exception as error:  # noqa: BLE001
@@ -202,12 +170,9 @@ class BoardWatch:
 
     def _tell_captured(self, view: BoardView) -> None:
         frame = self._newest
-        pictures = None
-        if frame is not None:
-            pictures = (
-                small_picture(frame.left, view.left),
-                small_picture(frame.right, view.right),
-            )
+        # A board was seen, so there is a frame.
+        assert frame is not None
+        pictures = small_picture(frame.left, view.left), small_picture(frame.right, view.right)
         self._tell_views(view, pictures)
 
     def _tell_views(
@@ -232,5 +197,4 @@ class BoardWatch:
             outline = look.ghost if side == "left" else None
             return draw_board(image, self.board, sightings[side], kept, outline)
 
-        facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
-        self._publisher.show(facts, draw)
+        self._publisher.show(frame, draw)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from app.contract.answers import CalibrationPreview, KeptClip, ScenePairs
-from app.contract.calibrating import PlaceDepth
 from app.contract.commands import (
     BeginCalibration,
     ChangeCalibration,
@@ -32,15 +32,14 @@ from app.contract.status import PlaybackStatus
 from app.engine.calibration_preview import preview_calibration
 from app.engine.current_source import CurrentSource
 from app.engine.depth_measuring import measure_depth
-from app.engine.errors import NotNow
-from app.engine.explaining import Explainer
+from app.engine.errors import NotNow, refusal, unexpected
+from app.engine.explaining import explain
 from app.engine.floor_looking import look_at_floor
 from app.engine.live_truth import LiveTruth
 from app.engine.publishing import Publisher
-from app.engine.replies import refusal, unexpected
-from app.engine.session_opening import parse_parameters
 from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError, InputError
+from observer.guard.parameters import AllParameters
 from observer.recording.errors import RecordingError
 from observer.types import StereoFrame
 
@@ -58,27 +57,22 @@ class CommandHandler:
         self,
         current: CurrentSource,
         publisher: Publisher,
-        explainer: Explainer,
         truth: LiveTruth,
         *,
         send: Callable[[Reply], None],
         beat: Callable[[], None],
-        clock: Callable[[], float],
     ) -> None:
-        """Set the outputs and the clock.
+        """Set the outputs.
 
         Args:
             send: takes the refusal of an opening that a later command ends.
             beat: called between the steps of lengthy work.
-            clock: the host's monotonic clock.
         """
         self._current = current
         self._publisher = publisher
-        self._explainer = explainer
         self._truth = truth
         self._send = send
         self._beat = beat
-        self._clock = clock
         self.leaving = False
 
     def answer(self, request: Request) -> Reply | None:
@@ -121,13 +115,16 @@ class CommandHandler:
             case PreviewCalibration():
                 return self._preview(command.calibration_yaml)
             case MeasureDepth():
-                return self._measure(command)
+                pair = self._newest_pair()
+                return measure_depth(
+                    pair, command.calibration_yaml, command.u, command.v, self._beat
+                )
             case LookAtFloor():
                 return look_at_floor(self._publisher.newest)
             case TakeScenePairs():
                 return self._take_scene_pairs()
             case ExplainPixel():
-                return self._explainer.explain(command.u, command.v)
+                return explain(self._publisher.newest, command.u, command.v)
             case Shutdown():
                 self.leaving = True
                 return None
@@ -135,12 +132,10 @@ class CommandHandler:
 
     def _stop_run(self, number: int) -> Reply | None:
         """Stop at once; the recording's thread replies once the file is complete."""
-        session = self._current.session
+        session = self._current.observing
         if session is None or session.run_id is None:
             raise NotNow("no run is going; start one first")
-        observing = self._current.observing
-        recorder = None if observing is None else observing.end_run()
-        session.run_id = None
+        recorder = session.end_run()
         if recorder is None:
             return Reply(number)
         recorder.end(lambda: self._send(Reply(number, value=recorder.facts())))
@@ -179,10 +174,10 @@ class CommandHandler:
         session = self._current.calibrating
         if session is None:
             raise NotNow("nothing is being calibrated; begin a calibration first")
-        return session.watch.change(command)
+        return session.change(command)
 
     def _set_parameters(self, command: SetParameters) -> int | None:
-        parameters = parse_parameters(command.parameters)
+        parameters = AllParameters().changed(command.parameters)
         opening, session = self._current.opening, self._current.observing
         if opening is not None:
             opening.parameters = (parameters, command.revision)
@@ -195,15 +190,8 @@ class CommandHandler:
         session = self._current.session
         if session is None:
             raise NotNow("no source is open, so there is nothing to play; open one first")
-        session.player.change(
-            paused=command.paused,
-            rate=command.rate,
-            loop=command.loop,
-            step=command.step,
-            restart=command.restart,
-            seek=command.seek,
-        )
-        return session.playback_facts(self._clock())
+        session.player.change(command)
+        return session.playback_facts(time.monotonic())
 
     def _take_scene_pairs(self) -> ScenePairs:
         session = self._current.observing
@@ -211,13 +199,9 @@ class CommandHandler:
             raise NotNow("nothing is observed whose calibration could be refined; open a source")
         return ScenePairs(session.ageing.pairs, session.calibration_yaml)
 
-    def _measure(self, command: MeasureDepth) -> PlaceDepth:
-        pair = self._newest_pair()
-        return measure_depth(pair, command.calibration_yaml, command.u, command.v, self._beat)
-
     def _preview(self, calibration_yaml: str) -> CalibrationPreview:
         session = self._current.calibrating
-        board = None if session is None else session.watch.board
+        board = None if session is None else session.board
         pair = self._newest_pair()
         return preview_calibration(pair, calibration_yaml, self._beat, board)
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import logging
+import threading
+import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -10,17 +12,14 @@ from app.contract.answers import Opened
 from app.contract.commands import BeginCalibration, OpenSource
 from app.contract.events import EngineState, StateEvent
 from app.engine.calibrating import BoardPublisher, CalibrationSession, open_calibration
-from app.engine.errors import NotNow
-from app.engine.lending import LentRobots, LentSource, lent
+from app.engine.errors import NotNow, refusal, unexpected
 from app.engine.live_truth import LiveTruth, ObservedSource
-from app.engine.opening import Opening
 from app.engine.played_source import OpeningCommand, PlayedSource, SourceOpener
 from app.engine.recorders import Recorders
-from app.engine.replies import refusal, unexpected
-from app.engine.session import Session
-from app.engine.session_opening import NotCalibrated, ObserverFactory, open_session
+from app.engine.session import NotCalibrated, ObserverFactory, Session, open_session
 from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError
+from observer.guard.parameters import AllParameters
 from observer.opening import exclusive_world, live_devices, shown_spec
 from observer.truth.live.opening import check_live
 from observer.types import StereoFrame
@@ -31,6 +30,42 @@ _log = logging.getLogger(__name__)
 _NOBODYS = 0
 # An unfinished recording is readable as well.
 _RECORDING_ENDS_S = 2.0
+
+
+class Opening:
+    """Source that is being opened in its own thread: it may take long, or even hang.
+
+    Attributes:
+        request, command: the request that asked for it.
+        session, error: the result; one of them is set once it is done.
+        abandoned: nobody waits for it any more; its session only needs to be closed.
+        lender: the session that lent its source, and that goes on if the opening is refused.
+        before: the session that had to be closed for it, to be reopened if the opening is refused.
+        parameters: with their revision, if they were set meanwhile.
+    """
+
+    def __init__(self, request: Request, command: OpeningCommand) -> None:
+        self.request = request
+        self.command = command
+        self.session: PlayedSource | None = None
+        self.error: Exception | None = None
+        self.abandoned = False
+        self.lender: PlayedSource | None = None
+        self.before: OpeningCommand | None = None
+        self.parameters: tuple[AllParameters, int] | None = None
+
+    def start(self, work: Callable[[], PlayedSource], done: Callable[[Opening], None]) -> None:
+        """Start opening; ``done`` is called in the other thread when there is a result."""
+
+        def run() -> None:
+            try:
+                self.session = work()
+            except Exception as error:  # noqa: BLE001
+                # No exception may be lost between threads; the loop tells refusals from faults.
+                self.error = error
+            done(self)
+
+        threading.Thread(target=run, name="opening a source", daemon=True).start()
 
 
 class CurrentSource:
@@ -51,7 +86,6 @@ class CurrentSource:
         closed: Callable[[], None],
         boards: BoardPublisher,
         stage_clock: Callable[[], float],
-        clock: Callable[[], float],
         truth: LiveTruth | None = None,
     ) -> None:
         """Set up with nothing open.
@@ -61,7 +95,6 @@ class CurrentSource:
             closed: called when a session is closed, before its source is.
             boards: receives the board detections and images while calibrating.
             stage_clock: serves the observer's timings.
-            clock: the host's monotonic clock.
             truth: is told what is observed and what to listen to.
         """
         self._open_source = open_source
@@ -71,7 +104,6 @@ class CurrentSource:
         self._boards = boards
         self._truth = truth or LiveTruth()
         self._stage_clock = stage_clock
-        self._clock = clock
         self._recorders = Recorders()
         self.session: PlayedSource | None = None
         self.opening: Opening | None = None
@@ -100,25 +132,17 @@ class CurrentSource:
                 f"{shown_spec(self.opening.command.source)} is being opened; wait for it, or "
                 f"close the source"
             )
-        if self.session is not None and self.session.run_id is not None:
+        if self.observing is not None and self.observing.run_id is not None:
             raise NotNow("a run is going; stop it before another source is opened")
         if isinstance(command, OpenSource) and command.truth is not None:
             check_live(command.truth.spec)
         opening = self.opening = Opening(request, command)
-        open_source = self._open_source
-        session = self.session
-        if session is not None and _share_cameras(session.spec, command.source):
-            # A camera delivers to one program only, and only once: an open source cannot be opened
-            # a second time.
-            if session.spec == command.source:
-                opening.lender, session.resting = session, True
-                source, robots = session.source, session.robots
-                open_source = lambda _: lent(source, robots)  # noqa: E731
-            else:
-                opening.before = self._again(session)
-                self.close()
-        elif session is not None and _share_world(session.spec, command.source):
-            # Two clients that step the same simulator would wait for each other.
+        session, spec, open_source = self.session, command.source, self._open_source
+        if session is not None and session.spec == spec and live_devices(spec):
+            opening.lender, session.resting = session, True
+            lent = session.lend()
+            open_source = lambda _: lent  # noqa: E731
+        elif session is not None and _exclude_each_other(session.spec, spec):
             opening.before = self._again(session)
             self.close()
         opening.start(lambda: self._open(command, open_source), self._opened)
@@ -147,28 +171,21 @@ class CurrentSource:
         self.opening = None
         if session is None:
             return self._not_opened(opening)
-        if opening.lender is None:
-            self.close()
-        else:
-            self.session = None
-            self._closed()
-            for kept in (session.source, session.robots):
-                if kept is not None:
-                    assert isinstance(kept, LentSource | LentRobots)
-                    kept.keep()
+        if opening.lender is not None:
+            session.take_over(opening.lender)
+        self.close()
         self.session = session
+        calibration_yaml = None
         if isinstance(session, Session):
             assert isinstance(opening.command, OpenSource)
             self._truth.use(opening.command.truth)
             self._truth.observing(
                 ObservedSource(session.source.info, session.mount, session.T_body_base)
             )
-        opened = Opened(self.state(), None)
-        if isinstance(session, Session):
             if opening.parameters is not None:
                 session.use(*opening.parameters)
-            opened = replace(opened, calibration_yaml=session.calibration_yaml)
-        return Reply(opening.request.number, value=opened)
+            calibration_yaml = session.calibration_yaml
+        return Reply(opening.request.number, value=Opened(self.state(), calibration_yaml))
 
     def _not_opened(self, opening: Opening) -> Reply:
         number, command, error = opening.request.number, opening.command, opening.error
@@ -236,35 +253,21 @@ class CurrentSource:
 
     def state(self) -> StateEvent:
         """Return the engine's state as it is published."""
-        session = self.session
-        if session is None:
+        truth = self._truth
+        if self.session is None:
             idle = self._failed or StateEvent(EngineState.IDLE, None)
-            return replace(idle, truth=self._truth.facts())
-        return StateEvent(
-            state=session.state,
-            reason=None,
-            source=session.source.info,
-            playback=session.playback_facts(self._clock()),
-            camera=session.camera_facts(),
-            run_id=session.run_id,
-            segment=session.segment,
-            has_truth=session.has_truth or self._truth.in_place,
-            live=session.live_facts(),
-            mount=session.mount_facts(),
-            ageing=session.ageing_facts(),
-            world=session.world,
-            robots=session.robot_facts(),
-            recording=session.recording_facts(),
-            truth=self._truth.facts(),
-        )
+            return replace(idle, truth=truth.facts())
+        state = self.session.state(time.monotonic())
+        has_truth = state.has_truth or truth.in_place
+        return replace(state, has_truth=has_truth, truth=truth.facts())
 
 
-def _share_cameras(a: str, b: str) -> bool:
-    """Return true if both specs name the same live camera."""
-    return not set(live_devices(a)).isdisjoint(live_devices(b))
+def _exclude_each_other(a: str, b: str) -> bool:
+    """Return true if the sources of both specs cannot be open together.
 
-
-def _share_world(a: str, b: str) -> bool:
-    """Return true if both specs name the same world and only one source at a time can use it."""
+    A camera delivers to one program only, and only once; two clients that step the same simulator
+    would wait for each other.
+    """
     world = exclusive_world(a)
-    return world is not None and world == exclusive_world(b)
+    same_world = world is not None and world == exclusive_world(b)
+    return same_world or not set(live_devices(a)).isdisjoint(live_devices(b))

@@ -14,9 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.camera import StereoCamera, as_gray
-from observer.geometry import Pose
 from observer.parameters import StereoParameters
 from observer.types import Image
 from observer.vision.stereo import disparity_map, point_cloud
@@ -173,14 +172,11 @@ def _coarser_camera(camera: StereoCamera, factor: int) -> StereoCamera:
 
 def _instant(observed: Observed) -> dict[str, Any]:
     observation = observed.observation
+    pose = observation.T_world_camera
     return {
         "frame": observation.frame,
         "time": observation.time,
         "received": observation.received,
         "segment": observation.segment,
-        "T_world_camera": _listed(observation.T_world_camera),
+        "T_world_camera": None if pose is None else pose.matrix.ravel().tolist(),
     }
-
-
-def _listed(pose: Pose | None) -> list[float] | None:
-    return None if pose is None else [float(value) for value in pose.matrix.ravel()]

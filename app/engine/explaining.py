@@ -4,70 +4,47 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from app.contract.pixel import Pixel, PixelObstacle
 from app.contract.status import CameraMotion, Decomposition, EgoMotionStatus
 from app.contract.values import word
 from app.engine.errors import NotNow
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.errors import InputError
 from observer.explanation import PixelAnswer, PixelVerdict, explain_pixel
 from observer.parameters import Parameters
 from observer.types import Obstacle, TrackState
 
 
-@dataclass(frozen=True, eq=False)
-class _Newest:
-    observed: Observed
-    segment: int
+def explain(observed: Observed | None, u: float, v: float) -> Pixel:
+    """Explain how a pixel of the newest observed frame was classified.
 
-
-class Explainer:
-    """Keeper of the newest observed frame, for questions about it."""
-
-    def __init__(self) -> None:
-        self._newest: _Newest | None = None
-
-    def remember(self, observed: Observed, segment: int) -> None:
-        """Store the newest frame; ``segment`` is counted over restarts."""
-        self._newest = _Newest(observed, segment)
-
-    def forget(self) -> None:
-        """Drop the frame when the source is closed."""
-        self._newest = None
-
-    def explain(self, u: float, v: float) -> Pixel:
-        """Explain how a pixel was classified.
-
-        Raises:
-            NotNow: no frame was observed yet.
-            InputError: the pixel is outside the image.
-        """
-        newest = self._newest
-        if newest is None:
-            raise NotNow("no frame has been observed yet; open a source and wait for its first one")
-        observed = newest.observed
-        answer = explain_pixel(observed.trace, observed.camera, observed.parameters, (u, v))
-        if answer.verdict is PixelVerdict.OUTSIDE:
-            raise InputError(f"{answer.sentence} {answer.would_change}")
-        obstacle = _obstacle_at(answer, observed.observation.obstacles)
-        return Pixel(
-            frame=observed.frame.index,
-            segment=newest.segment,
-            u=answer.px[0],
-            v=answer.px[1],
-            verdict=word(answer.verdict),
-            sentence=answer.sentence,
-            numbers=dict(answer.numbers),
-            would_change=answer.would_change,
-            obstacle=None
-            if obstacle is None
-            else PixelObstacle(
-                obstacle.id, obstacle.state is not TrackState.TENTATIVE, obstacle.reason
-            ),
-        )
+    Raises:
+        NotNow: no frame was observed yet.
+        InputError: the pixel is outside the image.
+    """
+    if observed is None:
+        raise NotNow("no frame has been observed yet; open a source and wait for its first one")
+    answer = explain_pixel(observed.trace, observed.camera, observed.parameters, (u, v))
+    if answer.verdict is PixelVerdict.OUTSIDE:
+        raise InputError(f"{answer.sentence} {answer.would_change}")
+    obstacle = _obstacle_at(answer, observed.observation.obstacles)
+    return Pixel(
+        frame=observed.frame.index,
+        segment=observed.segment,
+        u=answer.px[0],
+        v=answer.px[1],
+        verdict=word(answer.verdict),
+        sentence=answer.sentence,
+        numbers=dict(answer.numbers),
+        would_change=answer.would_change,
+        obstacle=None
+        if obstacle is None
+        else PixelObstacle(
+            obstacle.id, obstacle.state is not TrackState.TENTATIVE, obstacle.reason
+        ),
+    )
 
 
 def _obstacle_at(answer: PixelAnswer, obstacles: tuple[Obstacle, ...]) -> Obstacle | None:

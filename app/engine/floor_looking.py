@@ -6,7 +6,7 @@ import numpy as np
 
 from app.contract.answers import FloorPoints
 from app.engine.errors import NotNow
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.camera import as_gray
 from observer.rig.ground_views import ground_points
 from observer.vision.stereo import disparity_map

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import sys
 import threading
@@ -24,29 +25,20 @@ class LatestWorker(Generic[Job]):
     The thread starts with the first job, so a caller that gives none has no thread.
     """
 
-    def __init__(
-        self,
-        name: str,
-        work: Callable[[Job], None],
-        *,
-        rate_hz: float,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> None:
+    def __init__(self, name: str, work: Callable[[Job], None], *, rate_hz: float) -> None:
         """Prepare the worker.
 
         Args:
             name: of the thread.
             work: called in the thread; it must not raise, because that would end the work for good.
             rate_hz: maximum jobs per second, on average over whatever rhythm they arrive in.
-            clock: the host's monotonic clock.
         """
         self._name = name
         self._work = work
         self._interval = 1.0 / rate_hz
-        self._clock = clock
         self._changed = threading.Condition()
         self._newest: Job | None = None
-        self._due: float | None = None
+        self._due = -math.inf
         self._closing = False
         self._thread: threading.Thread | None = None
 
@@ -87,14 +79,13 @@ class LatestWorker(Generic[Job]):
                 if self._newest is None:
                     self._changed.wait()
                     continue
-                now = self._clock()
-                wait = 0.0 if self._due is None else self._due - now
+                now = time.monotonic()
+                wait = self._due - now
                 if wait > 0:
                     self._changed.wait(wait)
                     continue
                 # The next job makes up for a small delay; after a larger one the schedule restarts.
-                late = self._due is None or wait < -self._interval
-                self._due = (now if late or self._due is None else self._due) + self._interval
+                self._due = (now if wait < -self._interval else self._due) + self._interval
                 job, self._newest = self._newest, None
                 return job
         return None

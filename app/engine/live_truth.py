@@ -56,30 +56,17 @@ class ObservedSource:
         return self.info.live or self.info.kind in _NOW
 
 
+@dataclass(frozen=True, eq=False)
 class _Listening:
     """State of one connection."""
 
-    def __init__(
-        self,
-        spec: str,
-        make_listener: Callable[[str], MotionListener],
-        make_aligner: Callable[[MotionListener], AlignmentThread],
-    ) -> None:
-        self.listener = make_listener(spec)
-        self.aligner = make_aligner(self.listener)
-        self.newest = NewestTruth()
+    listener: MotionListener
+    aligner: AlignmentThread
+    newest: NewestTruth = field(default_factory=NewestTruth)
 
-    def end(self) -> None:
-        self.listener.end()
-        self.aligner.end()
 
-    @property
-    def ended(self) -> bool:
-        return self.listener.ended and self.aligner.ended
-
-    def join(self, timeout_s: float) -> None:
-        self.listener.join(timeout_s)
-        self.aligner.join(timeout_s)
+def _aligner(listener: MotionListener) -> AlignmentThread:
+    return AlignmentThread(listener.for_alignment, lambda: listener.report.clock)
 
 
 class LiveTruth:
@@ -92,13 +79,13 @@ class LiveTruth:
     def __init__(
         self,
         make_listener: Callable[[str], MotionListener] = MotionListener,
-        make_aligner: Callable[[MotionListener], AlignmentThread] | None = None,
+        make_aligner: Callable[[MotionListener], AlignmentThread] = _aligner,
     ) -> None:
         self.order: LiveTruthOrder | None = None
         self._make_listener = make_listener
-        self._make_aligner = make_aligner or _aligner
+        self._make_aligner = make_aligner
         self._listening: _Listening | None = None
-        self._ended: list[_Listening] = []
+        self._ending: list[MotionListener | AlignmentThread] = []
         self._source: ObservedSource | None = None
         self._last: SourceInfo | None = None
         self._session = 0
@@ -119,19 +106,18 @@ class LiveTruth:
             return
         if order is not None:
             check_live(order.spec)
-        if self._listening is not None and (order is None or order.spec != self.order_spec):
-            self._listening.end()
-            self._ended = [each for each in self._ended if not each.ended] + [self._listening]
+        before = self._listening
+        if before is not None and (order is None or order.spec != before.listener.spec):
+            self._ending = [thread for thread in self._ending if thread.is_alive()]
+            self._ending += [before.listener, before.aligner]
+            before.listener.end()
+            before.aligner.end()
             self._listening = None
         if order is not None and self._listening is None:
-            self._listening = _Listening(order.spec, self._make_listener, self._make_aligner)
+            listener = self._make_listener(order.spec)
+            self._listening = _Listening(listener, self._make_aligner(listener))
         self.order = order
         self._begin(carry=False)
-
-    @property
-    def order_spec(self) -> str | None:
-        """Return the spec of the ordered motion capture."""
-        return None if self.order is None else self.order.spec
 
     @property
     def in_place(self) -> bool:
@@ -201,8 +187,8 @@ class LiveTruth:
 
     def join(self, timeout_s: float) -> None:
         """Wait for the threads of all ended connections."""
-        for listening in self._ended:
-            listening.join(timeout_s)
+        for thread in self._ending:
+            thread.join(timeout_s)
 
     # -----------------------------------------------------------------------------------------
 
@@ -269,7 +255,7 @@ class LiveTruth:
                 return self._placed[segment]
         return None
 
-    def _why_not(self, report: LiveCaptureReport | None, trouble: str | None) -> str | None:
+    def _why_not(self, report: LiveCaptureReport, trouble: str | None) -> str | None:
         """Return the reason why no alignment is possible now, where the alignment cannot tell."""
         source = self._source
         if source is None:
@@ -279,14 +265,7 @@ class LiveTruth:
                 f"not yet aligned: {source.info.spec} was recorded, and live motion capture tells "
                 f"of what happens now; align its run with a truth file instead"
             )
-        if report is None or report.state != "receiving":
-            what = trouble or (report and report.trouble) or "motion capture is being connected"
+        if report.state != "receiving":
+            what = trouble or report.trouble or "motion capture is being connected"
             return f"not yet aligned: {what}"
         return None
-
-
-def _aligner(listener: MotionListener) -> AlignmentThread:
-    return AlignmentThread(
-        listener.for_alignment,
-        lambda: None if listener.report is None else listener.report.clock,
-    )

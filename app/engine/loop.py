@@ -15,17 +15,15 @@ from dataclasses import replace
 from app.contract.events import HeartbeatEvent, ObservationEvent, SkippedFrameEvent, StateEvent
 from app.engine.calibrating import BoardPublisher, CalibrationSession
 from app.engine.commands import CommandHandler
-from app.engine.current_source import CurrentSource
-from app.engine.explaining import Explainer, ego_motion_facts
+from app.engine.current_source import CurrentSource, Opening
+from app.engine.explaining import ego_motion_facts
 from app.engine.live_truth import LiveTruth
-from app.engine.opening import Opening
+from app.engine.observed import Observed
 from app.engine.playback import PlayedFrame
 from app.engine.played_source import PlayedSource, SourceOpener
 from app.engine.publishing import Publisher
-from app.engine.session import Session
-from app.engine.session_opening import ObserverFactory
+from app.engine.session import ObserverFactory, Session
 from app.engine.sight import SightTeller
-from app.engine.watched import Observed
 from app.runtime.requests import Request
 from observer.guard.sight import REAL_WORLD
 from observer.jsonl import observation_line
@@ -56,8 +54,6 @@ class Engine:
         sight: SightTeller | None = None,
         open_source: SourceOpener,
         make_observer: ObserverFactory,
-        truth: LiveTruth | None = None,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Set up the loop.
 
@@ -67,39 +63,27 @@ class Engine:
             observations_lost: returns how many events ``send`` has dropped.
             publisher: takes observed frames, for views and the cloud; closed at the end.
             sight: sends each frame's sight to the drive process, if there is one.
-            truth: live motion capture; it listens to none until ordered.
-            clock: the host's monotonic clock.
         """
         self._inbox = inbox
         self._send = send
         self._observations_lost = observations_lost
         self._publisher = publisher
         self._sight = sight
-        self._clock = clock
         self._thread = threading.get_ident()
-        self._explainer = Explainer()
-        self._truth = truth or LiveTruth()
+        self._truth = LiveTruth()
         self._current = CurrentSource(
             open_source=open_source,
             make_observer=make_observer,
             opened=inbox.put,
-            closed=self._forget,
+            closed=publisher.forget,
             boards=BoardPublisher(send, publisher.show_cameras, self.beat),
             truth=self._truth,
             stage_clock=self._beating_clock,
-            clock=clock,
         )
         self._commands = CommandHandler(
-            self._current,
-            publisher,
-            self._explainer,
-            self._truth,
-            send=send,
-            beat=self.beat,
-            clock=clock,
+            self._current, publisher, self._truth, send=send, beat=self.beat
         )
         self._sequence = 0
-        self._ended = False
         self._next_beat = 0.0
         self._sent_state: StateEvent | None = None
         self._state_sent_at = 0.0
@@ -109,7 +93,7 @@ class Engine:
         self._thread = threading.get_ident()
         self._publish_state()
         try:
-            while not self._leaving:
+            while not self._commands.leaving:
                 self._take_messages()
                 self._advance()
                 self._publish_state()
@@ -121,7 +105,7 @@ class Engine:
 
     def beat(self) -> None:
         """Send a heartbeat if one is due; only calls from the loop's own thread do anything."""
-        now = self._clock()
+        now = time.monotonic()
         if now < self._next_beat or threading.get_ident() != self._thread:
             return
         self._next_beat = now + BEAT_INTERVAL_S
@@ -137,22 +121,13 @@ class Engine:
             session.tend()
         return time.perf_counter()
 
-    @property
-    def _leaving(self) -> bool:
-        return self._ended or self._commands.leaving
-
-    def _forget(self) -> None:
-        """Drop the observations of a closed source: they are no longer shown or explained."""
-        self._publisher.forget()
-        self._explainer.forget()
-
     # --- waiting ---------------------------------------------------------------------------
 
     def _take_messages(self) -> None:
         """Wait until a frame is due or a message arrives; answer all messages."""
-        while not self._leaving:
+        while not self._commands.leaving:
             self.beat()
-            now = self._clock()
+            now = time.monotonic()
             due = self._due_in_s(now)
             wait = min(due, max(self._next_beat - now, 0.0))
             try:
@@ -163,7 +138,7 @@ class Engine:
                 self._publish_state()
                 continue
             if message is None:
-                self._ended = True
+                self._commands.leaving = True
             elif isinstance(message, Opening):
                 self._opened(message)
             else:
@@ -200,7 +175,7 @@ class Engine:
     def _advance(self) -> None:
         """Read or observe at most one frame, whichever is due."""
         session = self._current.session
-        if session is None or session.resting or self._leaving:
+        if session is None or session.resting or self._commands.leaving:
             return
         source = session.source.info.spec
         try:
@@ -215,7 +190,7 @@ class Engine:
             if isinstance(session, Session) and session.recorder is not None:
                 session.recorder.skipped(skipped)
             return
-        if session.player.wait_s(self._clock()) != 0.0:
+        if session.player.wait_s(time.monotonic()) != 0.0:
             return
         try:
             self._use_frame(session)
@@ -224,12 +199,12 @@ class Engine:
             self._current.fail(f"observing a frame of {source}", error)
 
     def _use_frame(self, session: PlayedSource) -> None:
-        played = session.player.take(self._clock())
+        played = session.player.take(time.monotonic())
         self._current.raw_pair = played.frame
         if isinstance(session, Session):
             self._observe(session, played)
         elif isinstance(session, CalibrationSession):
-            session.watch.look(played.frame)
+            session.look(played.frame)
 
     def _observe(self, session: Session, played: PlayedFrame) -> None:
         frame = self._with_odometry(played.frame, session)
@@ -240,13 +215,15 @@ class Engine:
         session.record(frame, played)
         trace = FullTrace()
         observation = observer.observe(frame, trace)
-        observed = Observed(frame, observation, trace, observer.camera, observer.parameters)
+        session.segment = session.first_segment + observation.segment
+        observed = Observed(
+            frame, observation, trace, observer.camera, observer.parameters, session.segment
+        )
         if self._sight is not None:
             # Before all else: a robot drives by it.
             self._sight.tell(observed, session.mount, session.world, session.parameters.guard)
-        published = self._clock()
+        published = time.monotonic()
         line = observation_line(observation)
-        session.segment = session.first_segment + observation.segment
         line["segment"] = session.segment
         truth = session.truth
         # Motion capture replaces the truth of a simulation.
@@ -274,7 +251,6 @@ class Engine:
                 )
         self.beat()
         session.ageing.look(observed)
-        self._explainer.remember(observed, session.segment)
         self._publisher.publish(observed)
 
     def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:
@@ -287,7 +263,7 @@ class Engine:
     # --- state -----------------------------------------------------------------------------
 
     def _publish_state(self) -> None:
-        now = self._clock()
+        now = time.monotonic()
         state, sent = self._current.state(), self._sent_state
         # If only the position moved, an occasional update is enough.
         lately = now - self._state_sent_at < _POSITION_INTERVAL_S

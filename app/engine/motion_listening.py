@@ -8,8 +8,8 @@ import time
 from collections import deque
 from collections.abc import Callable
 
+from app.engine.errors import unexpected
 from app.engine.recording import RunRecorder
-from app.engine.replies import unexpected
 from observer.errors import DynamicObserverError
 from observer.truth.live.contract import LiveCaptureReport
 from observer.truth.live.heard import LiveCapture
@@ -23,31 +23,34 @@ _REPORT_EVERY_S = 0.5
 # Kept for a loop that takes none: half a minute of two bodies at 300 Hz.
 _MOST_WAITING = 20_000
 
+# Report before the first one of a connection.
+CONNECTING = LiveCaptureReport("connecting", None, (), {}, {}, 0, 0, 0, None)
+
 # Opens the live motion capture that a spec names.
 CaptureOpener = Callable[[str], LiveCapture]
 
 
-class MotionListener:
-    """Connection to motion capture and the thread that reads it. The other methods return at once.
+class MotionListener(threading.Thread):
+    """Connection to motion capture and the thread that reads it; starts itself.
 
     Attributes:
         spec: names the motion capture.
         recorder: receives all samples, where there is one.
-        report: the newest report; None before the first.
+        report: the newest report.
         trouble: the reason why it no longer listens.
     """
 
     def __init__(self, spec: str, open_capture: CaptureOpener = open_live_truth) -> None:
+        super().__init__(name="motion capture", daemon=True)
         self.spec = spec
         self.recorder: RunRecorder | None = None
-        self.report: LiveCaptureReport | None = None
+        self.report = CONNECTING
         self.trouble: str | None = None
         self._open = open_capture
         self._for_frames: deque[BodySample] = deque(maxlen=_MOST_WAITING)
         self._for_alignment: deque[BodySample] = deque(maxlen=_MOST_WAITING)
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="motion capture", daemon=True)
-        self._thread.start()
+        self.start()
 
     def for_frames(self) -> list[BodySample]:
         """Return the samples since the last call; for the loop's thread."""
@@ -58,19 +61,11 @@ class MotionListener:
         return _taken(self._for_alignment)
 
     def end(self) -> None:
-        """Stop listening; the thread closes the connection."""
+        """Stop listening; returns at once, and the thread closes the connection."""
         self._ending.set()
 
-    @property
-    def ended(self) -> bool:
-        """Return true once the thread has ended and released everything."""
-        return not self._thread.is_alive()
-
-    def join(self, timeout_s: float) -> None:
-        """Wait until the shutdown begun by ``end`` is complete."""
-        self._thread.join(timeout_s)
-
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Listen until ``end`` or a failure."""
         try:
             capture = self._open(self.spec)
         except Exception as error:  # noqa: BLE001

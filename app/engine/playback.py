@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass, replace
 
-from app.contract.commands import MAX_PLAYBACK_RATE, MIN_PLAYBACK_RATE
+from app.contract.commands import MAX_PLAYBACK_RATE, MIN_PLAYBACK_RATE, SetPlayback
 from app.engine.errors import NotNow
 from observer.errors import InputError, SourceError
 from observer.sources.contract import NoFrame, SeekableSource, SkippedFrame, Source
@@ -42,6 +42,12 @@ class Player:
 
     Every method takes ``now``, the host's monotonic clock. None of them waits, except that reading
     takes as long as the source takes.
+
+    Attributes:
+        paused, rate, loop: the settings in force.
+        position: number of the frame played last within the source; None before the first.
+        skipped: number of frames that could not be read.
+        trouble: reason why a live source delivers nothing, one sentence.
     """
 
     def __init__(self, source: Source, *, paused: bool, rate: float, loop: bool) -> None:
@@ -49,9 +55,9 @@ class Player:
         self._seekable = source if isinstance(source, SeekableSource) else None
         self._live = source.info.live
         self._period = 1.0 / source.info.frame_rate
-        self._rate = _checked_rate(rate)
-        self._loop = loop and not self._live
-        self._paused = paused and not self._live
+        self.rate = _checked_rate(rate)
+        self.loop = loop and not self._live
+        self.paused = paused and not self._live
         self._steps = 0
         self._held: PlayedFrame | None = None
         self._ended = False
@@ -67,20 +73,7 @@ class Player:
         self._played: deque[tuple[float, float]] = deque()
         self.position: int | None = None
         self.skipped = 0
-        # Reason why a live source delivers nothing, one sentence.
         self.trouble: str | None = None
-
-    @property
-    def paused(self) -> bool:
-        return self._paused
-
-    @property
-    def rate(self) -> float:
-        return self._rate
-
-    @property
-    def loop(self) -> bool:
-        return self._loop
 
     @property
     def seekable(self) -> bool:
@@ -121,7 +114,7 @@ class Player:
             SourceError: the source holds no readable frame at all; errors of the source's own pass
                 through.
         """
-        if self._held is not None or self._ended:
+        if not self.wants_reading:
             return None
         item = self._source.read()
         if isinstance(item, StereoFrame | SkippedFrame):
@@ -140,7 +133,7 @@ class Player:
                 f"{self._source.info.spec} holds no frame that can be read; "
                 f"give a source with at least two stereo frames"
             )
-        elif self._loop:
+        elif self.loop:
             self._rewind()
         else:
             self._ended = True
@@ -158,8 +151,8 @@ class Player:
 
     def _hold(self, frame: StereoFrame) -> None:
         if self._time_offset is None:
-            after = 0.0 if self._last_time is None else self._last_time + self._period
-            self._time_offset = after - (0.0 if self._last_time is None else frame.time)
+            last = self._last_time
+            self._time_offset = 0.0 if last is None else last + self._period - frame.time
         self._frames_in_pass += 1
         right_time = None if frame.right_time is None else frame.right_time + self._time_offset
         continued = replace(
@@ -194,7 +187,7 @@ class Player:
             return None
         if self._live or self._steps:
             return 0.0
-        if self._paused:
+        if self.paused:
             return None
         return max(0.0, self._due(self._held.frame.time, now) - now)
 
@@ -206,7 +199,7 @@ class Player:
     def _due(self, time: float, now: float) -> float:
         if self._anchor is None:
             self._anchor = (now, time)
-        return self._anchor[0] + (time - self._anchor[1]) / self._rate
+        return self._anchor[0] + (time - self._anchor[1]) / self.rate
 
     def take(self, now: float) -> PlayedFrame:
         """Take the held frame and count it as played."""
@@ -215,7 +208,7 @@ class Player:
         frame = played.frame
         if self._steps:
             self._steps -= 1
-        elif not self._live and now - self._due(frame.time, now) > self._period / self._rate:
+        elif not self._live and now - self._due(frame.time, now) > self._period / self.rate:
             # More than a frame late: catching up would only make everything late, so playback runs
             # later from here on.
             self._anchor = (now, frame.time)
@@ -226,16 +219,7 @@ class Player:
         self.position = played.position
         return replace(played, frame=frame)
 
-    def change(
-        self,
-        *,
-        paused: bool | None = None,
-        rate: float | None = None,
-        loop: bool | None = None,
-        step: int = 0,
-        restart: bool = False,
-        seek: int | None = None,
-    ) -> None:
+    def change(self, command: SetPlayback) -> None:
         """Change the given settings, all or nothing.
 
         Raises:
@@ -243,27 +227,30 @@ class Player:
             NotNow: steps were requested while playing.
             SourceError: the source cannot be rewound.
         """
+        step, seek, restart = command.step, command.seek, command.restart
         moved = restart or seek is not None
-        if self._live and (paused or rate not in (None, 1.0) or loop or step or moved):
+        changed = command.paused or command.rate not in (None, 1.0) or command.loop or step or moved
+        if self._live and changed:
             raise InputError("a live source comes at its own pace and cannot be paused or replayed")
-        new_rate = self._rate if rate is None else _checked_rate(rate)
+        rate = self.rate if command.rate is None else _checked_rate(command.rate)
         if step < 0:
             raise InputError(f"step must be a number of frames from 0 up, not {step}")
-        new_paused = self._paused if paused is None else paused
-        if step and not new_paused:
+        paused = self.paused if command.paused is None else command.paused
+        if step and not paused:
             raise NotNow("single steps are possible while paused; pause first")
         if seek is not None:
             self._seek(seek, restart=restart)
-        self._loop = self._loop if loop is None else loop
-        if restart or (self._loop and self._ended):
+        if command.loop is not None:
+            self.loop = command.loop
+        if restart or (self.loop and self._ended):
             self._rewind()
-        if moved or new_rate != self._rate or new_paused != self._paused:
+        if moved or rate != self.rate or paused != self.paused:
             self._anchor = None
             self._played.clear()
         # A user who seeks while paused wants to see that frame.
         shown = step + (seek is not None)
-        self._steps = self._steps + shown if new_paused else 0
-        self._rate, self._paused = new_rate, new_paused
+        self._steps = self._steps + shown if paused else 0
+        self.rate, self.paused = rate, paused
 
     def _seek(self, position: int, *, restart: bool) -> None:
         if self._seekable is None:

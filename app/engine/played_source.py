@@ -6,30 +6,29 @@ import time
 from collections.abc import Callable
 
 from app.contract.commands import BeginCalibration, OpenSource
-from app.contract.events import EngineState
-from app.contract.status import (
-    AgeingStatus,
-    LiveCamera,
-    LiveStatus,
-    PlaybackStatus,
-    RecordingStatus,
-)
+from app.contract.events import EngineState, StateEvent
+from app.contract.status import LiveCamera, LiveStatus, PlaybackStatus
 from app.contract.values import filled
 from app.engine.playback import Player
-from observer.camera import StereoCamera
-from observer.mount import CameraMount
 from observer.opening import OpenedSource
-from observer.robots.contract import RobotPort, RobotWorld
-from observer.sources.contract import LiveSource, SkippedFrame, Source
+from observer.sources.contract import LiveSource, SkippedFrame
 
 # Number of unreadable frames skipped while opening to find the first readable one.
 TRIES_FOR_A_PAIR = 20
 # A live source has delivered before it counts as open; the next pair follows soon.
 FIRST_PAIR_S = 2.0
 
-# Opens a source.
 OpeningCommand = OpenSource | BeginCalibration
+# Opens a source.
 SourceOpener = Callable[[str], OpenedSource]
+
+
+class LentSource(OpenedSource):
+    """Live source that belongs to its old session until the new one takes it over.
+
+    Only one program can open its cameras, and only once. The robots of its world, if it has any,
+    pass along, so that their driver need not reconnect. Nothing live has truth.
+    """
 
 
 class PlayedSource:
@@ -37,74 +36,40 @@ class PlayedSource:
 
     Attributes:
         spec: the text it was opened with, passwords included.
+        opened: the source, and the robots of its world; these are reached while it is observed.
         resting: it is not read, because its source is being handed on.
         skipped: frames that could not be read while opening, before the first one.
-        robots: of the source's own world; reached while it is observed.
-        run_id, segment: of the run being kept; None and 0 without one.
-        has_truth: the source has truth of its own.
     """
 
     def __init__(
-        self,
-        spec: str,
-        source: Source,
-        player: Player,
-        skipped: tuple[SkippedFrame, ...],
-        robots: RobotWorld | None = None,
+        self, spec: str, opened: OpenedSource, player: Player, skipped: tuple[SkippedFrame, ...]
     ) -> None:
         self.spec = spec
-        self.resting = False
-        self.source = source
-        self.robots = robots
+        self.opened = opened
+        self.source = source = opened.source
         self._live = source if isinstance(source, LiveSource) else None
         self.player = player
         self.skipped = skipped
-        self.run_id: str | None = None
-        self.segment = 0
-        self.has_truth = False
+        self.resting = False
 
-    @property
-    def state(self) -> EngineState:
-        """Return the engine state for this source."""
-        return EngineState.PREVIEW
-
-    def camera_facts(self) -> StereoCamera | None:
-        """Return the rectified camera as ``StateEvent.camera`` holds it."""
-        return None
-
-    def mount_facts(self) -> CameraMount | None:
-        """Return the mount as ``StateEvent.mount`` holds it."""
-        return None
-
-    def ageing_facts(self) -> AgeingStatus | None:
-        """Return the ageing as ``StateEvent.ageing`` holds it."""
-        return None
-
-    def recording_facts(self) -> RecordingStatus | None:
-        """Return the recording as ``StateEvent.recording`` holds it."""
-        return None
-
-    @property
-    def world(self) -> str | None:
-        """Return the world as ``StateEvent.world`` holds it."""
-        return None
-
-    def robot_facts(self) -> tuple[RobotPort, ...]:
-        """Return the robots as ``StateEvent.robots`` holds them."""
-        return ()
+    def state(self, now: float) -> StateEvent:
+        """Return the engine's state with this source, all but live motion capture."""
+        return StateEvent(
+            EngineState.PREVIEW,
+            reason=None,
+            source=self.source.info,
+            playback=self.playback_facts(now),
+            live=self._live_facts(),
+        )
 
     def playback_facts(self, now: float) -> PlaybackStatus:
         """Return the playback as ``StateEvent.playback`` holds it."""
-        player = self.player
-        achieved = player.achieved_rate(now)
-        return PlaybackStatus(
-            paused=player.paused,
-            rate=player.rate,
-            loop=player.loop,
-            frame=player.position,
+        achieved = self.player.achieved_rate(now)
+        return filled(
+            PlaybackStatus,
+            self.player,
+            frame=self.player.position,
             frame_count=self.source.info.frame_count,
-            ended=player.ended,
-            seekable=player.seekable,
             achieved_rate=None if achieved is None else round(achieved, 2),
         )
 
@@ -113,8 +78,7 @@ class PlayedSource:
         if self._live is not None:
             self._live.tend()
 
-    def live_facts(self) -> LiveStatus | None:
-        """Return the live figures as ``StateEvent.live`` holds them."""
+    def _live_facts(self) -> LiveStatus | None:
         if self._live is None:
             return None
         report = self._live.report()
@@ -125,15 +89,23 @@ class PlayedSource:
         """Return the command that would reopen it in its present state."""
         raise NotImplementedError
 
+    def lend(self) -> LentSource:
+        """Return the source for another session, as if newly opened."""
+        return LentSource(self.source, None, self.opened.robots)
+
+    def take_over(self, lender: PlayedSource) -> None:
+        """Own the lent source from now on: only this session's ``close`` closes it."""
+        self.opened, lender.opened = lender.opened, self.opened
+
     def close(self) -> None:
-        """Release the source and the robots of its world."""
-        if self.robots is not None:
-            self.robots.close()
-        self.source.close()
+        """Release the source and the robots of its world, unless they are lent."""
+        close_opened(self.opened)
 
 
 def close_opened(opened: OpenedSource) -> None:
-    """Release an opened source that will not be played."""
+    """Release an opened source and the robots of its world, unless they are lent."""
+    if isinstance(opened, LentSource):
+        return
     if opened.robots is not None:
         opened.robots.close()
     opened.source.close()

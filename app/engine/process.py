@@ -21,7 +21,7 @@ from app.contract.events import (
 from app.engine.loop import Engine, Inbox
 from app.engine.played_source import SourceOpener
 from app.engine.publishing import Publisher
-from app.engine.session_opening import ObserverFactory
+from app.engine.session import ObserverFactory
 from app.engine.sight import SightTeller
 from app.runtime.arguments import ProcessArguments
 from app.runtime.heap import keep_for_good
@@ -58,20 +58,14 @@ def run_engine(
         droppable=(ObservationEvent, SkippedFrameEvent),
     )
     slots = dict(arguments.slots)
-    # Slots shared with the drive process; an engine without one has neither.
-    sight, wheels = slots.pop(SIGHT_NAME, None), slots.pop(WHEELS_NAME, None)
+    # Slots shared with the drive process.
+    sight, wheels = slots.pop(SIGHT_NAME), slots.pop(WHEELS_NAME)
     engine = Engine(
         inbox=inbox,
         send=sender.send,
         observations_lost=lambda: sender.lost(ObservationEvent),
-        publisher=Publisher(
-            {name: LatestWriter(fd) for name, fd in slots.items()}, time.monotonic, sender.send
-        ),
-        sight=SightTeller(
-            None if sight is None else LatestWriter(sight),
-            None if wheels is None else LatestReader(wheels),
-            time.monotonic,
-        ),
+        publisher=Publisher({name: LatestWriter(fd) for name, fd in slots.items()}, sender.send),
+        sight=SightTeller(LatestWriter(sight), LatestReader(wheels), time.monotonic),
         open_source=open_source,
         make_observer=make_observer,
     )

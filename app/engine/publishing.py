@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from app.contract.events import DenseStereoEvent
 from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES
 from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
 from app.engine.latest_worker import LatestWorker
+from app.engine.observed import Observed
 from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
-from app.engine.watched import Observed
 from app.runtime.latest import LatestWriter
 from observer.errors import InputError
-from observer.types import Image
+from observer.types import Image, StereoFrame
 
 # The scene is drawn ten times a second; a little more, so that a busy machine keeps up the ten.
 DENSE_RATE_HZ = 12.0
 _DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
 
 
-@dataclass(frozen=True, eq=False)
-class _DenseJob:
-    pair: DensePair
-    # Epoch of the source: a job from a source closed meanwhile is not shown.
-    epoch: int
+# Pair, and the epoch of its source: a pair from a source closed meanwhile is not shown.
+_DenseJob = tuple[DensePair, int]
 
 
 class Publisher:
@@ -34,27 +31,25 @@ class Publisher:
 
     A thread beside the loop computes everything that needs dense stereo, from the newest pair and
     at its own rate; the rest is drawn at once. Only one thread writes each slot.
+
+    Attributes:
+        newest: the newest observed frame of the open source.
     """
 
     def __init__(
-        self,
-        slots: Mapping[str, LatestWriter],
-        clock: Callable[[], float],
-        send: Callable[[DenseStereoEvent], None],
+        self, slots: Mapping[str, LatestWriter], send: Callable[[DenseStereoEvent], None]
     ) -> None:
         """Set the slots.
 
         Args:
             slots: one for each name in ``VIEW_NAMES`` and ``CLOUD_NAME``.
-            clock: the host's monotonic clock.
             send: told of every cloud or disparity view, including failed ones; called in the other
                 thread.
         """
         self._slots = slots
-        self._clock = clock
         self._send = send
         self._watched: frozenset[str] = frozenset()
-        self._newest: Observed | None = None
+        self.newest: Observed | None = None
         self._pairs = PairKeeper()
         self._epoch = 0
         self._writing = threading.Lock()
@@ -74,36 +69,29 @@ class Publisher:
                 f"there are: {', '.join((*VIEW_NAMES, CLOUD_NAME))}"
             )
         new, self._watched = wanted - self._watched, wanted
-        if self._newest is not None:
-            self._draw(self._newest, new)
-
-    @property
-    def newest(self) -> Observed | None:
-        """Return the newest observed frame of the open source."""
-        return self._newest
+        if self.newest is not None:
+            self._draw(self.newest, new)
 
     def publish(self, observed: Observed) -> None:
         """Draw the watched views of the newest frame."""
-        self._newest = observed
+        self.newest = observed
         self._pairs.remember(observed)
         self._draw(observed, self._watched)
 
-    def show_cameras(self, facts: dict[str, Any], draw: Callable[[str], Image]) -> None:
-        """Show the cameras' images as drawn by the caller.
+    def show_cameras(self, frame: StereoFrame, draw: Callable[[str], Image]) -> None:
+        """Show the cameras' images of a frame as drawn by the caller.
 
         Args:
-            facts: frame, time and received of the pair.
             draw: makes the image of a name.
         """
         for name in sorted(self._watched.intersection(CAMERA_NAMES)):
             image = draw(name)
-            width, height = jpeg_size(*image.shape[1::-1])
-            header = {**facts, "width": width, "height": height}
+            header = _header(frame.index, frame.time, frame.received, image)
             self._slots[name].write(header, encode_jpeg(image))
 
     def forget(self) -> None:
         """Drop the closed source's frame, so that it is not shown again."""
-        self._newest = None
+        self.newest = None
         self._pairs = PairKeeper()
         self._dense.forget()
         with self._writing:
@@ -116,31 +104,29 @@ class Publisher:
 
     def _draw(self, observed: Observed, names: frozenset[str]) -> None:
         if names & _DENSE:
-            self._dense.give(_DenseJob(self._pairs.pair(observed), self._epoch))
+            self._dense.give((self._pairs.pair(observed), self._epoch))
         frame = observed.frame
-        facts = {"frame": frame.index, "time": frame.time, "received": frame.received}
         if names.intersection(CAMERA_NAMES):
             images = dict(zip(CAMERA_NAMES, (frame.left, frame.right), strict=True))
-            self.show_cameras(facts, images.__getitem__)
+            self.show_cameras(frame, images.__getitem__)
         for name in names - _DENSE - set(CAMERA_NAMES):
-            width, height = jpeg_size(*frame.left.shape[1::-1])
-            header = {**facts, "width": width, "height": height}
+            header = _header(frame.index, frame.time, frame.received, frame.left)
             self._slots[name].write(header, draw_view(name, observed))
 
     # --- in the other thread ---------------------------------------------------------------
 
     def _make_dense(self, job: _DenseJob) -> None:
-        begin, watched = self._clock(), self._watched & _DENSE
+        begin, watched = time.monotonic(), self._watched & _DENSE
         if not watched:
             return
-        dense = trouble = None
+        (pair, epoch), dense, trouble = job, None, None
         try:
-            dense = dense_stereo(job.pair)
-            self._write_dense(job, dense, watched)
+            dense = dense_stereo(pair)
+            self._write_dense(pair, dense, epoch, watched)
         except Exception as error:  # noqa: BLE001
             # A failure in display must stop neither the observing nor the next attempt.
             trouble = f"dense stereo failed: {type(error).__name__}: {error}"
-        now, instant = self._clock(), job.pair.instant
+        now, instant = time.monotonic(), pair.instant
         self._send(
             DenseStereoEvent(
                 frame=instant["frame"],
@@ -153,17 +139,22 @@ class Publisher:
         )
 
     def _write_dense(
-        self, job: _DenseJob, dense: DenseStereo | None, watched: frozenset[str]
+        self, pair: DensePair, dense: DenseStereo | None, epoch: int, watched: frozenset[str]
     ) -> None:
-        pair, values = job.pair, []
+        values = []
         if CLOUD_NAME in watched and dense is not None:
             values.append((CLOUD_NAME, *cloud_value(pair, dense)))
         if DISPARITY_NAME in watched:
-            facts = {name: pair.instant[name] for name in ("frame", "time", "received")}
-            width, height = jpeg_size(*pair.left.shape[1::-1])
-            header = {**facts, "width": width, "height": height}
+            instant = pair.instant
+            header = _header(instant["frame"], instant["time"], instant["received"], pair.left)
             values.append((DISPARITY_NAME, header, [draw_disparity(pair, dense)]))
         with self._writing:
-            if job.epoch == self._epoch:
+            if epoch == self._epoch:
                 for name, header, payload in values:
                     self._slots[name].write(header, *payload)
+
+
+def _header(frame: int, time: float, received: float, image: Image) -> dict[str, Any]:
+    """Return the header of a view: its instant, and the size of the image's JPEG."""
+    width, height = jpeg_size(*image.shape[1::-1])
+    return {"frame": frame, "time": time, "received": received, "width": width, "height": height}

@@ -74,7 +74,7 @@ class Recorders:
                 raise
             writer, trouble = None, str(error)
         recorder = RunRecorder(writer, order, ring=ring, trouble=trouble)
-        self._all = [each for each in self._all if not each.ended] + [recorder]
+        self._all = [each for each in self._all if each.is_alive()] + [recorder]
         return recorder
 
     def wait(self, timeout_s: float) -> None:

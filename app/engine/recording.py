@@ -47,8 +47,10 @@ def free_bytes(path: Path) -> int:
     return shutil.disk_usage(path.parent).free
 
 
-class RunRecorder:
-    """Recorder of one run. Its methods return at once; all but ``capture`` are for the loop.
+class RunRecorder(threading.Thread):
+    """Recorder of one run; starts itself. All its methods but ``capture`` are for the loop.
+
+    They return at once. The thread ends when the file is complete or given up after ``end``.
 
     Args:
         writer: writes the file; None records nothing.
@@ -68,8 +70,8 @@ class RunRecorder:
         trouble: str | None = None,
         most_bytes: int = MOST_BYTES,
         free: Callable[[Path], int] = free_bytes,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
+        super().__init__(name="recording", daemon=True)
         self._writer = writer
         self._order = order
         self._path = None if order is None else Path(order.path)
@@ -77,8 +79,7 @@ class RunRecorder:
         self._trouble = trouble
         self._most_bytes = most_bytes
         self._free = free
-        self._clock = clock
-        self._began = clock()
+        self._began = time.monotonic()
         self._bytes = 0 if writer is None else writer.size
         self._seconds = 0.0
         self._changed = threading.Condition()
@@ -91,9 +92,8 @@ class RunRecorder:
         self._done: Callable[[], None] | None = None
         # A frame that began something was dropped: that beginning moves to the next frame.
         self._owed: Begins | None = None
-        self._disk_looked_at = clock()
-        self._thread = threading.Thread(target=self._run, name="recording", daemon=True)
-        self._thread.start()
+        self._disk_looked_at = time.monotonic()
+        self.start()
 
     def facts(self) -> RecordingStatus | None:
         """Return the facts as ``StateEvent.recording`` holds them; None with only the ring kept."""
@@ -165,7 +165,7 @@ class RunRecorder:
         told = ParameterRevision(
             revision=revision, values=values, frame=frame, difference=difference
         )
-        now = self._clock()
+        now = time.monotonic()
         self._give(lambda w: w.parameters(told, now))
 
     def robots(self, rows: Sequence[RobotRow], incidents: Sequence[Incident]) -> None:
@@ -185,12 +185,12 @@ class RunRecorder:
 
     def skipped(self, skipped: SkippedFrame) -> None:
         """Record a frame that the source could not read."""
-        now = self._clock()
+        now = time.monotonic()
         self._give(lambda w: w.skipped(skipped, now))
 
     def incident(self, kind: str, sentence: str) -> None:
         """Record an incident to be found again."""
-        told = Incident(kind=kind, sentence=sentence, received=self._clock())
+        told = Incident(kind=kind, sentence=sentence, received=time.monotonic())
         self._give(lambda w: w.incident(told))
 
     def save_clip(
@@ -235,15 +235,6 @@ class RunRecorder:
             self._ending = True
             self._changed.notify()
 
-    def join(self, timeout_s: float) -> None:
-        """Wait until the shutdown begun by ``end`` is complete."""
-        self._thread.join(timeout_s)
-
-    @property
-    def ended(self) -> bool:
-        """Return true once the file is closed for good."""
-        return not self._thread.is_alive()
-
     def _give(self, work: Work, size: int = 0) -> bool:
         with self._changed:
             if self._trouble is not None or self._ending:
@@ -261,7 +252,8 @@ class RunRecorder:
 
     # --- the thread --------------------------------------------------------------------------
 
-    def _run(self) -> None:
+    def run(self) -> None:
+        """Write until ``end``."""
         # Keep the loop's own priority: a thread that lost its core while it holds Python's lock
         # would block the loop, and the robots' sight with it.
         try:
@@ -280,10 +272,10 @@ class RunRecorder:
                 self._changed.wait(_FLUSH_S)
             if self._waiting:
                 return self._waiting.popleft()
-            return None if self._ending else (_nothing, 0)
+            return None if self._ending else ((lambda _: None), 0)
 
     def _step(self, work: Work, size: int) -> None:
-        writer, now = self._writer, self._clock()
+        writer, now = self._writer, time.monotonic()
         try:
             if writer is not None:
                 self._tell_of_lost(writer, now)
@@ -363,7 +355,3 @@ def make_room(path: Path, reserve_bytes: int) -> None:
         raise RecordingError.of(error, path.name) from None
     if left < reserve_bytes:
         raise RecordingError(almost_full(path, left, reserve_bytes), full=True)
-
-
-def _nothing(_: RecordingWriter) -> None:
-    pass

@@ -1,27 +1,44 @@
-"""Observed session: one open source with its observer, truth and recording."""
+"""Observed session: one open source with its observer, truth and recording, and its opening."""
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Protocol
 
 from app.contract.commands import OpenSource
-from app.contract.events import EngineState
-from app.contract.status import AgeingStatus, RecordingStatus
+from app.contract.events import EngineState, StateEvent
 from app.engine.ageing import CalibrationAgeing
 from app.engine.playback import PlayedFrame, Player
-from app.engine.played_source import PlayedSource
+from app.engine.played_source import (
+    FIRST_PAIR_S,
+    TRIES_FOR_A_PAIR,
+    PlayedSource,
+    SourceOpener,
+    close_opened,
+    read_first,
+)
+from app.engine.recorders import Recorders
 from app.engine.recording import RunRecorder
-from observer.camera import StereoCamera
+from observer.calibration.formats.opencv_file import (
+    calibration_id,
+    calibration_text,
+    read_calibration,
+)
+from observer.camera import StereoCalibration, StereoCamera
+from observer.errors import CalibrationError
 from observer.geometry import Pose
 from observer.guard.parameters import AllParameters
 from observer.guard.sight import REAL_WORLD
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
+from observer.rig.applied import mount_for
+from observer.rig.rig_file import read_rig
 from observer.robots.contract import RobotPort
-from observer.sources.contract import SkippedFrame
+from observer.sources.contract import SkippedFrame, Source
 from observer.truth.matching import TruthMatcher
 from observer.types import Observation, StereoFrame, Trace
 
@@ -42,6 +59,32 @@ class FrameObserver(Protocol):
     def observe(self, frame: StereoFrame, trace: Trace = ...) -> Observation: ...
 
 
+class ObserverFactory(Protocol):
+    """Factory of observers; ``mount`` is the source's own, ``clock`` serves the stage timings."""
+
+    def __call__(
+        self,
+        calibration: StereoCalibration,
+        parameters: Parameters,
+        *,
+        parameters_revision: int,
+        mount: CameraMount | None,
+        clock: Callable[[], float],
+    ) -> FrameObserver: ...
+
+
+class NotCalibrated(CalibrationError):
+    """Source without a calibration: it brings none and none was given.
+
+    Attributes:
+        pair: a frame of the source for trying out a calibration; None where it has no readable one.
+    """
+
+    def __init__(self, message: str, pair: StereoFrame | None) -> None:
+        self.pair = pair
+        super().__init__(message)
+
+
 class Session(PlayedSource):
     """State of one source that is observed."""
 
@@ -57,8 +100,7 @@ class Session(PlayedSource):
         mount: CameraMount | None,
         T_body_base: Mapping[str, Pose],
         ports: tuple[RobotPort, ...],
-        recorder: RunRecorder | None = None,
-        record_again: Callable[[], RunRecorder | None] = lambda: None,
+        begin_recording: Callable[[OpenSource], RunRecorder | None],
     ) -> None:
         """Set up the session.
 
@@ -67,10 +109,9 @@ class Session(PlayedSource):
             calibration_yaml, mount: the calibration and mount the observer was made with.
             T_body_base: by body of motion capture, as the rig file gives it.
             ports: addresses of the robots in the source's world.
-            recorder: records the run, where ordered.
-            record_again: makes the recorder that follows the run.
+            begin_recording: begins to record a run as its command orders, or keeps what it can.
         """
-        super().__init__(command.source, opened.source, player, skipped, opened.robots)
+        super().__init__(command.source, opened, player, skipped)
         self._command = command
         self.calibration_yaml = calibration_yaml
         self.mount = mount
@@ -83,18 +124,30 @@ class Session(PlayedSource):
         self.first_segment = command.segment
         self.parameters_revision = command.parameters_revision
         self.truth = None if opened.truth is None else TruthMatcher(opened.truth)
-        self.has_truth = self.truth is not None
         self.segment = command.segment
-        self.recorder = recorder
-        self._record_again = record_again
-        if recorder is not None:
-            recorder.parameters(parameters, command.parameters_revision)
+        self._begin_recording = begin_recording
+        self.recorder = begin_recording(command)
+        if self.recorder is not None:
+            self.recorder.parameters(parameters, command.parameters_revision)
             for frame in skipped:
-                recorder.skipped(frame)
+                self.recorder.skipped(frame)
 
-    @property
-    def state(self) -> EngineState:
-        return EngineState.PREVIEW if self.run_id is None else EngineState.RUNNING
+    def state(self, now: float) -> StateEvent:
+        """Return the engine's state with this source, all but live motion capture."""
+        recorder = None if self.run_id is None else self.recorder
+        return replace(
+            super().state(now),
+            state=EngineState.PREVIEW if self.run_id is None else EngineState.RUNNING,
+            camera=self.observer.camera,
+            run_id=self.run_id,
+            segment=self.segment,
+            has_truth=self.truth is not None,
+            mount=self.mount,
+            ageing=self.ageing.facts(),
+            world=self.world,
+            robots=self._ports,
+            recording=None if recorder is None else recorder.facts(),
+        )
 
     def again(self) -> OpenSource:
         """Return the command that would reopen it in its present state, with nothing kept."""
@@ -130,48 +183,115 @@ class Session(PlayedSource):
     def end_run(self) -> RunRecorder | None:
         """End the run and keep nothing from now on; the caller ends the returned recorder."""
         self.run_id = None
-        recorder = self.stop_recording()
-        self.recorder = self._record_again()
+        recorder, self.recorder = self.recorder, self._begin_recording(self.again())
         if self.recorder is not None:
             self.recorder.parameters(self.parameters, self.parameters_revision)
         return recorder
 
-    def stop_recording(self) -> RunRecorder | None:
-        """Stop recording; the caller ends the returned recorder."""
-        recorder, self.recorder = self.recorder, None
-        return recorder
-
-    def recording_facts(self) -> RecordingStatus | None:
-        """Return the recording as ``StateEvent.recording`` holds it."""
-        if self.run_id is None or self.recorder is None:
-            return None
-        return self.recorder.facts()
-
     def close(self) -> None:
-        recorder = self.stop_recording()
-        if recorder is not None:
-            recorder.end()
+        if self.recorder is not None:
+            self.recorder.end()
         super().close()
-
-    def camera_facts(self) -> StereoCamera:
-        """Return the rectified camera as ``StateEvent.camera`` holds it."""
-        return self.observer.camera
-
-    def mount_facts(self) -> CameraMount | None:
-        """Return the mount as ``StateEvent.mount`` holds it."""
-        return self.mount
-
-    def ageing_facts(self) -> AgeingStatus | None:
-        """Return the ageing as ``StateEvent.ageing`` holds it."""
-        return self.ageing.facts()
 
     @property
     def world(self) -> str | None:
         """Return the robots' own world, ``real`` for live cameras, none for a replay."""
-        if self.robots is not None:
-            return self.robots.world
+        if self.opened.robots is not None:
+            return self.opened.robots.world
         return REAL_WORLD if self.source.info.live else None
 
-    def robot_facts(self) -> tuple[RobotPort, ...]:
-        """Return the robots as ``StateEvent.robots`` holds them."""
-        return self._ports
+
+def open_session(
+    command: OpenSource,
+    open_source: SourceOpener,
+    make_observer: ObserverFactory,
+    clock: Callable[[], float],
+    recorders: Recorders,
+) -> Session:
+    """Open the source and all that belongs to it, and read its first frame.
+
+    If refused, nothing stays open.
+
+    Raises:
+        InputError: one sentence on the fault in the source, calibration or a parameter.
+        RecordingError: a recording was ordered and is not possible.
+    """
+    parameters = AllParameters().changed(command.parameters)
+    given = (
+        None
+        if command.calibration_yaml is None
+        else read_calibration(command.calibration_yaml, name="the given calibration")
+    )
+    rig = None if command.rig_yaml is None else read_rig(command.rig_yaml, "the rig")
+    opened = open_source(command.source)
+    try:
+        calibration = _calibration(given, opened.source)
+        # A given text is passed on unchanged, so that it keeps its content hash.
+        text = command.calibration_yaml or calibration_text(calibration)
+        bodies = {} if rig is None else rig.T_body_base
+        mount = mount_for(opened.source.info, rig, calibration_id(text))
+        observer = make_observer(
+            calibration,
+            parameters.vision,
+            parameters_revision=command.parameters_revision,
+            mount=mount,
+            clock=clock,
+        )
+        # Before the first frame: it takes a second or two, and again once robots follow it.
+        ports = () if opened.robots is None else opened.robots.serve()
+        player = Player(opened.source, paused=command.paused, rate=command.rate, loop=command.loop)
+        skipped = read_first(player)
+        info = opened.source.info
+        begin = partial(recorders.begin, info=info, calibration_yaml=text, mount=mount)
+        return Session(
+            command,
+            opened,
+            observer,
+            parameters,
+            player,
+            skipped,
+            text,
+            mount,
+            bodies,
+            ports,
+            begin,
+        )
+    except BaseException:
+        close_opened(opened)
+        raise
+
+
+def _calibration(given: StereoCalibration | None, source: Source) -> StereoCalibration:
+    """Return the given calibration, or else the source's own.
+
+    Raises:
+        NotCalibrated: there is neither.
+        CalibrationError: it is for images of another size.
+    """
+    calibration, info = given or source.calibration, source.info
+    if calibration is None:
+        raise NotCalibrated(
+            f"{info.spec} brings no calibration; calibrate it under Calibration, choose a "
+            f"calibration for it, or put a calibration.yaml into its folder",
+            _first_pair(source),
+        )
+    if (calibration.width, calibration.height) != (info.width, info.height):
+        raise CalibrationError(
+            f"the calibration is for images of {calibration.width}x{calibration.height} pixels, "
+            f"but {info.spec} delivers {info.width}x{info.height}; choose the calibration that "
+            f"was made with these images"
+        )
+    return calibration
+
+
+def _first_pair(source: Source) -> StereoFrame | None:
+    until = time.monotonic() + FIRST_PAIR_S
+    skipped = 0
+    while skipped < TRIES_FOR_A_PAIR and time.monotonic() < until:
+        item = source.read()
+        if isinstance(item, StereoFrame):
+            return item
+        if item is None:
+            return None
+        skipped += isinstance(item, SkippedFrame)
+    return None

@@ -6,7 +6,7 @@ import logging
 from collections.abc import Callable
 from typing import Any
 
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from app.runtime.latest import LatestReader, LatestWriter
 from observer.camera import as_gray
 from observer.guard.free_path import FreePath
@@ -27,13 +27,10 @@ _GONE_S = 1.0
 
 
 class SightTeller:
-    """Writer of each observed frame's sight and reader of the wheels; both slots may be missing."""
+    """Writer of each observed frame's sight and reader of the wheels."""
 
     def __init__(
-        self,
-        sight: LatestWriter | None,
-        wheels: LatestReader | None,
-        clock: Callable[[], float],
+        self, sight: LatestWriter, wheels: LatestReader, clock: Callable[[], float]
     ) -> None:
         """Set the slots.
 
@@ -64,8 +61,6 @@ class SightTeller:
             world: the world that the frame shows.
             guard: the parameters in force.
         """
-        if self._sight is None:
-            return
         scan = None
         if mount is not None and world is not None and self._robot_is_there():
             scan = self._scan(observed, mount, guard)
@@ -81,8 +76,6 @@ class SightTeller:
         return bool(history) and self._clock() - history[-1][0] <= _GONE_S
 
     def _read_history(self) -> list[list[float]]:
-        if self._wheels is None:
-            return []
         value = self._wheels.read(self._sequence)
         if value is not None:
             self._sequence = value.sequence

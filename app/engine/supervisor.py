@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import Any
 
 from app.contract.commands import Shutdown, ToEngine
 from app.contract.drive import SIGHT_NAME, WHEELS_NAME
@@ -22,7 +22,6 @@ from app.contract.events import (
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.runtime.child import ChildProcess
 from app.runtime.environment import module_command
-from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.latest import LatestReader, create_slot
 from app.runtime.supervisor import ProcessSupervisor, SupervisorLimits
 
@@ -34,14 +33,6 @@ _SLOT_BYTES = 4 * 1024 * 1024
 _SHARED_SLOT_BYTES = 256 * 1024
 
 
-class EngineRefused(ProcessRefused):
-    """Refusal by an engine that would not or could not carry out a request."""
-
-
-class EngineUnavailable(ProcessUnavailable):
-    """Lack of an engine that could answer at this moment."""
-
-
 class EngineSupervisor(ProcessSupervisor[ToEngine[Any], Event]):
     """Supervisor of the engine processes. All methods belong to the event loop's thread.
 
@@ -50,11 +41,12 @@ class EngineSupervisor(ProcessSupervisor[ToEngine[Any], Event]):
     process communicate directly, past this process; they stay open until ``stop``.
     """
 
-    what: ClassVar[str] = "engine"
-    refused = EngineRefused
-    unavailable = EngineUnavailable
+    what = "engine"
+    farewell = Shutdown()
     heartbeat = HeartbeatEvent
-    kept = (HeartbeatEvent, StateEvent)
+    state = StateEvent
+    started = EngineStartedEvent
+    lost = EngineLostEvent
 
     def __init__(
         self,
@@ -78,19 +70,7 @@ class EngineSupervisor(ProcessSupervisor[ToEngine[Any], Event]):
         self.cloud: LatestReader = readers.pop(CLOUD_NAME)
         self.views: Mapping[str, LatestReader] = readers
 
-    def _farewell(self) -> ToEngine[Any]:
-        return Shutdown()
-
-    def _started_event(self, generation: int, pid: int) -> Event:
-        return EngineStartedEvent(generation, pid)
-
-    def _lost_event(self, generation: int, reason: str) -> Event:
-        return EngineLostEvent(generation, reason)
-
-    def _state(self, child: ChildProcess) -> Event | None:
-        return child.newest(StateEvent)
-
-    def _lost(self, child: ChildProcess | None) -> int:
+    def _dropped(self, child: ChildProcess | None) -> int:
         heartbeat = None if child is None else child.newest(HeartbeatEvent)
         return 0 if heartbeat is None else heartbeat.counters.get("observations_lost", 0)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from app.contract.commands import LiveTruthOrder
 from app.contract.live_truth import CaptureBody, LiveAlignment, LiveTruthStatus, ServerClock
+from app.contract.values import filled
 from app.engine.aligning import Aligned
 from observer.rig.rig import ROLES, Role
 from observer.truth.alignment.result import Alignment
@@ -12,7 +13,7 @@ from observer.truth.live.contract import LiveCaptureReport
 
 def truth_facts(
     order: LiveTruthOrder,
-    report: LiveCaptureReport | None,
+    report: LiveCaptureReport,
     trouble: str | None,
     aligned: Aligned | None,
     why_not: str,
@@ -24,27 +25,25 @@ def truth_facts(
         why_not: the sentence to show where nothing is aligned.
     """
     alignment = None if aligned is None else aligned.alignment
-    clock = None if report is None else report.clock
+    clock = report.clock
     return LiveTruthStatus(
         spec=order.spec,
         observer=order.observer,
         ignore=order.ignore,
-        state="connecting" if report is None else report.state,
-        trouble=trouble or (None if report is None else report.trouble),
-        notes=() if report is None else report.notes,
-        bodies=[]
-        if report is None
-        else [
+        state=report.state,
+        trouble=trouble or report.trouble,
+        notes=report.notes,
+        bodies=[
             CaptureBody(name, _role(name, order, alignment), round(rate, 1))
             for name, rate in sorted(report.rate_hz.items())
         ],
         clock=None
         if clock is None
-        else ServerClock(
-            offset_s=clock.offset_s,
+        else filled(
+            ServerClock,
+            clock,
             drift_ppm=None if clock.drift_ppm is None else round(clock.drift_ppm, 1),
             sigma_s=round(clock.sigma_s, 6),
-            samples=clock.samples,
         ),
         aligned=aligned is not None,
         sentence=why_not if aligned is None else _how(aligned),

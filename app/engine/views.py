@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.engine.dense_stereo import DensePair, DenseStereo
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.drawing import color_copy
 from observer.types import Image, Obstacle
 
@@ -72,7 +72,7 @@ def encode_jpeg(image: Image, *, fine_colors: bool = False) -> bytes:
     """
     height, width = image.shape[:2]
     if width > MAX_WIDTH:
-        size = (MAX_WIDTH, max(1, round(height * MAX_WIDTH / width)))
+        size = jpeg_size(width, height)
         image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
     options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
     if fine_colors:

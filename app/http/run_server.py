@@ -36,7 +36,7 @@ def run(settings: Settings) -> int:
     Raises:
         InputError: the port, a certificate or the token file cannot be used, or another server
             uses the data folder; one sentence.
-        StorageError, EngineUnavailable: the database or the engine cannot be used.
+        StorageError, ProcessUnavailable: the database or the engine cannot be used.
     """
     _configure_logging(settings.log_level)
     listener = _bind(settings)

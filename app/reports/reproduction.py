@@ -16,10 +16,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.client.errors import DrivingFailed
 from app.client.operator_socket import OperatorSocket
 from app.client.profile_drive import PlayRequest, ProfileDrive
-from app.client.server_api import ServerApi
+from app.client.server_api import DrivingFailed, ServerApi
+from app.client.server_process import RunningServer, running_server
 from app.reports.experiments import Experiment, judged, with_experiments
 from app.reports.gathering import Gathered
 from app.reports.report import Report, Step, make_report
@@ -28,7 +28,6 @@ from observer.guard.sight import SIGHT_FRESH_S
 from observer.motion_profiles.gesture import GESTURE_S
 from observer.motion_profiles.playing import duration_s
 from observer.motion_profiles.profile import MotionProfile
-from tools.benchmark.server_process import RunningServer, running_server
 
 SOURCE = "simulated:drive"
 ATTEMPTS = 24
@@ -87,7 +86,7 @@ def play_experiments(
         attempts: maximum number of drives that may end prematurely, in all.
 
     Raises:
-        BenchmarkError: the server did not start, or refused a run.
+        MeasurementError: the server did not start, or refused a run.
         ReproductionError: the programmes were never driven to their end, or the recording could not
             be fetched.
     """

@@ -147,15 +147,7 @@ class LatestWriter(_Slot):
 
 
 class LatestReader(_Slot):
-    """Reading side of a slot.
-
-    Attributes:
-        torn: number of reads that met a value being overwritten, and were repeated.
-    """
-
-    def __init__(self, fd: int) -> None:
-        super().__init__(fd)
-        self.torn = 0
+    """Reading side of a slot."""
 
     def read(self, after: int = 0) -> Latest | None:
         """Return the newest value if its sequence is above ``after``, complete or not at all.
@@ -170,7 +162,6 @@ class LatestReader(_Slot):
             value = self._copy(sequence)
             if value is not None:
                 return value
-            self.torn += 1
         return None
 
     def _copy(self, sequence: int) -> Latest | None:

@@ -7,7 +7,7 @@ import socket
 import threading
 from collections.abc import Callable
 
-from app.runtime.pipe import receive_message
+from app.runtime.pipe import load_message
 from app.runtime.requests import Request
 
 
@@ -17,7 +17,7 @@ def receive_until_parent_ends(
     *,
     expects_end: Callable[[], bool],
     leave: Callable[[], object] = lambda: os._exit(0),
-) -> threading.Thread:
+) -> None:
     """Receive requests in a thread; leave at the channel's end, whatever the main loop does.
 
     The parent holds the other end, and however the parent ends, the kernel closes it.
@@ -30,14 +30,10 @@ def receive_until_parent_ends(
     """
 
     def receive() -> None:
-        while True:
-            message = receive_message(sock)
-            if message is None:
-                break
+        stream = sock.makefile("rb")
+        while (message := load_message(stream)) is not None:
             put(message)
         if not expects_end():
             leave()
 
-    thread = threading.Thread(target=receive, name="message receiver", daemon=True)
-    thread.start()
-    return thread
+    threading.Thread(target=receive, name="message receiver", daemon=True).start()

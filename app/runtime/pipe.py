@@ -65,34 +65,21 @@ async def read_message(reader: asyncio.StreamReader) -> Any:
         return None
 
 
-def receive_message(sock: socket.socket) -> Any:
-    """Wait for the next message; None at the channel's end (the other process is gone)."""
-    head = _receive_exactly(sock, _LENGTH.size)
-    body = None if head is None else _receive_exactly(sock, _checked_length(head))
-    return None if body is None else pickle.loads(body)
-
-
 def load_message(stream: BinaryIO) -> Any:
-    """Load the next message of a blocking stream; None at its end, even within a message."""
-    head = stream.read(_LENGTH.size)
-    if len(head) < _LENGTH.size:
+    """Wait for the next message of a blocking stream.
+
+    Returns:
+        None at its end, even within a message: the other process is gone.
+    """
+    try:
+        head = stream.read(_LENGTH.size)
+        if len(head) < _LENGTH.size:
+            return None
+        length = _checked_length(head)
+        body = stream.read(length)
+    except ConnectionError:
         return None
-    length = _checked_length(head)
-    body = stream.read(length)
     return pickle.loads(body) if len(body) == length else None
-
-
-def _receive_exactly(sock: socket.socket, size: int) -> bytes | None:
-    received = bytearray()
-    while len(received) < size:
-        try:
-            part = sock.recv(min(size - len(received), 1 << 20))
-        except ConnectionError:
-            return None
-        if not part:
-            return None
-        received += part
-    return bytes(received)
 
 
 class MessageSender:

@@ -39,6 +39,7 @@ class SupervisorLimits:
         most_backoff_s: the longest pause.
         attempts: number of failed attempts in a row after which ``start`` gives up.
         stop_s: time for a process to leave by itself.
+        answer_s: time for a reply, where the request does not say otherwise.
     """
 
     hang_s: float = 1.6
@@ -50,6 +51,7 @@ class SupervisorLimits:
     most_backoff_s: float = 10.0
     attempts: int = 3
     stop_s: float = 1.0
+    answer_s: float = 10.0
 
 
 @dataclass(frozen=True)
@@ -75,16 +77,23 @@ class ProcessHealth:
 class ProcessSupervisor(Generic[_Command, _Event]):
     """Supervisor of the processes of one kind. All methods belong to the event loop's thread.
 
-    A subclass defines its kind: the class attributes, and the methods marked as such below.
+    A subclass defines its kind by the class attributes.
+
+    Attributes:
+        what: name of such a process, for people.
+        farewell: command that asks a process to leave in good order.
+        heartbeat: event that proves that a process is alive; it has ``monotonic``.
+        state: event whose newest one is published when its process takes over.
+        started, lost: events of a takeover and of a loss, made from the generation and the process
+            id, or the reason.
     """
 
     what: ClassVar[str]
-    refused: ClassVar[type[ProcessRefused]] = ProcessRefused
-    unavailable: ClassVar[type[ProcessUnavailable]] = ProcessUnavailable
-    # The event with which a process proves that it is alive; it has ``monotonic``.
-    heartbeat: ClassVar[type]
-    # Kinds of event whose newest one is kept.
-    kept: ClassVar[tuple[type, ...]]
+    farewell: ClassVar[Any]
+    heartbeat: ClassVar[type[Any]]
+    state: ClassVar[type[Any]]
+    started: ClassVar[type[Any]]
+    lost: ClassVar[type[Any]]
 
     def __init__(
         self, command: Sequence[str], slots: Mapping[str, int], limits: SupervisorLimits
@@ -115,27 +124,12 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._watching: asyncio.Task[None] | None = None
         self._closed = False
 
-    # --- what a subclass defines -----------------------------------------------------------
+    # --- what a subclass may define --------------------------------------------------------
 
-    def _farewell(self) -> _Command:
-        """Return the command that asks a process to leave in good order."""
-        raise NotImplementedError
-
-    def _started_event(self, generation: int, pid: int) -> _Event:
-        raise NotImplementedError
-
-    def _lost_event(self, generation: int, reason: str) -> _Event:
-        raise NotImplementedError
-
-    def _lost(self, child: ChildProcess | None) -> int:
+    def _dropped(self, child: ChildProcess | None) -> int:
         """Return the number of messages from a process that were dropped."""
         del child
         return 0
-
-    def _state(self, child: ChildProcess) -> _Event | None:
-        """Return the state a process sent before its takeover, for publication at that time."""
-        del child
-        return None
 
     def _release(self) -> None:
         """Release the resources of the processes, after the last one has ended."""
@@ -175,8 +169,11 @@ class ProcessSupervisor(Generic[_Command, _Event]):
                 _log.error("%s process %d hangs inside the kernel", self.what, child.pid)
         self._release()
 
-    async def request(self, command: _Command, timeout_s: float = 10.0) -> Any:
+    async def request(self, command: _Command, timeout_s: float | None = None) -> Any:
         """Send a request to the process and return its reply's value.
+
+        Args:
+            timeout_s: by default the limit ``answer_s``.
 
         Raises:
             ProcessRefused: it refuses, and why.
@@ -184,20 +181,21 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         """
         child = self._active
         if self._closed:
-            raise self.unavailable("the server is being stopped")
+            raise ProcessUnavailable("the server is being stopped")
         if child is None:
-            raise self.unavailable(self._trouble)
+            raise ProcessUnavailable(self._trouble)
         what = type(command).__name__
+        timeout_s = self._limits.answer_s if timeout_s is None else timeout_s
         try:
             reply = await child.request(command, timeout_s)
         except TimeoutError:
-            raise self.unavailable(
+            raise ProcessUnavailable(
                 f"the {self.what} did not answer {what} within {timeout_s:g} s"
             ) from None
         except ChildEnded:
-            raise self.unavailable(f"the {self.what} ended before it answered {what}") from None
+            raise ProcessUnavailable(f"the {self.what} ended before it answered {what}") from None
         if reply.refusal is not None:
-            raise self.refused(reply.error or f"{what} was refused", reply.refusal)
+            raise ProcessRefused(reply.error or f"{what} was refused", reply.refusal)
         return reply.value
 
     def subscribe(self, callback: Callable[[_Event], None]) -> Callable[[], None]:
@@ -226,7 +224,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             heartbeat_age_s=(
                 None if heartbeat is None else max(0.0, time.monotonic() - heartbeat.monotonic)
             ),
-            observations_lost=self._lost_before + self._lost(child),
+            observations_lost=self._lost_before + self._dropped(child),
         )
 
     # --- watching --------------------------------------------------------------------------
@@ -260,13 +258,13 @@ class ProcessSupervisor(Generic[_Command, _Event]):
                 self._failures = 0
             return
         self._active = None
-        self._lost_before += self._lost(child)
+        self._lost_before += self._dropped(child)
         self._trouble = f"the {self.what} {complaint} and is being replaced"
         ending = await self._remove(child)
         reason = f"the {self.what} {ending if complaint == _ENDED else complaint}"
         _log.error("%s", reason)
         self._count_failure(self._active_since)
-        self._publish(self._lost_event(self._generation, reason))
+        self._publish(self.lost(self._generation, reason))
 
     async def _look_after_standby(self) -> None:
         now = time.monotonic()
@@ -287,8 +285,8 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             self._active, self._standby = child, None
             self._active_since = now
             self._generation += 1
-            self._publish(self._started_event(self._generation, child.pid))
-            state = self._state(child)
+            self._publish(self.started(self._generation, child.pid))
+            state = child.newest(self.state)
             if state is not None:
                 self._publish(state)
             if self._first is not None and not self._first.done():
@@ -303,7 +301,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
     async def _start_another(self) -> None:
         try:
             self._standby = await ChildProcess.start(
-                self._command, self._inherited, self._hear, self.kept
+                self._command, self._inherited, self._hear, (self.heartbeat, self.state)
             )
         except OSError as error:
             self._trouble = f"the {self.what} cannot be started: {error}"
@@ -340,7 +338,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         ):
             sentence = self._trouble.partition(";")[0]
             self._first.set_exception(
-                self.unavailable(f"{sentence}, {self._failures} times in a row; see its messages")
+                ProcessUnavailable(f"{sentence}, {self._failures} times in a row; see its messages")
             )
 
     def _hear(self, child: ChildProcess, event: _Event | None) -> None:
@@ -362,7 +360,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
     async def _end(self, child: ChildProcess) -> None:
         """End a process: let it leave by itself, then SIGTERM, then force."""
         try:
-            await child.request(self._farewell(), self._limits.stop_s)
+            await child.request(self.farewell, self._limits.stop_s)
         except (TimeoutError, ChildEnded):
             child.terminate()
         if not await child.wait_gone(self._limits.stop_s):

@@ -42,8 +42,8 @@ class Engine(_Process, Protocol):
         """Send a command and return the value of its reply.
 
         Raises:
-            EngineRefused: the engine refused and said why.
-            EngineUnavailable: there is no engine at the moment, or it did not answer.
+            ProcessRefused: the engine refused and said why.
+            ProcessUnavailable: there is no engine at the moment, or it did not answer.
         """
         ...
 

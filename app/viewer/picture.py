@@ -53,6 +53,8 @@ class Picture:
         rig: (N, 2, 3) lines from the camera to its robot.
         tags: one per obstacle.
         positions: of the obstacles by id.
+        optics: vertical field of view, radians, and width per height of the image; None without a
+            camera.
         robot: the observing robot, where one is connected and its place is known.
         notice: the reason why the content is not fresh; None while it is.
         stale: it is old without having been paused on request.
@@ -63,8 +65,7 @@ class Picture:
     floor_known: bool
     T_world_camera: Pose | None
     rig: Float64Array
-    fov_rad: float | None
-    aspect: float | None
+    optics: tuple[float, float] | None
     boxes: Float64Array
     truth: Float64Array
     arrows: Float64Array
@@ -94,7 +95,6 @@ def make_picture(
     pose = line.get("pose")
     T_world_camera = None if pose is None else _pose(pose)
     notice, stale = _freshness(event, state, now)
-    fov, aspect = _optics(state.camera)
     up = T_display_world.rotation.T @ np.array([0.0, 0.0, 1.0])
     return Picture(
         segment=(generation, int(line["segment"])),
@@ -102,8 +102,7 @@ def make_picture(
         floor_known=mount is not None,
         T_world_camera=T_world_camera,
         rig=rig_edges(mount, T_world_camera),
-        fov_rad=fov,
-        aspect=aspect,
+        optics=None if state.camera is None else _optics(state.camera),
         boxes=_stacked([_obstacle_edges(o) for o in placed], 12),
         truth=_stacked([_true_edges(b, up) for b in (event.truth if event else [])], 12),
         arrows=_stacked([a for o in placed if (a := _arrow(o)) is not None], None),
@@ -145,27 +144,17 @@ def _freshness(
     return f"stale: {age:.0f} s old", True
 
 
-def _optics(camera: StereoCamera | None) -> tuple[float | None, float | None]:
-    if camera is None:
-        return None, None
+def _optics(camera: StereoCamera) -> tuple[float, float]:
     fov = 2 * np.arctan(camera.height / 2 / camera.fy)
     return float(fov), camera.width / camera.height
 
 
 def _pose(entry: Mapping[str, Any]) -> Pose:
-    return Pose(_rotation(entry["orientation_wxyz"]), np.array(entry["position"]))
-
-
-def _rotation(wxyz: Any) -> Float64Array:
-    from scipy.spatial.transform import Rotation
-
-    w, x, y, z = wxyz
-    return np.asarray(Rotation.from_quat([x, y, z, w]).as_matrix(), dtype=np.float64)
+    return Pose.from_quaternion(entry["orientation_wxyz"], entry["position"])
 
 
 def _obstacle_edges(obstacle: Mapping[str, Any]) -> Float64Array:
-    wxyz = obstacle["orientation_wxyz"]
-    rotation = np.eye(3) if wxyz is None else _rotation(wxyz)
+    rotation = np.eye(3) if obstacle["orientation_wxyz"] is None else _pose(obstacle).rotation
     return box_edges(obstacle["position"], obstacle["size"], rotation)
 
 

@@ -226,9 +226,8 @@ class Scene:
             self._trails.add_camera(pose.translation)
             _move(self._camera, pose)
             self._camera.visible = True
-        if picture.fov_rad is not None and picture.aspect is not None:
-            self._camera.fov = picture.fov_rad
-            self._camera.aspect = picture.aspect
+        if picture.optics is not None:
+            self._camera.fov, self._camera.aspect = picture.optics
         at = picture.T_display_world.apply(self._T_world_camera.translation)
         self._display.position = self._follower.offset(at)
         _move(self._world, picture.T_display_world)

@@ -7,7 +7,7 @@ elements (``padded``), because only then does a viewer's browser reuse its buffe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -24,12 +24,7 @@ _CORNERS = np.array(
     [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)], dtype=np.float64
 )
 _EDGES = np.array(
-    [
-        (a, b)
-        for a in range(8)
-        for b in range(a + 1, 8)
-        if int((_CORNERS[a] != _CORNERS[b]).sum()) == 1
-    ]
+    [(a, b) for a, b in combinations(range(8), 2) if (_CORNERS[a] != _CORNERS[b]).sum() == 1]
 )
 EDGES_OF_A_BOX = len(_EDGES)
 # A small robot, about as large as those that usually carry such cameras.
@@ -84,13 +79,13 @@ def upright_rotation(yaw: float, up: Float64Array) -> Float64Array:
 
 def trail_segments(positions: Sequence[ArrayLike]) -> Float64Array:
     """Return (N - 1, 2, 3) lines through N positions."""
-    points = [np.asarray(p, dtype=np.float64) for p in positions]
-    return np.array([(a, b) for a, b in pairwise(points)]).reshape(-1, 2, 3)
+    points = np.array(positions, dtype=np.float64).reshape(-1, 3)
+    return np.stack([points[:-1], points[1:]], axis=1)
 
 
-def floor_lines(half_width_m: int, step_m: float = 1.0) -> Float64Array:
-    """Return (N, 2, 3) lines of a square grid on z = 0 around the origin, along x and along y."""
-    at = np.arange(-half_width_m, half_width_m + step_m / 2, step_m)
+def floor_lines(half_width_m: int) -> Float64Array:
+    """Return (N, 2, 3) lines of a grid of 1 m on z = 0 around the origin, along x and along y."""
+    at = np.arange(-half_width_m, half_width_m + 1.0)
     far = np.full_like(at, half_width_m)
     zero = np.zeros_like(at)
     along_x = np.stack([np.stack([-far, at, zero], 1), np.stack([far, at, zero], 1)], axis=1)

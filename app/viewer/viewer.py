@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import structlog
 
@@ -34,34 +34,8 @@ _IDLE_S = 0.1
 _STOP_TIMEOUT_S = 5.0
 
 
-class Viewer(Protocol):
-    """Interface that the web layer needs of a viewer."""
-
-    @property
-    def port(self) -> int | None:
-        """Return the port of viser on 127.0.0.1, or None where there is no viewer."""
-        ...
-
-    @property
-    def trouble(self) -> str | None:
-        """Return the reason why there is none, one sentence."""
-        ...
-
-    def page(self) -> bytes:
-        """Return the client's page."""
-        ...
-
-    def connected(self) -> contextlib.AbstractContextManager[None]:
-        """Count a client that looks at the scene while the block runs (in the event loop)."""
-        ...
-
-    def stop(self) -> None:
-        """End threads and sockets; safe to call twice."""
-        ...
-
-
 class NullViewer:
-    """Placeholder for a missing viewer, with the reason."""
+    """Placeholder for a missing ``ViserViewer``, with the reason."""
 
     port: int | None = None
 
@@ -85,6 +59,10 @@ class ViserViewer:
     Args:
         points: maximum number of points of the cloud.
         rate_hz: maximum updates per second.
+
+    Attributes:
+        port: of viser on 127.0.0.1; None where there is no viewer.
+        trouble: the reason why there is none, one sentence.
     """
 
     trouble: str | None = None
@@ -112,6 +90,7 @@ class ViserViewer:
         self._thread.start()
 
     def page(self) -> bytes:
+        """Return the client's page."""
         import viser
 
         client = Path(viser.__file__).parent / "client" / "build" / "index.html"
@@ -119,6 +98,7 @@ class ViserViewer:
 
     @contextmanager
     def connected(self) -> Iterator[None]:
+        """Count a client that looks at the scene while the block runs (in the event loop)."""
         self._lookers += 1
         if self._lookers == 1:
             self._leave = self._server.watching.enter("plain", CLOUD_NAME)
@@ -130,6 +110,7 @@ class ViserViewer:
                 self._leave()
 
     def stop(self) -> None:
+        """End threads and sockets; safe to call twice."""
         if self._stopping.is_set():
             return
         self._stopping.set()
@@ -175,6 +156,9 @@ class ViserViewer:
                 if image is not None:
                     self._image_sequence = image.sequence
                     self._scene.show_image(image.payload)
+
+
+Viewer = ViserViewer | NullViewer
 
 
 def start_viewer(server: Server, *, points: int, rate_hz: float) -> Viewer:

@@ -43,8 +43,9 @@ from app.contract.events import (
 from app.contract.pixel import Pixel, PixelObstacle
 from app.contract.status import PlaybackStatus, RecordingStatus
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
-from app.engine.supervisor import EngineRefused, EngineUnavailable
+from app.engine.motion_listening import CONNECTING
 from app.engine.truth_facts import truth_facts
+from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from app.runtime.supervisor import ProcessHealth
 from observer.calibration.board import Board, BoardSighting, BoardView
@@ -137,7 +138,7 @@ class PeerEngine:
     async def request(self, command: ToEngine[Any], timeout_s: float = 10.0) -> Any:
         assert timeout_s > 0
         if not self.alive:
-            raise EngineUnavailable("the engine is being replaced")
+            raise ProcessUnavailable("the engine is being replaced")
         self.commands.append(command)
         match command:
             case OpenSource():
@@ -163,7 +164,7 @@ class PeerEngine:
                 return self.frame + 1 if self.opened else None
             case SetPlayback():
                 if self.opened is None:
-                    raise EngineRefused("no source is open", "state")
+                    raise ProcessRefused("no source is open", "state")
                 changes = asdict(command)
                 for name in ("paused", "rate", "loop"):
                     if changes[name] is not None:
@@ -177,13 +178,13 @@ class PeerEngine:
                 return self.state().truth
             case StopRun():
                 if self.opened is None or self.opened.run_id is None:
-                    raise EngineRefused("no run is going", "state")
+                    raise ProcessRefused("no run is going", "state")
                 record, self.opened = self.opened.record, replace(self.opened, run_id=None)
                 self.publish(self.state())
                 return record and self.recording(bytes=4096)
             case SaveClip():
                 if self.opened is None or self.opened.run_id is None:
-                    raise EngineRefused("what is open can be played again", "state")
+                    raise ProcessRefused("what is open can be played again", "state")
                 return KeptClip(512, 29.9)
             case WatchViews():
                 new = set(command.names) - set(self.watched)
@@ -200,9 +201,9 @@ class PeerEngine:
 
     def _explain(self, command: ExplainPixel) -> Pixel:
         if self.sequence == 0:
-            raise EngineRefused("no frame has been observed yet", "state")
+            raise ProcessRefused("no frame has been observed yet", "state")
         if not (0 <= command.u < 512 and 0 <= command.v < 256):
-            raise EngineRefused("the pixel is outside the image of 512 x 256 pixels", "input")
+            raise ProcessRefused("the pixel is outside the image of 512 x 256 pixels", "input")
         return Pixel(
             frame=self.frame - 1,
             segment=0,
@@ -217,9 +218,9 @@ class PeerEngine:
 
     def _begin(self, command: BeginCalibration) -> Opened:
         if command.source == "missing":
-            raise EngineRefused("there is no folder missing; name one that exists", "input")
+            raise ProcessRefused("there is no folder missing; name one that exists", "input")
         if self.opened is not None and self.opened.run_id is not None:
-            raise EngineRefused("a run is going", "state")
+            raise ProcessRefused("a run is going", "state")
         self.opened, self.calibrating = None, command
         self.captured = list(command.views)
         self.publish(self.state())
@@ -227,14 +228,14 @@ class PeerEngine:
 
     def _change(self, command: ChangeCalibration) -> tuple[str, ...]:
         if self.calibrating is None:
-            raise EngineRefused("nothing is being calibrated", "state")
+            raise ProcessRefused("nothing is being calibrated", "state")
         if command.capture:
             if not self.board_seen:
-                raise EngineRefused("the board is not in both views now", "state")
+                raise ProcessRefused("the board is not in both views now", "state")
             self.capture()
         if command.undo:
             if not self.captured:
-                raise EngineRefused("there is no view to take back", "state")
+                raise ProcessRefused("there is no view to take back", "state")
             self.captured.pop()
             self.publish(BoardViewsEvent(self._names()))
         if command.remove is not None:
@@ -262,16 +263,16 @@ class PeerEngine:
 
     def _measure(self, command: MeasureDepth) -> PlaceDepth:
         if command.u >= 512 or command.v >= 256:
-            raise EngineRefused("the pixel is outside the image of 512 x 256", "input")
+            raise ProcessRefused("the pixel is outside the image of 512 x 256", "input")
         return PlaceDepth(range_m=2.0, depth_m=1.9, disparity_px=28.0)
 
     def _open(self, command: OpenSource) -> Opened:
         if command.source == "missing":
-            raise EngineRefused("there is no folder missing; name one that exists", "input")
+            raise ProcessRefused("there is no folder missing; name one that exists", "input")
         if command.source == "uncalibrated" and command.calibration_yaml is None:
-            raise EngineRefused("uncalibrated brings no calibration", "input")
+            raise ProcessRefused("uncalibrated brings no calibration", "input")
         if command.source == "no room":
-            raise EngineRefused("the recording cannot go on: 3 MB are left on the disk", "full")
+            raise ProcessRefused("the recording cannot go on: 3 MB are left on the disk", "full")
         self.opened, self.calibrating = command, None
         self.parameters = dict(command.parameters)
         self.frame = 0
@@ -322,7 +323,9 @@ class PeerEngine:
                 robots=self.robots,
                 truth=None
                 if opened.truth is None
-                else truth_facts(opened.truth, None, None, None, "not yet aligned: only a peer"),
+                else truth_facts(
+                    opened.truth, CONNECTING, None, None, "not yet aligned: only a peer"
+                ),
             )
             if not more
             else replace(self.state(), **more)

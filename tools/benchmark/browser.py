@@ -6,7 +6,7 @@ import shutil
 import time
 from dataclasses import dataclass
 
-from tools.benchmark.server_process import RunningServer
+from app.client.server_process import RunningServer
 
 _CHROMIUM_NAMES = ("chromium", "chromium-browser", "google-chrome")
 _SETTLING_MS = 3000

@@ -16,7 +16,7 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
-from tools.benchmark.server_process import BenchmarkError
+from app.client.server_process import MeasurementError
 
 SIDES = ("left", "right")
 _BOUNDARY = "picture"
@@ -40,7 +40,7 @@ def camera_streams(pictures: Path, rate: float) -> Iterator[tuple[str, str]]:
         pictures: folder with ``left/*.jpg`` and ``right/*.jpg``. rate: images per second.
 
     Raises:
-        BenchmarkError: the process did not start, in time or at all.
+        MeasurementError: the process did not start, in time or at all.
     """
     process = subprocess.Popen(
         [sys.executable, "-m", "tools.benchmark.camera_streams", str(pictures), str(rate)],
@@ -57,7 +57,7 @@ def camera_streams(pictures: Path, rate: float) -> Iterator[tuple[str, str]]:
         port = process.stdout.readline().strip()
         patience.cancel()
         if not port:
-            raise BenchmarkError("the process that serves camera streams did not come up")
+            raise MeasurementError("the process that serves camera streams did not come up")
         left, right = (f"http://127.0.0.1:{port}/{side}" for side in SIDES)
         yield left, right
     finally:

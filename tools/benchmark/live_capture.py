@@ -13,6 +13,7 @@ from typing import Any, Protocol
 import cv2
 import numpy as np
 
+from app.client.server_process import MeasurementError
 from observer.evaluation.targets import Target
 from observer.observer import Observer
 from observer.opening import open_source
@@ -24,7 +25,6 @@ from observer.sources.cameras.source import CameraSource
 from observer.sources.contract import LiveReport, NoFrame
 from observer.types import Image, StereoFrame
 from tools.benchmark.camera_streams import SIDES, camera_streams, to_and_fro
-from tools.benchmark.server_process import BenchmarkError
 
 SCENARIO = "webcams"
 RATE = 30.0
@@ -158,7 +158,7 @@ def capture_figures(
         say: receives a description of the current measurement.
 
     Raises:
-        BenchmarkError: too few frames came for any figure.
+        MeasurementError: too few frames came for any figure.
         SourceError: the streams could not be opened.
     """
     world = World(load_scenario(SCENARIO))
@@ -253,7 +253,7 @@ class _Notes:
 
     def figures(self) -> Loop:
         if len(self.work) < 2:
-            raise BenchmarkError(
+            raise MeasurementError(
                 f"only {len(self.work)} frames came within {self.seconds:.1f} s; measure longer, "
                 f"or on a machine with less to do"
             )
@@ -284,7 +284,7 @@ def _loop(
             # A busy machine delays an image now and then; a source recovers from that by itself.
             notes.troubles += item.trouble is not None
             if had - asked > _PATIENCE_S:
-                raise BenchmarkError(f"no pair came within {_PATIENCE_S:g} s: {item.trouble}")
+                raise MeasurementError(f"no pair came within {_PATIENCE_S:g} s: {item.trouble}")
             continue
         work(item)
         done, spent = time.monotonic(), time.process_time()

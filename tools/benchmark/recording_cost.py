@@ -11,6 +11,7 @@ from pathlib import Path
 from statistics import mean
 from typing import Any
 
+from app.client.server_process import MeasurementError, RunningServer, running_server
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.evaluation.targets import Target
 from observer.recording.payloads import RunFacts
@@ -22,7 +23,6 @@ from observer.sources.contract import SourceInfo
 from observer.types import StereoFrame
 from tools.benchmark.camera_streams import to_and_fro
 from tools.benchmark.served import observed_rate
-from tools.benchmark.server_process import BenchmarkError, RunningServer, running_server
 
 SCENARIO = "webcams"
 RATE = 30.0
@@ -137,7 +137,7 @@ def recording_figures(
         say: receives a description of the current measurement.
 
     Raises:
-        BenchmarkError: the server did not start, or a run did not begin.
+        MeasurementError: the server did not start, or a run did not begin.
     """
     world = World(load_scenario(SCENARIO))
     turns = max(1, round(seconds / _LONGEST_TURN_S))
@@ -186,7 +186,7 @@ def _recorded_turn(server: RunningServer, images: str, seconds: float, notes: _N
     told = server.request("GET", "/api/status")["recording"]
     server.request("POST", f"/api/runs/{run['id']}/stop")
     if told is None or told["trouble"]:
-        raise BenchmarkError(f"the run was not recorded: {told and told['trouble']}")
+        raise MeasurementError(f"the run was not recorded: {told and told['trouble']}")
     megabytes = told["bytes"] / 1e6 / max(told["seconds"], 1e-3)
     notes.mb_per_s.setdefault(images, []).append(megabytes)
     notes.dropped[images] = notes.dropped.get(images, 0) + told["dropped"]

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 from statistics import mean
 from typing import Any
 
+from app.client.server_process import MeasurementError, RunningServer, running_server
 from tools.benchmark.browser import PageFigures, page_figures
-from tools.benchmark.server_process import BenchmarkError, RunningServer, running_server
 from tools.benchmark.viewers import scene_viewer, viewers
 
 # Wait for a new client after which it counts as never served.
@@ -132,7 +132,7 @@ def served_figures(
         say: receives a description of the current measurement, for people who wait.
 
     Raises:
-        BenchmarkError: the server did not start, or refused a request.
+        MeasurementError: the server did not start, or refused a request.
     """
     say("a page in Chromium, from the server's start")
     with running_server(source) as server:
@@ -190,7 +190,7 @@ def _recorded_run(server: RunningServer) -> Iterator[None]:
     run = server.request("POST", "/api/runs", {"name": "measured", "record": "jpeg"})
     yield
     # A run over a recording ends with the recording.
-    with suppress(BenchmarkError):
+    with suppress(MeasurementError):
         server.request("POST", f"/api/runs/{run['id']}/stop")
 
 

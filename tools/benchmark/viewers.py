@@ -14,7 +14,7 @@ from typing import Any
 import viser
 from websockets.asyncio.client import connect
 
-from tools.benchmark.server_process import RunningServer
+from app.client.server_process import RunningServer
 
 _STOP_TIMEOUT_S = 10.0
 

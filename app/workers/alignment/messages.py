@@ -8,6 +8,7 @@ from typing import Any
 from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.truth.alignment.live_clocks import LiveClocks
+from observer.truth.alignment.result import Alignment
 from observer.truth.motion_capture import Trajectory
 
 
@@ -46,18 +47,14 @@ class Solve:
     choices: Choices
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Solved:
     """Result of an alignment.
 
     Attributes:
-        alignment: as ``Alignment.as_dict`` makes it; None where there is none.
-        sentence: the reason, beginning with "not yet aligned".
-        tried: there was enough data, and enough time had passed, to try.
+        state: the alignment, or the reason why there is none, beginning with "not yet aligned".
         seconds: time it took.
     """
 
-    alignment: dict[str, Any] | None
-    sentence: str | None
-    tried: bool
+    state: Alignment | str
     seconds: float

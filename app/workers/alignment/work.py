@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from typing import Any
 
 from app.workers.alignment.messages import Choices, Solve, Solved
 from observer.truth.alignment.choices import AlignmentChoices, BodyRole
 from observer.truth.alignment.online import OnlineAlignment
-from observer.truth.alignment.result import Alignment
 
 # Both clocks are known from arrival times, up to delays.
 _SEARCH_S = (-1.0, 1.0)
@@ -31,15 +29,8 @@ class Aligner:
             online.add_observation(line)
         online.add_pieces(job.samples)
         online.choices = _choices(job.choices, online.bodies)
-        tried = online.solve(job.clocks.to_source)
-        state = online.state
-        alignment: dict[str, Any] | None = None
-        sentence: str | None = None
-        if isinstance(state, Alignment):
-            alignment = state.as_dict()
-        else:
-            sentence = state
-        return Solved(alignment, sentence, tried, time.perf_counter() - began)
+        online.solve(job.clocks.to_source)
+        return Solved(online.state, time.perf_counter() - began)
 
 
 def _choices(given: Choices, bodies: Iterable[str]) -> AlignmentChoices:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
 from functools import partial
 
 from app.runtime.jobs import Report
-from app.workers.calibration.image_archive import ArchivedPair, ImageArchive
+from app.workers.calibration.image_archive import ImageArchive
 from app.workers.calibration.messages import (
     BoardsFound,
     FindBoards,
@@ -64,11 +63,7 @@ def _refine(job: RefineRows) -> Refined:
     refined = refine_from_scene(calibration, job.pairs)
     if isinstance(refined, RefinementRefusal):
         raise CalibrationError(refined.reason)
-    facts = {
-        field.name: float(getattr(refined, field.name))
-        for field in fields(refined)
-        if field.name != "calibration"
-    }
+    facts = {name: float(value) for name, value in vars(refined).items() if name != "calibration"}
     return Refined(calibration_text(refined.calibration), facts)
 
 
@@ -97,17 +92,9 @@ def _find(job: FindBoards, progress: Report) -> BoardsFound:
                 continue
             views.append(view)
             pair = pairs[view.name]
-            pictures.append(_pictures(archive, pair, view.left, view.right))
+            left = _picture(archive, pair.left, view.left)
+            pictures.append((left, _picture(archive, pair.right, view.right)))
     return BoardsFound(tuple(views), tuple(pictures), found.width, found.height, tuple(refused))
-
-
-def _pictures(
-    archive: ImageArchive,
-    pair: ArchivedPair,
-    left: BoardSighting | None,
-    right: BoardSighting | None,
-) -> tuple[bytes, bytes]:
-    return _picture(archive, pair.left, left), _picture(archive, pair.right, right)
 
 
 def _picture(archive: ImageArchive, name: str, seen: BoardSighting | None) -> bytes:

@@ -31,7 +31,7 @@ from app.drive.supervisor import DRIVE_COMMAND
 from app.runtime.arguments import ProcessArguments
 from app.runtime.environment import program_environment
 from app.runtime.latest import LatestWriter
-from app.runtime.pipe import encode, receive_message
+from app.runtime.pipe import encode, load_message
 from app.runtime.requests import Reply, Request
 from observer.guard.sight import FreeScan, Sight
 from observer.simulation.robots.emulated import EmulatedRobot
@@ -114,7 +114,8 @@ class Drive:
         until(lambda: self.facts, "the first event")
 
     def _hear(self) -> None:
-        while (message := receive_message(self.sock)) is not None:
+        stream = self.sock.makefile("rb")
+        while (message := load_message(stream)) is not None:
             if isinstance(message, Reply):
                 self._replies[message.number] = message
             elif isinstance(message, DriveState):

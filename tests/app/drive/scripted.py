@@ -18,7 +18,7 @@ from app.contract.drive import (
 )
 from app.drive.roles import Roles
 from app.runtime.errors import ProcessRefused
-from observer.guard.guard import Verdict
+from observer.guard.guard import Guard, Verdict
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
 from observer.rig.rig import ROLES, Role
@@ -82,10 +82,11 @@ class ScriptedRobot:
         return [call[1:] for call in self.calls if call[0] == "drive"]
 
 
-class ScriptedGuard:
+class ScriptedGuard(Guard):
     """Permits all, or by ``answers`` what a test says."""
 
     def __init__(self) -> None:
+        super().__init__(GuardParameters())
         self.answers: dict[Role, Any] = {}
         self.parameters: list[GuardParameters] = []
         self.sights: list[tuple[Role, Sight | None]] = []
@@ -139,7 +140,7 @@ class Bench:
         self.guard = ScriptedGuard()
         self.attendants = {role: ScriptedAttendant(self.robots[role]) for role in ROLES}
         self.parameters = GuardParameters()
-        self.roles = Roles(self.guard, self.attendants, self.parameters)
+        self.roles = Roles(self.guard, self.attendants, self.parameters)  # type: ignore[arg-type]
         self.leases: dict[Role, str] = {}
         self.sequence = 0
         self.frame = 0

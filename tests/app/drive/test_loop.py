@@ -39,7 +39,6 @@ class Turning:
         self.number = 0
         self.loop = DriveLoop(
             roles=bench.roles,
-            attendants=bench.attendants,
             inbox=self.inbox,
             send=self.sent.append,
             newest_sight=lambda _: bench.sight,

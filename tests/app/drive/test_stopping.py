@@ -14,9 +14,10 @@ from app.contract.drive import (
     StoppedEvent,
     StopRobots,
 )
-from app.drive.stopping import Stopping
+from app.drive.stopping import StopWatch
 from observer.guard.guard import Verdict
 from observer.guard.sight import SeenObstacle
+from observer.rig.rig import ROLES
 from observer.robots.contract import RobotPhase, Sent, SonarReading
 from observer.types import Odometry, Status
 
@@ -30,7 +31,7 @@ class Rolling:
 
     def __init__(self, bench: Any) -> None:
         self.bench = bench
-        self.stopping = Stopping()
+        self.watches = [StopWatch(role) for role in ROLES]
         self.stops: list[StoppedEvent] = []
         self.told = 0
         self.x = dict.fromkeys(bench.robots, 0.0)
@@ -48,8 +49,12 @@ class Rolling:
             bench.roles.step(bench.now, bench.sight)
             incidents = bench.roles.incidents()
             bench.incidents += incidents
-            self.stops += self.stopping.look(bench.now, bench.roles, incidents)
+            self.stops += self.look(incidents)
         self.told += count
+
+    def look(self, incidents: list[IncidentEvent]) -> list[StoppedEvent]:
+        stops = [watch.look(self.bench.now, self.bench.roles, incidents) for watch in self.watches]
+        return [stop for stop in stops if stop is not None]
 
     def _roll(self, role: Any, robot: Any) -> None:
         wanted = robot.velocities[-1][0] if robot.velocities else 0.0
@@ -299,7 +304,7 @@ def test_programmes_and_other_roles_are_nothing_to_it(rolling: Rolling) -> None:
         IncidentEvent(None, "programme", "it was ended", rolling.bench.now, None),
         IncidentEvent("observer", "fault", "a wheel stalled", rolling.bench.now, 0.3),
     ]
-    stops = rolling.stopping.look(rolling.bench.now, rolling.bench.roles, told)
+    stops = rolling.look(told)
     for _ in range(10):
         rolling.hold("obstacle", 0.3, 0.1)
     assert stops == rolling.stops == []

@@ -96,19 +96,21 @@ class Publisher:
     def __init__(self) -> None:
         self.watched: tuple[str, ...] = ()
         self.published = 0
+        self.newest: Any = None
         self.closed = False
 
     def watch(self, names: tuple[str, ...]) -> None:
         self.watched = names
 
-    def publish(self, _: Any) -> None:
+    def publish(self, observed: Any) -> None:
+        self.newest = observed
         self.published += 1
 
-    def show_cameras(self, facts: dict[str, Any], draw: Callable[[str], Any]) -> None:
-        self.shown = [facts, draw("camera_left"), draw("camera_right")]
+    def show_cameras(self, frame: StereoFrame, draw: Callable[[str], Any]) -> None:
+        self.shown = [frame, draw("camera_left"), draw("camera_right")]
 
     def forget(self) -> None:
-        pass
+        self.newest = None
 
     def close(self) -> None:
         self.closed = True

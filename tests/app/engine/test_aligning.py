@@ -33,13 +33,13 @@ class ScriptedWorker:
         self.jobs.append(job)
         what = self.found.pop(0) if self.found else None
         if what is None:
-            return Solved(None, "not yet aligned: nothing moves", True, 0.0)
+            return Solved("not yet aligned: nothing moves", 0.0)
         offset, sigma, overlap = what
         time_ = TimeOffset(offset, sigma, 0.0, 0.0, None, 0.95, None, overlap, 0.01, 100)
         alignment = Alignment(
             time_, {"Amigo": "observer"}, (), {}, None, Pose.identity(), {}, {}, ()
         )
-        return Solved(alignment.as_dict(), None, True, 0.0)
+        return Solved(alignment, 0.0)
 
     def end(self) -> None:
         pass

@@ -158,8 +158,8 @@ def test_the_images_are_shown_with_the_board_in_them(bench: Bench) -> None:
     bench.wait(BoardViewsEvent)
     bench.forget()
     bench.wait(BoardLookEvent)
-    facts, left, right = bench.publisher.shown
-    assert set(facts) == {"frame", "time", "received"}
+    frame, left, right = bench.publisher.shown
+    assert frame.left.shape == SIZE[::-1]
     for side, image in enumerate((left, right)):
         assert image.shape == (*SIZE[::-1], 3)
         corner = tuple(round(x) for x in np.array(LEFT) - (SHIFT_PX * side, 0))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from app.engine.dense_stereo import PairKeeper, cloud_value, coarseness, dense_stereo
-from app.engine.watched import Observed
+from app.engine.observed import Observed
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.parameters import Parameters, StereoParameters
@@ -42,7 +42,7 @@ def observed(index: int, *, width: int = 160, height: int = 120, **trace: Any) -
         index, frame.time, frame.received, 2, Status.OK, ("weak",), 1, pose, ()
     )
     trace = {"left": left, "right": right} | trace
-    return Observed(frame, observation, trace, camera(width, height), Parameters())
+    return Observed(frame, observation, trace, camera(width, height), Parameters(), 0)
 
 
 def keeper(*frames: Observed) -> PairKeeper:

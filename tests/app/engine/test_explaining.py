@@ -10,8 +10,8 @@ import pytest
 from app.contract.pixel import PixelObstacle
 from app.contract.values import json_text
 from app.engine.errors import NotNow
-from app.engine.explaining import Explainer, ego_motion_facts
-from app.engine.watched import Observed
+from app.engine.explaining import ego_motion_facts, explain
+from app.engine.observed import Observed
 from observer.errors import InputError
 from observer.observer import Observer
 from observer.opening import open_source
@@ -38,7 +38,7 @@ def observe(parameters: Parameters, count: int = FRAMES) -> Observed:
     source.close()
     assert frame is not None
     assert observation is not None
-    return Observed(frame, observation, trace, observer.camera, parameters)
+    return Observed(frame, observation, trace, observer.camera, parameters, segment=3)
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +47,11 @@ def planar() -> Observed:
 
 
 def test_the_obstacle_is_dynamic_where_it_is_seen_and_names_itself(planar: Observed) -> None:
-    explainer = Explainer()
-    explainer.remember(planar, segment=3)
     (obstacle, *_) = planar.observation.reported
     members = planar.trace["motions"].px_current
     low, high = np.split(np.array(obstacle.box_px), 2)
     inside = ((members >= low) & (members <= high)).all(axis=1)
-    answers = [explainer.explain(float(u), float(v)) for u, v in members[inside]]
+    answers = [explain(planar, float(u), float(v)) for u, v in members[inside]]
     dynamic = [answer for answer in answers if answer.verdict == "dynamic"]
     assert len(dynamic) >= 0.9 * len(answers) > 3
     for answer in dynamic:
@@ -63,12 +61,10 @@ def test_the_obstacle_is_dynamic_where_it_is_seen_and_names_itself(planar: Obser
 
 
 def test_every_pixel_has_an_answer_that_is_json(planar: Observed) -> None:
-    explainer = Explainer()
-    explainer.remember(planar, segment=0)
     verdicts = set()
     for v in range(0, planar.camera.height, 32):
         for u in range(0, planar.camera.width, 32):
-            answer = explainer.explain(u, v)
+            answer = explain(planar, u, v)
             json.loads(json_text(answer))
             for sentence in (answer.sentence, answer.would_change):
                 assert sentence.endswith("."), sentence
@@ -79,16 +75,12 @@ def test_every_pixel_has_an_answer_that_is_json(planar: Observed) -> None:
 
 
 def test_nothing_to_ask_and_nowhere_to_look() -> None:
-    explainer = Explainer()
     with pytest.raises(NotNow, match="no frame"):
-        explainer.explain(1.0, 1.0)
-    explainer.remember(observe(Parameters(), 1), segment=0)
-    assert explainer.explain(1.0, 1.0).verdict == "undecided"
+        explain(None, 1.0, 1.0)
+    first = observe(Parameters(), 1)
+    assert explain(first, 1.0, 1.0).verdict == "undecided"
     with pytest.raises(InputError, match="outside the image"):
-        explainer.explain(-1.0, 1.0)
-    explainer.forget()
-    with pytest.raises(NotNow):
-        explainer.explain(1.0, 1.0)
+        explain(first, -1.0, 1.0)
 
 
 def test_a_planar_motion_is_told_in_its_parts(planar: Observed) -> None:

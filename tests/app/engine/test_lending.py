@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import threading
 import time
 from typing import Any
 
@@ -12,8 +13,7 @@ import pytest
 from app.contract.commands import BeginCalibration, OpenSource
 from app.contract.events import EngineState
 from app.engine.calibrating import BoardPublisher
-from app.engine.current_source import CurrentSource
-from app.engine.opening import Opening
+from app.engine.current_source import CurrentSource, Opening
 from app.runtime.requests import Reply, Request
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
@@ -102,7 +102,6 @@ class Desk:
             closed=lambda: None,
             boards=BoardPublisher(lambda _: None, lambda *_: None, lambda: None),
             stage_clock=time.perf_counter,
-            clock=time.monotonic,
         )
         self._number = 0
 
@@ -153,6 +152,10 @@ def test_the_same_cameras_are_handed_on_and_never_opened_twice(
         assert reply.error is None
         assert cameras.open == 1
     assert cameras.opened == [SPEC]
+    deadline = time.monotonic() + 10
+    while sum(thread.name == "recording" for thread in threading.enumerate()) > 1:
+        assert time.monotonic() < deadline, "the old sessions still keep their last half minute"
+        time.sleep(0.01)
     assert desk.current.session is not None
     # It delivers, and tells how it is.
     assert desk.current.session.source.read() is not None

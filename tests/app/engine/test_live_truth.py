@@ -15,6 +15,7 @@ from app.contract.events import ObservationEvent, StateEvent
 from app.contract.live_truth import CaptureBody
 from app.engine.aligning import AlignmentThread
 from app.engine.live_truth import LiveTruth, ObservedSource
+from app.engine.motion_listening import CONNECTING
 from observer.geometry import Pose
 from observer.recording.reader import Recording
 from observer.sources.contract import SourceInfo
@@ -41,20 +42,18 @@ class Listener:
 
     def __init__(self, spec: str) -> None:
         self.spec = spec
-        self.ended = True
         self.recorder = None
         self.trouble = None
         self.frames: list[BodySample] = []
         self.aligning: list[BodySample] = []
-        self.report: LiveCaptureReport | None = None
+        self.report = CONNECTING
 
     def hear(self, samples: list[BodySample], state: str = "receiving") -> None:
         self.frames += samples
         self.aligning += samples
         clock = ClockFit(HOST - SERVER + DELAY, 0.0, 1e-4, 500, SERVER, 20.0)
         rates = {sample.name: 100.0 for sample in samples}
-        if self.report is not None:
-            rates = {**self.report.rate_hz, **rates}
+        rates = {**self.report.rate_hz, **rates}
         self.report = LiveCaptureReport(
             state, None, (), rates, dict.fromkeys(rates, 1.0), 0, 0, 1, clock  # type: ignore[arg-type]
         )  # fmt: skip
@@ -69,6 +68,9 @@ class Listener:
 
     def end(self) -> None:
         pass
+
+    def is_alive(self) -> bool:
+        return False
 
     def join(self, timeout_s: float) -> None:
         del timeout_s
@@ -142,9 +144,7 @@ def truth(listeners: list[Listener]) -> Iterator[LiveTruth]:
         return listeners[-1]
 
     def aligner(listener: Any) -> AlignmentThread:
-        return AlignmentThread(
-            listener.for_alignment, lambda: listener.report and listener.report.clock, rest_s=0.05
-        )
+        return AlignmentThread(listener.for_alignment, lambda: listener.report.clock, rest_s=0.05)
 
     made = LiveTruth(listener, aligner)
     try:

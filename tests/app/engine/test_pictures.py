@@ -12,8 +12,8 @@ import pytest
 from app.contract.views import CAMERA_NAMES, VIEW_NAMES
 from app.engine.calibration_preview import preview_calibration, vertical_error
 from app.engine.dense_stereo import PairKeeper, dense_stereo
+from app.engine.observed import Observed
 from app.engine.views import MAX_WIDTH, draw_disparity, draw_view
-from app.engine.watched import Observed
 from observer.calibration.board import Board
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
@@ -108,7 +108,7 @@ def observed(
     observation = Observation(
         index, frame.time, frame.received, 0, Status.OK, reasons, 1, pose, (obstacle(),)
     )
-    return Observed(frame, observation, trace, CAMERA, Parameters())
+    return Observed(frame, observation, trace, CAMERA, Parameters(), 0)
 
 
 def drawn(name: str, what: Observed) -> bytes:

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from app.contract.commands import SetPlayback
 from app.engine.errors import NotNow
 from app.engine.playback import PlayedFrame, Player
 from observer.errors import InputError, SourceError
@@ -71,7 +72,7 @@ def test_the_rate_scales_the_pace(numbered: Numbered, rate: float) -> None:
 def test_a_changed_rate_acts_from_the_next_frame_on(numbered: Numbered) -> None:
     host = Host(player(numbered(100)))
     host.run(0.95)
-    host.player.change(rate=4.0)
+    host.player.change(SetPlayback(rate=4.0))
     host.run(0.5)
     later = [at for at, _ in host.played][-5:]
     assert [b - a for a, b in itertools.pairwise(later)] == pytest.approx([0.025] * 4)
@@ -80,9 +81,9 @@ def test_a_changed_rate_acts_from_the_next_frame_on(numbered: Numbered) -> None:
 def test_pause_holds_and_resuming_neither_hurries_nor_skips(numbered: Numbered) -> None:
     host = Host(player(numbered(10)))
     host.run(0.25)
-    host.player.change(paused=True)
+    host.player.change(SetPlayback(paused=True))
     assert host.run(5.0) == []
-    host.player.change(paused=False)
+    host.player.change(SetPlayback(paused=False))
     resumed = host.run(0.35)
     assert [p.frame.index for p in resumed] == [3, 4, 5, 6]
     times = [at for at, _ in host.played][3:]
@@ -92,12 +93,12 @@ def test_pause_holds_and_resuming_neither_hurries_nor_skips(numbered: Numbered) 
 def test_steps_show_just_so_many_frames(numbered: Numbered) -> None:
     host = Host(player(numbered(10), paused=True))
     assert host.run(1.0) == []
-    host.player.change(step=2)
-    host.player.change(step=1)
+    host.player.change(SetPlayback(step=2))
+    host.player.change(SetPlayback(step=1))
     assert [p.position for p in host.run(1.0)] == [0, 1, 2]
     assert host.run(1.0) == []
     with pytest.raises(NotNow, match="pause first"):
-        host.player.change(paused=False, step=1)
+        host.player.change(SetPlayback(paused=False, step=1))
     assert host.player.paused, "a refused change must change nothing"
 
 
@@ -126,7 +127,7 @@ def test_looping_continues_time_and_index_in_a_new_segment(numbered: Numbered) -
 def test_restart_begins_anew_with_time_going_on(numbered: Numbered) -> None:
     host = Host(player(numbered(10)))
     host.run(0.35)
-    host.player.change(restart=True)
+    host.player.change(SetPlayback(restart=True))
     again = host.run(0.15)
     assert [p.position for p in again] == [0, 1]
     assert [p.frame.index for p in again] == [4, 5]
@@ -138,13 +139,13 @@ def test_an_ended_source_goes_on_when_looped_or_restarted(numbered: Numbered) ->
     host = Host(player(numbered(2)))
     host.run(1.0)
     assert host.player.ended
-    host.player.change(loop=True)
+    host.player.change(SetPlayback(loop=True))
     assert not host.player.ended
     assert [p.position for p in host.run(0.15)] == [0, 1]
-    host.player.change(loop=False)
+    host.player.change(SetPlayback(loop=False))
     host.run(1.0)
     assert host.player.ended
-    host.player.change(restart=True)
+    host.player.change(SetPlayback(restart=True))
     assert [p.position for p in host.run(1.0)] == [0, 1]
 
 
@@ -176,7 +177,7 @@ def test_the_achieved_rate_is_unknown_until_there_is_something_to_measure(
     assert host.player.achieved_rate(host.now) is None
     host.run(1.0)
     assert host.player.achieved_rate(host.now) == pytest.approx(1.0)
-    host.player.change(paused=True)
+    host.player.change(SetPlayback(paused=True))
     assert host.player.achieved_rate(host.now) is None
 
 
@@ -204,14 +205,14 @@ def test_a_live_source_is_neither_held_nor_restamped(numbered: Numbered) -> None
     assert live.take(5.0).frame.received == -1.0
     for change in ({"paused": True}, {"rate": 2.0}, {"step": 1}, {"restart": True}):
         with pytest.raises(InputError, match="own pace"):
-            live.change(**change)
+            live.change(SetPlayback(**change))
 
 
 @pytest.mark.parametrize("rate", [0.0, 0.09, 4.1, -1.0, float("nan"), float("inf"), True])
 def test_rates_out_of_range_change_nothing(numbered: Numbered, rate: float) -> None:
     playing = player(numbered(3))
     with pytest.raises(InputError, match=r"from 0.1 to 4"):
-        playing.change(rate=rate, paused=True)
+        playing.change(SetPlayback(rate=rate, paused=True))
     assert (playing.rate, playing.paused) == (1.0, False)
 
 
@@ -233,19 +234,19 @@ def test_whatever_is_pressed_time_and_index_only_go_forward(
         playing = host.player
         match name:
             case "pause":
-                playing.change(paused=True)
+                playing.change(SetPlayback(paused=True))
             case "resume":
-                playing.change(paused=False)
+                playing.change(SetPlayback(paused=False))
             case "step":
-                playing.change(paused=True, step=1)
+                playing.change(SetPlayback(paused=True, step=1))
             case "restart":
-                playing.change(restart=True)
+                playing.change(SetPlayback(restart=True))
             case "loop":
-                playing.change(loop=not playing.loop)
+                playing.change(SetPlayback(loop=not playing.loop))
             case "faster":
-                playing.change(rate=4.0)
+                playing.change(SetPlayback(rate=4.0))
             case "slower":
-                playing.change(rate=0.5)
+                playing.change(SetPlayback(rate=0.5))
         host.run(seconds)
     frames = [p.frame for _, p in host.played]
     assert all(b.index > a.index and b.time > a.time for a, b in itertools.pairwise(frames))
@@ -309,11 +310,11 @@ def test_a_recording_begins_anew_where_it_did_then(numbered: Numbered) -> None:
 def test_a_recording_goes_on_from_any_frame(numbered: Numbered) -> None:
     host = Host(player(Recorded(numbered)))
     assert positions(host.run(0.25)) == [0, 1, 2]
-    host.player.change(seek=8)
+    host.player.change(SetPlayback(seek=8))
     frames = host.run(5.0)
     assert positions(frames) == [8, 9]
     assert [played.new_segment for played in frames] == [True, False]
-    host.player.change(seek=1)
+    host.player.change(SetPlayback(seek=1))
     again = host.run(0.15)
     assert positions(again) == [1, 2]
     seen = [played.frame for _, played in host.played]
@@ -324,17 +325,17 @@ def test_while_paused_the_frame_that_is_sought_is_shown(numbered: Numbered) -> N
     host = Host(player(Recorded(numbered), paused=True))
     host.run(0.1)
     for sought in (4, 2, 9):
-        host.player.change(seek=sought)
+        host.player.change(SetPlayback(seek=sought))
         assert positions(host.run(1.0)) == [sought]
     assert host.player.paused
-    host.player.change(seek=0, step=2)
+    host.player.change(SetPlayback(seek=0, step=2))
     assert positions(host.run(1.0)) == [0, 1, 2]
 
 
 def test_damaged_frames_behind_what_is_sought_end_nothing(numbered: Numbered) -> None:
     host = Host(player(Recorded(numbered, broken=(8, 9))))
     host.run(0.1)
-    host.player.change(seek=8)
+    host.player.change(SetPlayback(seek=8))
     host.run(1.0)
     assert host.player.ended
     # The skipped beginning of a segment is made up for by the next frame.
@@ -347,7 +348,7 @@ def test_what_cannot_be_sought_changes_nothing(numbered: Numbered, change: Any) 
     host = Host(player(Recorded(numbered)))
     host.run(0.15)
     with pytest.raises(InputError, match="seek must be a frame from 0 to 9"):
-        host.player.change(rate=4.0, **change)
+        host.player.change(SetPlayback(rate=4.0, **change))
     assert host.player.rate == 1.0
     assert positions(host.run(0.1)) == [2]
 
@@ -356,4 +357,4 @@ def test_only_a_recording_is_searched(numbered: Numbered) -> None:
     plain = player(numbered(5))
     assert not plain.seekable
     with pytest.raises(InputError, match="only a recording"):
-        plain.change(seek=1)
+        plain.change(SetPlayback(seek=1))

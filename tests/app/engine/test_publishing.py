@@ -17,8 +17,8 @@ from app.contract.events import DenseStereoEvent
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.engine import publishing
 from app.engine.dense_stereo import MAX_POINTS, DensePair, DenseStereo, dense_stereo
+from app.engine.observed import Observed
 from app.engine.publishing import Publisher
-from app.engine.watched import Observed
 from app.runtime.latest import Latest, LatestReader, LatestWriter, create_slot
 from observer.camera import StereoCamera
 from observer.errors import InputError
@@ -43,7 +43,7 @@ def observed(index: int, **changes: Any) -> Observed:
     frame = StereoFrame(index, index / 10, left, left, received=50.0 + index)
     pose = Pose(np.eye(3), np.array([0, 0, 0.1 * index]))
     observation = Observation(index, frame.time, frame.received, 0, Status.OK, (), 1, pose, ())
-    return Observed(frame, observation, trace, CAMERA, Parameters())
+    return Observed(frame, observation, trace, CAMERA, Parameters(), 0)
 
 
 class Bench:
@@ -54,7 +54,7 @@ class Bench:
         writers = {name: LatestWriter(fd) for name, fd in self.fds.items()}
         self.readers = {name: LatestReader(fd) for name, fd in self.fds.items()}
         self.told: queue.SimpleQueue[DenseStereoEvent] = queue.SimpleQueue()
-        self.publisher = Publisher(writers, time.monotonic, self.told.put)
+        self.publisher = Publisher(writers, self.told.put)
 
     def wait_read(self, name: str, fits: Callable[[Latest], bool] = lambda _: True) -> Latest:
         deadline = time.monotonic() + PATIENCE_S

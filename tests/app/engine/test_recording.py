@@ -67,7 +67,7 @@ def give(recorder: RunRecorder, index: int, begins: Any = None) -> None:
 def ended(recorder: RunRecorder) -> None:
     recorder.end()
     recorder.join(20)
-    assert recorder.ended
+    assert not recorder.is_alive()
 
 
 def eventually(holds: Callable[[], Any]) -> None:

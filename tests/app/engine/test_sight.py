@@ -13,12 +13,10 @@ import pytest
 
 from app.contract.commands import OpenSource
 from app.contract.drive import SIGHT_NAME, WHEELS_NAME
-from app.engine.lending import LentRobots, lent
+from app.engine.observed import Observed
 from app.engine.recorders import Recorders
-from app.engine.session import Session
-from app.engine.session_opening import open_session
+from app.engine.session import Session, open_session
 from app.engine.sight import SightTeller
-from app.engine.watched import Observed
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
 from observer.guard.parameters import AllParameters, GuardParameters
@@ -78,7 +76,9 @@ def observed_frames(count: int, *, cover_from: int = 99) -> list[Observed]:
             frame = StereoFrame(frame.index, frame.time, black, black[::-1], frame.received)
         trace = FullTrace()
         observation = observer.observe(frame, trace)
-        found.append(Observed(frame, observation, trace, observer.camera, observer.parameters))
+        found.append(
+            Observed(frame, observation, trace, observer.camera, observer.parameters, segment=0)
+        )
     return found
 
 
@@ -131,12 +131,6 @@ def test_a_covered_lens_is_told_with_its_first_frame(slots: Slots) -> None:
         )
 
 
-def test_without_slots_nothing_is_told_and_nothing_breaks() -> None:
-    teller = SightTeller(None, None, time.monotonic)
-    teller.tell(observed_frames(1)[0], MOUNT, WORLD, GUARD)
-    assert teller.odometry(1.0) is None
-
-
 def test_wheels_tell_where_the_robot_was_at_a_frame(slots: Slots) -> None:
     assert slots.teller.odometry(99.8) is None
     slots.drive()
@@ -184,10 +178,10 @@ class Robots:
         self.closed += 1
 
 
-def session(source: Any, robots: Robots | None) -> Session:
+def session(source: Any, robots: Robots | None, opened: OpenedSource | None = None) -> Session:
     return open_session(
         OpenSource("numbers", None, {}, 0),
-        lambda _: OpenedSource(source, None, robots),
+        lambda _: opened or OpenedSource(source, None, robots),
         Observer,
         time.perf_counter,
         Recorders(),
@@ -198,7 +192,8 @@ def test_the_robots_of_a_world_are_served_while_it_is_observed(numbered: Any) ->
     robots, source = Robots(), numbered()
     opened = session(source, robots)
     assert opened.world == "simulated:numbers:1"
-    assert opened.robot_facts() == (RobotPort("observer", "socket://127.0.0.1:1", "amigo-sh", "A"),)
+    port = RobotPort("observer", "socket://127.0.0.1:1", "amigo-sh", "A")
+    assert opened.state(0.0).robots == (port,)
     opened.close()
     assert (robots.served, robots.closed, source.closed) == (1, 1, 1)
 
@@ -216,21 +211,23 @@ def test_live_cameras_show_the_real_world_and_recordings_none(
 ) -> None:
     opened = session(numbered(count=3, live=live), None)
     assert opened.world == world
-    assert opened.robot_facts() == ()
+    assert opened.state(0.0).robots == ()
     opened.close()
 
 
 def test_robots_go_with_a_source_that_is_handed_on(numbered: Any) -> None:
     robots, source = Robots(), numbered()
-    for kept in (False, True):
-        opened = lent(source, robots)
-        assert isinstance(opened.robots, LentRobots)
-        assert opened.robots.world == robots.world
-        opened.robots.serve()
-        if kept:
-            opened.robots.keep()
-        opened.robots.close()
-        assert robots.closed == kept
+    old = session(source, robots)
+    for taken_over in (False, True):
+        new = session(source, robots, opened=old.lend())
+        assert new.world == robots.world
+        assert robots.served == 2 + taken_over
+        if taken_over:
+            new.take_over(old)
+            old.close()
+        assert (robots.closed, source.closed) == (0, 0)
+        new.close()
+        assert (robots.closed, source.closed) == (taken_over, taken_over)
 
 
 def test_the_guards_parameters_change_nothing_that_is_observed() -> None:

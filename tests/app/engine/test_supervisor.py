@@ -34,7 +34,8 @@ from app.contract.events import (
     StateEvent,
 )
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
-from app.engine.supervisor import EngineRefused, EngineSupervisor, EngineUnavailable
+from app.engine.supervisor import EngineSupervisor
+from app.runtime.errors import ProcessRefused, ProcessUnavailable
 from app.runtime.supervisor import SupervisorLimits
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
@@ -132,13 +133,13 @@ async def test_it_starts_answers_observes_and_leaves_nothing() -> None:
 async def test_refusals_and_absence_are_told_apart() -> None:
     async with Watched(limits=ALONE) as watched:
         supervisor = watched.supervisor
-        with pytest.raises(EngineRefused, match="no run is going") as refused:
+        with pytest.raises(ProcessRefused, match="no run is going") as refused:
             await supervisor.request(StopRun())
         assert refused.value.refusal == "state"
-        with pytest.raises(EngineRefused, match="there is no such parameter") as refused:
+        with pytest.raises(ProcessRefused, match="there is no such parameter") as refused:
             await supervisor.request(SetParameters({"a.b": 1}, 1))
         assert refused.value.refusal == "input"
-    with pytest.raises(EngineUnavailable, match="is being stopped"):
+    with pytest.raises(ProcessUnavailable, match="is being stopped"):
         await supervisor.request(StopRun())
 
 
@@ -190,7 +191,7 @@ async def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() ->
 async def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
     async with Watched(limits=ALONE) as watched:
         begin = time.monotonic()
-        with pytest.raises(EngineUnavailable, match="ended before it answered OpenSource"):
+        with pytest.raises(ProcessUnavailable, match="ended before it answered OpenSource"):
             await watched.supervisor.request(numbers("exit"), timeout_s=30)
         assert time.monotonic() - begin < 10
         await watched.wait(EngineLostEvent)
@@ -203,7 +204,7 @@ async def test_a_request_that_is_not_answered_times_out() -> None:
         pid = watched.supervisor.health.pid
         assert pid is not None
         os.kill(pid, signal.SIGSTOP)
-        with pytest.raises(EngineUnavailable, match=r"did not answer StopRun within 0.3 s"):
+        with pytest.raises(ProcessUnavailable, match=r"did not answer StopRun within 0.3 s"):
             await watched.supervisor.request(StopRun(), timeout_s=0.3)
         begin = time.monotonic()
     # Stopping ends a stopped engine as well.
@@ -237,14 +238,14 @@ async def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() 
 async def test_an_engine_that_never_starts_is_given_up_with_its_reason() -> None:
     dies = (sys.executable, "-c", "exit(3)")
     watched = Watched(dies, limits=SupervisorLimits(backoff_s=0.05))
-    with pytest.raises(EngineUnavailable, match="exit code 3, 3 times in a row"):
+    with pytest.raises(ProcessUnavailable, match="exit code 3, 3 times in a row"):
         await watched.supervisor.start()
 
 
 async def test_an_engine_that_never_says_a_word_is_given_up() -> None:
     silent = (sys.executable, "-c", "import time; time.sleep(3600)")
     watched = Watched(silent, limits=SupervisorLimits(start_s=0.4, backoff_s=0.05))
-    with pytest.raises(EngineUnavailable, match="no sign of life"):
+    with pytest.raises(ProcessUnavailable, match="no sign of life"):
         await watched.supervisor.start()
 
 
@@ -252,7 +253,7 @@ async def test_a_program_that_is_not_there_is_one_sentence() -> None:
     supervisor = EngineSupervisor(
         command=("/nowhere/python",), limits=SupervisorLimits(backoff_s=0.05)
     )
-    with pytest.raises(EngineUnavailable, match=r"cannot be started: .*No such file"):
+    with pytest.raises(ProcessUnavailable, match=r"cannot be started: .*No such file"):
         await supervisor.start()
 
 
@@ -398,10 +399,10 @@ async def test_the_real_engine_says_what_to_do_without_a_calibration(stereo_fold
     (stereo_folder / "calibration.yaml").unlink()
 
     async with Watched(REAL, limits=ALONE) as watched:
-        with pytest.raises(EngineRefused, match="calibration") as refused:
+        with pytest.raises(ProcessRefused, match="calibration") as refused:
             await watched.supervisor.request(numbers(str(stereo_folder)))
         assert refused.value.refusal == "input"
-        with pytest.raises(EngineRefused, match="there is no kind of source"):
+        with pytest.raises(ProcessRefused, match="there is no kind of source"):
             await watched.supervisor.request(numbers("nonsense:1"))
         failed = watched.all(StateEvent)[-1]
         assert failed.state is EngineState.FAILED

@@ -11,11 +11,11 @@ import pytest
 from fastapi import HTTPException
 from fastapi.responses import Response
 
+from app.client.server_process import RunningServer
 from app.reports import reproduction
 from app.reports.reproduction import ReproductionError, play_experiments
 from observer.motion_profiles.profile import MotionProfile
 from observer.motion_profiles.profile_file import profile_from_text
-from tools.benchmark.server_process import RunningServer
 
 from ..cli.scripted_server import MINE, TOKEN, ScriptedServer, running
 from ..cli.shell import Shell

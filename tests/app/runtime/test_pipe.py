@@ -23,7 +23,7 @@ from app.contract.events import (
 )
 from app.runtime import pipe
 from app.runtime.errors import ChannelError
-from app.runtime.pipe import MessageSender, encode, read_message, receive_message
+from app.runtime.pipe import MessageSender, encode, load_message, read_message
 from app.runtime.requests import Reply, Request
 
 
@@ -49,8 +49,8 @@ def engine_sender(sock: socket.socket, backlog: int = pipe.DEFAULT_BACKLOG) -> M
 
 
 def drain(sock: socket.socket) -> list[Any]:
-    messages = []
-    while (message := receive_message(sock)) is not None:
+    messages, stream = [], sock.makefile("rb")
+    while (message := load_message(stream)) is not None:
         messages.append(message)
     return messages
 
@@ -110,7 +110,7 @@ def test_an_absurd_length_is_refused(pair: tuple[socket.socket, socket.socket]) 
     here, there = pair
     here.sendall(b"\xff\xff\xff\xff")
     with pytest.raises(ChannelError, match="out of step"):
-        receive_message(there)
+        load_message(there.makefile("rb"))
 
 
 def test_a_slow_reader_costs_observations_and_nothing_else(

@@ -71,9 +71,9 @@ async def test_a_calibration_that_no_longer_fits_is_left_out_and_said(
 
     def choosy(command: OpenSource) -> Any:
         if command.calibration_yaml is not None:
-            from app.engine.supervisor import EngineRefused
+            from app.runtime.errors import ProcessRefused
 
-            raise EngineRefused("the calibration is for images of another size", "input")
+            raise ProcessRefused("the calibration is for images of another size", "input")
         return plain_open(command)
 
     monkeypatch.setattr(peer, "_open", choosy)

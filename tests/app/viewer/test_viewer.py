@@ -179,8 +179,7 @@ def test_a_picture_of_one_obstacle(observed: Any) -> None:
     assert [tag.text for tag in picture.tags] == ["#7  0.40 ± 0.05 m/s"]
     # The label stands above the box, which is up in the display and -y in the camera.
     assert picture.tags[0].position[1] < 0
-    assert picture.fov_rad == pytest.approx(2 * math.atan(128 / 443))
-    assert picture.aspect == 2.0
+    assert picture.optics == pytest.approx((2 * math.atan(128 / 443), 2.0))
     assert picture.floor_known
     assert picture.notice is None
     assert not picture.stale

@@ -11,8 +11,7 @@ import pytest
 
 from app.contract.commands import OpenSource
 from app.engine.calibrating import BoardPublisher
-from app.engine.current_source import CurrentSource
-from app.engine.opening import Opening
+from app.engine.current_source import CurrentSource, Opening
 from app.runtime.requests import Reply, Request
 from observer.observer import Observer
 from observer.opening import open_source
@@ -32,7 +31,6 @@ class Desk:
             closed=lambda: None,
             boards=BoardPublisher(lambda _: None, lambda *_: None, lambda: None),
             stage_clock=time.perf_counter,
-            clock=time.monotonic,
         )
 
     def open(self, source: str, **more: Any) -> Reply | None:

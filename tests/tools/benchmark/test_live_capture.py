@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from app.cli.results import tell_measured
+from app.client.server_process import MeasurementError
 from observer.evaluation import machine
 from tools.benchmark.camera_streams import camera_streams, to_and_fro
 from tools.benchmark.capture_report import capture_markdown
 from tools.benchmark.live_capture import CaptureFigures, Loop, Spread, capture_figures
-from tools.benchmark.server_process import BenchmarkError
 
 
 def test_pictures_go_to_and_fro_without_one_twice() -> None:
@@ -56,7 +56,7 @@ def _part(stream: object) -> np.ndarray:
 
 
 def test_streams_that_cannot_be_served_are_told(tmp_path: Path) -> None:
-    with pytest.raises(BenchmarkError, match="camera streams"), camera_streams(tmp_path, 30.0):
+    with pytest.raises(MeasurementError, match="camera streams"), camera_streams(tmp_path, 30.0):
         pytest.fail("a folder without pictures serves nothing")
 
 

@@ -9,6 +9,7 @@ from dataclasses import asdict
 import psutil
 import pytest
 
+from app.client.server_process import MeasurementError, RunningServer, running_server
 from tools.benchmark import served
 from tools.benchmark.served import (
     DenseCloudRates,
@@ -19,7 +20,6 @@ from tools.benchmark.served import (
     _loop_rates,
 )
 from tools.benchmark.served_report import drive_line
-from tools.benchmark.server_process import BenchmarkError, RunningServer, running_server
 
 pytestmark = pytest.mark.slow
 
@@ -49,7 +49,7 @@ def test_a_source_that_cannot_be_opened_is_told_with_the_engines_reason() -> Non
         while not server.request("GET", "/api/status")["engine"]["reason"]:
             assert time.monotonic() < until, "the engine gave no reason"
             time.sleep(0.05)
-        with pytest.raises(BenchmarkError, match="moon"):
+        with pytest.raises(MeasurementError, match="moon"):
             server.wait_for_frames(0.0)
 
 
@@ -59,7 +59,7 @@ def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served
 ) -> None:
     said: list[str] = []
     rates = _loop_rates(server, 1.0, 1.0, 2, said.append)
-    with pytest.raises(BenchmarkError, match="PUT /api/source was answered 422"):
+    with pytest.raises(MeasurementError, match="PUT /api/source was answered 422"):
         server.request("PUT", "/api/source", {"source": "simulated:moon"})
     assert rates.alone > 0
     assert rates.with_viewers > 0

@@ -15,7 +15,7 @@ import pytest
 from app.contract.commands import ChangeCalibration, OpenSource
 from app.contract.events import EngineState
 from app.contract.status import CalibrationReference
-from app.engine.supervisor import EngineRefused
+from app.runtime.errors import ProcessRefused
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage, StorageBusy, StorageFull
@@ -277,7 +277,7 @@ async def test_what_cannot_be_used_is_saved_all_the_same(
     server: Server,
 ) -> None:
     def other_size(_: OpenSource) -> Any:
-        raise EngineRefused("the calibration is for images of 640x480 pixels", refusal)
+        raise ProcessRefused("the calibration is for images of 640x480 pixels", refusal)
 
     await computed(peer, server, computing)
     with monkeypatch.context() as patch:

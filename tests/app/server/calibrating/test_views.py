@@ -10,7 +10,7 @@ import pytest
 from app.contract.calibrating import CapturedView
 from app.contract.commands import BeginCalibration, ChangeCalibration, CloseSource, OpenSource
 from app.contract.events import EngineState
-from app.engine.supervisor import EngineRefused
+from app.runtime.errors import ProcessRefused
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
 from app.storage import Storage
@@ -100,7 +100,7 @@ async def test_leaving_closes_the_cameras_where_nothing_can_be_opened(
     await captured(peer, server)
 
     def unplugged(_: OpenSource) -> Any:
-        raise EngineRefused("the left camera is not plugged in", refusal)
+        raise ProcessRefused("the left camera is not plugged in", refusal)
 
     monkeypatch.setattr(peer, "_open", unplugged)
     await server.calibrating.end()
@@ -262,7 +262,7 @@ async def test_what_cannot_be_swapped_stays_as_it_is(
     peer: Any, monkeypatch: pytest.MonkeyPatch, server: Server
 ) -> None:
     def unplugged(_: BeginCalibration) -> Any:
-        raise EngineRefused("the left camera is not plugged in", "input")
+        raise ProcessRefused("the left camera is not plugged in", "input")
 
     await captured(peer, server)
     with pytest.raises(Conflict):

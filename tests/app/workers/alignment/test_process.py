@@ -15,6 +15,7 @@ from app.workers.alignment.messages import Choices, Solve
 from app.workers.alignment.process import AlignmentWorker
 from app.workers.alignment.work import Aligner
 from observer.truth.alignment.live_clocks import LiveClocks
+from observer.truth.alignment.result import Alignment
 from observer.truth.live.clock import ClockFit
 from observer.truth.motion_capture import Trajectory
 
@@ -56,14 +57,13 @@ def children() -> list[psutil.Process]:
 def test_it_remembers_until_it_is_lost_and_begins_anew(worker: AlignmentWorker) -> None:
     first = worker.solve(job(0, 4))
     assert first is not None
-    assert first.alignment is None
-    assert first.sentence is not None
-    assert first.sentence.startswith("not yet aligned: ")
+    assert isinstance(first.state, str)
+    assert first.state.startswith("not yet aligned: ")
     second = worker.solve(job(4, 18))
     assert second is not None
-    assert second.alignment is not None
-    assert second.alignment["time"]["offset_s"] == pytest.approx(0.3, abs=0.03)
-    assert second.alignment["roles"] == {"Amigo": "observer", "P3DX": "obstacle"}
+    assert isinstance(second.state, Alignment)
+    assert second.state.time.offset_s == pytest.approx(0.3, abs=0.03)
+    assert second.state.roles == {"Amigo": "observer", "P3DX": "obstacle"}
     # Robots and pages go first.
     (process,) = children()
     assert process.nice() >= 15
@@ -71,7 +71,7 @@ def test_it_remembers_until_it_is_lost_and_begins_anew(worker: AlignmentWorker) 
     assert worker.solve(job(18, 20)) is None
     third = worker.solve(job(20, 21))
     assert third is not None
-    assert third.alignment is None, "what came before is forgotten"
+    assert isinstance(third.state, str), "what came before is forgotten"
     ending = threading.Timer(0.05, worker.end)
     ending.start()
     began = time.monotonic()
@@ -85,12 +85,12 @@ def test_it_remembers_until_it_is_lost_and_begins_anew(worker: AlignmentWorker) 
 def test_what_is_ignored_need_not_be_there() -> None:
     aligner = Aligner()
     told = aligner.solve(job(0, 18, Choices(ignore=("P3DX", "hat"), mount=MOUNT)))
-    assert told.alignment is not None
-    assert told.alignment["roles"] == {"Amigo": "observer"}
+    assert isinstance(told.state, Alignment)
+    assert told.state.roles == {"Amigo": "observer"}
     # Another choice holds from the next solution on.
     told = aligner.solve(job(18, 26, Choices(observer="nobody")))
-    assert told.alignment is not None, "what was found stays as long as nothing better is"
+    assert isinstance(told.state, Alignment), "what was found stays as long as nothing better is"
     told = aligner.solve(replace(job(0, 26, Choices(observer="nobody")), anew=True))
-    assert told.sentence is not None
-    assert "no body 'nobody'" in told.sentence
+    assert isinstance(told.state, str)
+    assert "no body 'nobody'" in told.state
     assert np.isfinite(told.seconds)

@@ -1,4 +1,4 @@
-"""Newest observed frame in the form that all drawing needs."""
+"""Observed frame in the form that everything behind the observer needs."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ class Observed:
         trace: the observer's intermediate images and numbers by name (see ``observer.observer``).
         camera: the rectified pair.
         parameters: those in force for this frame.
+        segment: counted over restarts of the engine.
     """
 
     frame: StereoFrame
@@ -28,3 +29,4 @@ class Observed:
     trace: Mapping[str, Any]
     camera: StereoCamera
     parameters: Parameters
+    segment: int

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import socket
 import subprocess
 import sys
@@ -16,6 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from app.client.server_api import ServerApi
 from observer.errors import DynamicObserverError
 
 _START_TIMEOUT_S = 60.0
@@ -23,7 +23,7 @@ _STOP_TIMEOUT_S = 15.0
 _REQUEST_TIMEOUT_S = 20.0
 
 
-class BenchmarkError(DynamicObserverError):
+class MeasurementError(DynamicObserverError):
     """Failure of a measurement."""
 
 
@@ -48,34 +48,24 @@ class RunningServer:
         return f"http://127.0.0.1:{self.port}/?token={self.token}"
 
     def request(self, method: str, path: str, body: Any = None) -> Any:
-        """Send one REST request and return the decoded JSON reply.
+        """Send one REST request, from any thread, and return the decoded JSON reply.
 
         Raises:
-            BenchmarkError: the server refused it; the sentence is the server's.
+            MeasurementError: the server refused it; the sentence is the server's.
         """
-        request = urllib.request.Request(
-            f"http://127.0.0.1:{self.port}{path}",
-            method=method,
-            data=None if body is None else json.dumps(body).encode(),
-            headers={
-                "Authorization": f"Bearer {self.token}",
-                "Content-Type": "application/json",
-            },
-        )
+        api = ServerApi(f"http://127.0.0.1:{self.port}", self.token, timeout_s=_REQUEST_TIMEOUT_S)
         try:
-            with urllib.request.urlopen(request, timeout=_REQUEST_TIMEOUT_S) as answer:
-                text = answer.read()
-        except urllib.error.HTTPError as error:
-            with error:
-                said = error.read().decode(errors="replace")
-            raise BenchmarkError(f"{method} {path} was answered {error.code}: {said}") from None
-        return json.loads(text) if text else None
+            return api.request(method, *path.removeprefix("/api/").split("/"), body=body)
+        except DynamicObserverError as error:
+            raise MeasurementError(str(error)) from None
+        finally:
+            api.close()
 
     def wait_for_frames(self, timeout_s: float = _START_TIMEOUT_S) -> None:
         """Wait until the server observes its source.
 
         Raises:
-            BenchmarkError: it does not start in time; the sentence gives the engine's reason.
+            MeasurementError: it does not start in time; the sentence gives the engine's reason.
         """
         deadline = time.monotonic() + timeout_s
         while True:
@@ -83,7 +73,7 @@ class RunningServer:
             if status["frames_observed"] > 0:
                 return
             if time.monotonic() > deadline:
-                raise BenchmarkError(
+                raise MeasurementError(
                     f"the server observed no frame within {timeout_s:g} s: "
                     f"{status['engine']['reason'] or status['engine']['state']}"
                 )
@@ -95,7 +85,7 @@ def running_server(source: str) -> Iterator[RunningServer]:
     """Serve ``source`` on a free port from an empty data folder; stop the server after the block.
 
     Raises:
-        BenchmarkError: the server did not answer in time; the sentence gives its last output.
+        MeasurementError: the server did not answer in time; the sentence gives its last output.
     """
     with tempfile.TemporaryDirectory(prefix="dynamic-observer-benchmark-") as folder:
         token_file = Path(folder) / "token"
@@ -140,4 +130,4 @@ def _wait_until_ready(process: subprocess.Popen[bytes], port: int, log: Path) ->
         except (urllib.error.URLError, OSError):
             time.sleep(0.05)
     last_words = " ".join(log.read_text(errors="replace").split())[-300:]
-    raise BenchmarkError(f"the server did not become ready on port {port}: {last_words}")
+    raise MeasurementError(f"the server did not become ready on port {port}: {last_words}")
