@@ -1,9 +1,10 @@
 /** The drive socket: leases, velocities, signs of presence, and how good the link is. */
 
-import { LiveSocket, socketUrl } from "../live-socket.js";
+import { LiveSocket, socketUrl } from "../shell/live-socket.js";
 
-/** @typedef {import("./types.js").Role} Role */
-/** @typedef {import("./types.js").SentReply} SentReply */
+/** @import { LinkMessage, SentMessage, Velocity } from "../contract" */
+/** @import { Role } from "./roles.js" */
+/** @import { Connection } from "../shell/live-socket.js" */
 
 const ANSWER_MS = 4000;
 const PATH = "/api/drive";
@@ -18,11 +19,11 @@ const NAME_KEY = "dynamic-observer.operator";
 export class DriveLink extends EventTarget {
   /** Leases in force. @type {Map<Role, string>} */
   leases = new Map();
-  /** @type {import("../types.js").Connection} */
+  /** @type {Connection} */
   connection = "closed";
-  /** @type {import("./types.js").LinkWord | null} */
+  /** @type {LinkMessage | null} */
   quality = null;
-  /** Velocities sent for the newest command. @type {Map<Role, SentReply>} */
+  /** Velocities sent for the newest command. @type {Map<Role, SentMessage>} */
   sent = new Map();
   /** The reason why the newest command was not taken. */
   refusal = "";
@@ -85,7 +86,7 @@ export class DriveLink extends EventTarget {
 
   /**
    * @param {Role} role
-   * @param {import("./types.js").Velocity} velocity
+   * @param {Velocity} velocity
    */
   drive(role, { speed_mps, turn_rate_radps }) {
     this.#socket.send({
@@ -156,7 +157,7 @@ export class DriveLink extends EventTarget {
     this.#tell("lease");
   }
 
-  /** @param {import("../types.js").Connection} state */
+  /** @param {Connection} state */
   #connectionChanged(state) {
     this.connection = state;
     if (state === "open") {

@@ -1,13 +1,15 @@
 /** Driving by hand: the pad to hold, how fast, what was sent, and what limits it. */
 
-import { h, setAttribute, setText } from "../dom.js";
-import { Part } from "../part.js";
-import { fixed, sentence } from "../words.js";
-import { beyondStill } from "./hold.js";
+import { h, setAttribute, setText } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
 import { followKeys } from "./hold-keys.js";
+import { beyondStill } from "./hold.js";
 import { degrees, turnInWords } from "./robot-words.js";
 import { SonarRing, sonarInWords } from "./sonar-ring.js";
+
+/** @import { RobotNow } from "../contract" */
 
 // Of the pad's width, from its middle.
 const KNOB_WAY_PERCENT = 36;
@@ -210,7 +212,7 @@ export class DrivePad extends Part {
     setText(this.#delay, parts.join(" · "));
   }
 
-  /** @param {import("./types.js").RobotFacts | null} robot */
+  /** @param {RobotNow | null} robot */
   #renderGuard(robot) {
     const guard = robot?.guard ?? null;
     setAttribute(this.#guard, "data-level", guard?.level ?? null);

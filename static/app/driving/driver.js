@@ -1,13 +1,14 @@
 /** Driving by this page: what is held becomes velocities ten times a second, and silence else. */
 
-import { request } from "../api.js";
-import { sentence } from "../words.js";
+import { sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
 import { DriveLink } from "./drive-link.js";
 import { Hold } from "./hold.js";
-import { isArmed, ROLES } from "./types.js";
+import { isArmed, ROLES } from "./roles.js";
+import { listenForStop } from "./stop-keys.js";
 
-/** @typedef {import("./types.js").Role} Role */
-/** @typedef {import("./types.js").RobotFacts} RobotFacts */
+/** @import { RobotNow } from "../contract" */
+/** @import { Role } from "./roles.js" */
 
 const EVERY_MS = 100;
 // The server stops a robot whose operator was silent for 250 ms; the page then asks for a new press.
@@ -31,7 +32,7 @@ export class Driver extends EventTarget {
   /** @type {{role: Role, share: number}} */
   #choice = remembered();
 
-  /** @param {import("../hub.js").Hub} hub */
+  /** @param {import("../shell/hub.js").Hub} hub */
   constructor(hub) {
     super();
     this.#hub = hub;
@@ -70,7 +71,7 @@ export class Driver extends EventTarget {
     this.#choose({ role: this.role, share });
   }
 
-  /** @param {Role} [role] @returns {RobotFacts | null} */
+  /** @param {Role} [role] @returns {RobotNow | null} */
   robot(role = this.role) {
     return this.#hub.robots?.robots?.[role] ?? null;
   }
@@ -131,6 +132,11 @@ export class Driver extends EventTarget {
   async take(role, takeover) {
     const refusal = await this.link.take(role, takeover);
     if (refusal) throw new Error(sentence(refusal));
+  }
+
+  /** Have Space and Esc stop in a window. @param {Window} inside the page's, or a same-origin frame's */
+  listenForStop(inside) {
+    listenForStop(inside, this);
   }
 
   /** Stop everything, by every way there is. */

@@ -1,6 +1,5 @@
 /** The guided check: what to do at each step, what was measured, and the records of earlier ones. */
 
-import { request } from "../api.js";
 import {
   button,
   details,
@@ -11,16 +10,16 @@ import {
   setAttribute,
   setText,
   textInput,
-} from "../dom.js";
-import { KeptList, passFocus } from "../focus-place.js";
-import { confirmed, oneAtATime } from "../notice.js";
-import { Part } from "../part.js";
-import { fixed, sentence, when } from "../words.js";
-import { ROLE_WORDS, stopInWords } from "./robot-words.js";
+} from "../elements/dom.js";
+import { KeptList, passFocus } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence, when } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { confirmed, oneAtATime } from "../shell/notice.js";
+import { stopInWords } from "./robot-words.js";
+import { ROLE_WORDS } from "./roles.js";
 
-/** @typedef {import("./types.js").Check} Check */
-/** @typedef {import("./types.js").CheckStep} CheckStep */
-/** @typedef {import("./types.js").CheckEntry} CheckEntry */
+/** @import { CheckEntry, CheckStep } from "../contract" */
 
 /** @type {Record<string, string>} */
 const STATES = {

@@ -1,11 +1,21 @@
 /** Port and model of a role's robot. */
 
-import { ApiError, request } from "../api.js";
-import { button, field, h, onSubmit, select, setAttribute, setText, textInput } from "../dom.js";
-import { notify, oneAtATime } from "../notice.js";
-import { Part } from "../part.js";
+import {
+  button,
+  field,
+  h,
+  onSubmit,
+  select,
+  setAttribute,
+  setText,
+  textInput,
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { ApiError, request } from "../shell/api.js";
+import { notify, oneAtATime } from "../shell/notice.js";
 
-/** @typedef {import("./types.js").Role} Role */
+/** @import { Devices, RobotsMessage, SerialPortNow } from "../contract" */
+/** @import { Role } from "./roles.js" */
 
 const MODELS = [
   ["", "As the robot says of itself"],
@@ -19,8 +29,6 @@ const ELSEWHERE = [
   ["external:127.0.0.1:7700", "a robot of your own, on this server"],
   ["coppeliasim:localhost:23000/PioneerP3DX", "a robot of a CoppeliaSim scene"],
 ];
-
-/** @typedef {{path: string, by_id: string | null, description: string | null, usable: boolean, trouble: string | null}} SerialPort */
 
 export class PortForm extends Part {
   #port = textInput("robot-port", {
@@ -76,7 +84,7 @@ export class PortForm extends Part {
 
   /** Suggest the serial ports that are there now. */
   async #look() {
-    /** @type {{serial_ports: SerialPort[]} | null} */
+    /** @type {Devices | null} */
     const devices = await request("GET", "/devices").catch(() => null);
     const ports = devices?.serial_ports ?? [];
     this.#ports.replaceChildren(
@@ -125,7 +133,7 @@ export class PortForm extends Part {
     if (!port) return this.#fail("Give the port of the robot.");
     this.#fail("");
     try {
-      /** @type {import("./types.js").DrivingFacts} */
+      /** @type {RobotsMessage} */
       const robots = await request("PUT", `/robots/${role}/port`, {
         port,
         model: this.#model.value || null,
@@ -161,7 +169,7 @@ export class PortForm extends Part {
   }
 }
 
-/** @param {SerialPort} port */
+/** @param {SerialPortNow} port */
 function wordsOf({ path, description, usable }) {
   return `${path}${description ? ` (${description})` : ""}${usable ? "" : ", may not be opened"}`;
 }

@@ -1,16 +1,15 @@
 /** Programmes: timed velocities that are played while their operator stays present. */
 
-import { request } from "../api.js";
-import { button, details, field, h, icon, iconButton, onSubmit, setText } from "../dom.js";
-import { KeptList } from "../focus-place.js";
-import { attemptIn, confirmed, notify, oneAtATime } from "../notice.js";
-import { Part } from "../part.js";
-import { sentence } from "../words.js";
-import { clock, incidentInWords, lastsInWords, ROLE_WORDS } from "./robot-words.js";
-import { isArmed } from "./types.js";
+import { button, details, field, h, icon, iconButton, onSubmit, setText } from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attemptIn, confirmed, notify, oneAtATime } from "../shell/notice.js";
+import { clock, incidentInWords, lastsInWords } from "./robot-words.js";
+import { isArmed, ROLE_WORDS } from "./roles.js";
 
-/** @typedef {import("./types.js").ProgrammeEntry} ProgrammeEntry */
-/** @typedef {import("./types.js").RunningProgramme} RunningProgramme */
+/** @import { ProgrammeEntry, ProgrammeNow } from "../contract" */
 
 class Programmes extends Part {
   /** @type {ProgrammeEntry[]} */
@@ -114,12 +113,12 @@ class Programmes extends Part {
     this.#ended.hidden = !told;
   }
 
-  /** @param {RunningProgramme} running */
+  /** @param {ProgrammeNow} running */
   #title({ name }) {
     return this.#programmes.find((entry) => entry.name === name)?.title ?? name;
   }
 
-  /** @param {RunningProgramme} running @returns {string} as in "0:05 of 0:14, round 2 of 3" */
+  /** @param {ProgrammeNow} running @returns {string} as in "0:05 of 0:14, round 2 of 3" */
   #place({ elapsed_s, duration_s, phase, round, repeat }) {
     const at =
       phase === "gesture" ? "its opening gesture" : `${clock(elapsed_s)} of ${clock(duration_s)}`;

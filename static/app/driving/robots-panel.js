@@ -1,12 +1,12 @@
 /** Both robots: how they are, who drives them, and driving the chosen one. */
 
-import { request } from "../api.js";
-import { button, details, field, fillList, h, setAttribute, setText } from "../dom.js";
-import { fillFigures } from "../figure-list.js";
-import { passFocus } from "../focus-place.js";
-import { oneAtATime } from "../notice.js";
-import { Part } from "../part.js";
-import { sentence } from "../words.js";
+import { button, details, field, fillList, h, setAttribute, setText } from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
+import { passFocus } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { oneAtATime } from "../shell/notice.js";
 import { DrivePad } from "./drive-pad.js";
 import { PortForm } from "./port-form.js";
 import {
@@ -14,13 +14,13 @@ import {
   driverInWords,
   figuresOf,
   incidentInWords,
-  ROLE_WORDS,
   standsBecause,
   stateInWords,
 } from "./robot-words.js";
-import { isArmed, ROLES } from "./types.js";
+import { isArmed, ROLE_WORDS, ROLES } from "./roles.js";
 
-/** @typedef {import("./types.js").Role} Role */
+/** @import { RobotNow } from "../contract" */
+/** @import { Role } from "./roles.js" */
 
 class RobotsPanel extends Part {
   #cards = new Map(ROLES.map((role) => [role, makeCard(role)]));
@@ -168,7 +168,7 @@ class RobotsPanel extends Part {
     }
   }
 
-  /** @param {import("./types.js").RobotFacts | null} robot */
+  /** @param {RobotNow | null} robot */
   #renderFigures(robot) {
     const figures = robot ? figuresOf(robot) : [];
     fillFigures(

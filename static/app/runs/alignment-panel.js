@@ -1,16 +1,15 @@
 /** Laying truth over a run: with which file, how well, and which track is which body. */
 
-import { ApiError, request } from "../api.js";
-import { button, details, field, fillList, h, setAttribute, setText } from "../dom.js";
-import { Part } from "../part.js";
-import { fixed, sentence } from "../words.js";
+import { button, details, field, fillList, h, setAttribute, setText } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
 import { CameraOnBody, placeInWords } from "./camera-on-body.js";
 import { MatchTable } from "./match-table.js";
 import { TruthPicker } from "./truth-picker.js";
 
-/** @typedef {import("./types.js").Alignment} Alignment */
-/** @typedef {import("./types.js").Chart} Chart */
-/** @typedef {import("./types.js").TruthFile} TruthFile */
+/** @import { AlignmentFacts, RunChart } from "../contract" */
+/** @import { TruthFile } from "./truth-picker.js" */
 
 export class AlignmentPanel extends Part {
   /** Called once a run is aligned anew. @type {() => void} */
@@ -31,7 +30,7 @@ export class AlignmentPanel extends Part {
   #state = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert" });
   #another = details("Lay truth over this run");
-  /** @type {Chart | null} */
+  /** @type {RunChart | null} */
   #chart = null;
   #busy = false;
 
@@ -64,7 +63,7 @@ export class AlignmentPanel extends Part {
     this.hidden = true;
   }
 
-  /** @param {Chart} chart */
+  /** @param {RunChart} chart */
   show(chart) {
     const other = chart.run.id !== this.#chart?.run.id;
     this.#chart = chart;
@@ -122,7 +121,7 @@ export class AlignmentPanel extends Part {
 
   /** With all else as it was, and with what a person said of other tracks before. */
   async #correct(/** @type {string} */ key, /** @type {string | null} */ body) {
-    const { run, alignment, choices } = /** @type {Chart} */ (this.#chart);
+    const { run, alignment, choices } = /** @type {RunChart} */ (this.#chart);
     const said = Object.entries(alignment?.matches ?? {}).flatMap(([each, match]) =>
       match.by === "person" ? [[each, match.body]] : [],
     );
@@ -208,7 +207,7 @@ export class AlignmentPanel extends Part {
   }
 }
 
-/** @param {Alignment} alignment how well it fits, in figures */
+/** @param {AlignmentFacts} alignment how well it fits, in figures */
 function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time }) {
   const drift =
     time.drift_sigma_ppm === null

@@ -1,14 +1,13 @@
 /** Several runs side by side: their speeds, their errors, and what was set otherwise. */
 
-import { ApiError, request } from "../api.js";
-import { h, setText, table, tableRow } from "../dom.js";
-import { Part } from "../part.js";
-import { duration, when } from "../words.js";
+import { h, setText, table, tableRow } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { duration, when } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
 import { RunChart } from "./run-chart.js";
 import { runHref } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
-/** @typedef {import("./types.js").Chart} Chart */
+/** @import { RunChart as Chart } from "../contract" */
 
 // Truth is laid over a re-run once it has ended; until then it is asked again.
 const AGAIN_MS = 4000;

@@ -1,10 +1,9 @@
 /** Table of the body that each track is, corrected by a click. */
 
-import { h, setAttribute, table } from "../dom.js";
-import { fixed, trackColour } from "../words.js";
+import { h, setAttribute, table } from "../elements/dom.js";
+import { fixed, trackColour } from "../elements/words.js";
 
-/** @typedef {import("./types.js").Alignment} Alignment */
-/** @typedef {import("./types.js").Curve} Curve */
+/** @import { AlignmentFacts, ChartCurve } from "../contract" */
 
 /** Ways in which a track's body was found. @type {Record<string, string>} */
 const BY = { position: "by position", speed: "by speed", person: "as you said" };
@@ -16,8 +15,8 @@ export class MatchTable extends HTMLElement {
   corrected = () => {};
 
   /**
-   * @param {Alignment | null} alignment
-   * @param {Curve[]} curves
+   * @param {AlignmentFacts | null} alignment
+   * @param {ChartCurve[]} curves
    */
   show(alignment, curves) {
     const keys = Object.keys(alignment?.matches ?? {});
@@ -54,9 +53,9 @@ export class MatchTable extends HTMLElement {
 
   /**
    * @param {string} key of the track, its segment first
-   * @param {Alignment} alignment
+   * @param {AlignmentFacts} alignment
    * @param {string[]} bodies
-   * @param {Curve[]} curves
+   * @param {ChartCurve[]} curves
    */
   #row(key, alignment, bodies, curves) {
     const [segment = 0, track = 0] = key.split(":").map(Number);

@@ -1,17 +1,26 @@
 /** Observing a run's recording once more with other parameters. */
 
-import { request } from "../api.js";
-import { details, field, fillList, h, onSubmit, setAttribute, setText, textInput } from "../dom.js";
-import { attemptIn } from "../notice.js";
-import { ParameterGroups } from "../parameter-groups.js";
-import { Part } from "../part.js";
-import { counted } from "../words.js";
+import {
+  details,
+  field,
+  fillList,
+  h,
+  onSubmit,
+  setAttribute,
+  setText,
+  textInput,
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { counted } from "../elements/words.js";
+import { ParameterGroups } from "../parameters/parameter-groups.js";
+import { request } from "../shell/api.js";
+import { attemptIn } from "../shell/notice.js";
 import { compareHref, hasImages, runHref } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
-/** @typedef {import("../types.js").ParameterEntry} ParameterEntry */
-/** @typedef {import("../types.js").Preset} Preset */
-/** @typedef {Record<string, import("../types.js").ParameterValue>} Values */
+/** @import { Run } from "../contract" */
+/** @import { ParameterEntry, ParameterValue, Preset } from "../parameters/parameter-store.js" */
+
+/** @typedef {Record<string, ParameterValue>} Values */
 
 /** Values that are not in force yet. Event: `values`. */
 class Draft extends EventTarget {

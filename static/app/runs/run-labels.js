@@ -1,11 +1,11 @@
 /** A run's name, tags and notes, by which it is found again; kept as they are changed. */
 
-import { ApiError, request } from "../api.js";
-import { button, field, h, icon, onSubmit, setText, textInput } from "../dom.js";
-import { KeptList } from "../focus-place.js";
-import { Part } from "../part.js";
+import { button, field, h, icon, onSubmit, setText, textInput } from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { ApiError, request } from "../shell/api.js";
 
-/** @typedef {import("./types.js").Run} Run */
+/** @import { History, Run } from "../contract" */
 
 export class RunLabels extends Part {
   /** Called with the run as it is kept now. @type {(run: Run) => void} */
@@ -97,7 +97,7 @@ export class RunLabels extends Part {
   }
 
   async #suggest() {
-    /** @type {import("./types.js").History | null} */
+    /** @type {History | null} */
     const found = await request("GET", "/history?limit=1&offset=0").catch(() => null);
     this.#known.replaceChildren(
       ...Object.keys(found?.tags ?? {}).map((tag) => h("option", { value: tag })),

@@ -1,15 +1,14 @@
 /** Finding runs: by words, by tags; choosing some to compare; deleting and bringing back. */
 
-import { request } from "../api.js";
-import { button, h, icon, iconButton, setAttribute, setText } from "../dom.js";
-import { KeptList } from "../focus-place.js";
-import { attempt, attemptIn, notify, notifyError } from "../notice.js";
-import { Part } from "../part.js";
-import { counted, sentence, when } from "../words.js";
+import { button, h, icon, iconButton, setAttribute, setText } from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { counted, sentence, when } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attempt, attemptIn, notify, notifyError } from "../shell/notice.js";
 import { compareHref, facts, runHref, size } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
-/** @typedef {import("./types.js").History} History */
+/** @import { History, Run } from "../contract" */
 
 const PAGE = 50;
 const ASK_AFTER_MS = 200;
@@ -247,7 +246,7 @@ export class RunSearch extends Part {
 /**
  * Hide a run, with the way back.
  *
- * @param {import("../hub.js").Hub} hub
+ * @param {import("../shell/hub.js").Hub} hub
  * @param {Run} run
  * @returns {Promise<boolean>} whether it was
  */
@@ -264,7 +263,7 @@ export async function removeRun(hub, run) {
 }
 
 /**
- * @param {import("../hub.js").Hub} hub
+ * @param {import("../shell/hub.js").Hub} hub
  * @param {Run} run
  */
 async function recover(hub, run) {

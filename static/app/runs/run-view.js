@@ -1,10 +1,10 @@
 /** One run: its speeds against truth, what is known of it, and what can be made of it. */
 
-import { ApiError, request } from "../api.js";
-import { button, details, h, icon, setText, table, tableRow } from "../dom.js";
-import { attempt, notify } from "../notice.js";
-import { Part } from "../part.js";
-import { sentence } from "../words.js";
+import { button, details, h, icon, setText, table, tableRow } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { sentence } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
+import { attempt, notify } from "../shell/notice.js";
 import { AlignmentPanel } from "./alignment-panel.js";
 import { RerunForm } from "./rerun-form.js";
 import { RunChart } from "./run-chart.js";
@@ -13,8 +13,7 @@ import { RunLabels } from "./run-labels.js";
 import { removeRun } from "./run-search.js";
 import { compareHref, facts, hasImages } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
-/** @typedef {import("./types.js").Chart} Chart */
+/** @import { Run, RunChart as Chart } from "../contract" */
 
 const AGAIN_MS = 5000;
 

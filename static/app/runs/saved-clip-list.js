@@ -1,14 +1,14 @@
 /** Saved half minutes: played as a source, downloaded, deleted. */
 
-import { request } from "../api.js";
-import { button, h, icon, iconButton } from "../dom.js";
-import { KeptList } from "../focus-place.js";
-import { attempt, confirmed, notify } from "../notice.js";
-import { Part } from "../part.js";
-import { when } from "../words.js";
+import { button, h, icon, iconButton } from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { when } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attempt, confirmed, notify } from "../shell/notice.js";
 import { runHref, size } from "./run-words.js";
 
-/** @typedef {import("../contract").RingEntry} Clip */
+/** @import { RingEntry } from "../contract" */
 
 export class SavedClipList extends Part {
   /** Called once one of them is open as a source. @type {() => void} */
@@ -18,7 +18,7 @@ export class SavedClipList extends Part {
   #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
-    (/** @type {Clip} */ clip) => this.#item(clip),
+    (/** @type {RingEntry} */ clip) => this.#item(clip),
     () => this.#heading,
   );
   #shown = false;
@@ -40,14 +40,14 @@ export class SavedClipList extends Part {
 
   async #load() {
     if (!this.#shown) return;
-    /** @type {Clip[] | null} */
+    /** @type {RingEntry[] | null} */
     const clips = await request("GET", "/recording/rings").catch(() => null);
     if (!clips) return;
     this.hidden = !this.#shown || (clips.length === 0 && !this.contains(document.activeElement));
     this.#items.show(clips, ({ name }) => name);
   }
 
-  /** @param {Clip} clip */
+  /** @param {RingEntry} clip */
   #item(clip) {
     const { name, run_id: run, bytes } = clip;
     const at = when(clip.saved_at);
@@ -90,7 +90,7 @@ export class SavedClipList extends Part {
     );
   }
 
-  /** @param {Clip} clip */
+  /** @param {RingEntry} clip */
   async #open(clip) {
     await attempt(async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: clip.source }));
@@ -99,7 +99,7 @@ export class SavedClipList extends Part {
     });
   }
 
-  /** @param {Clip} clip */
+  /** @param {RingEntry} clip */
   async #delete(clip) {
     if (
       !(await confirmed(

@@ -1,6 +1,5 @@
 /** Files of motion capture: send one in, see what was understood of it, choose one. */
 
-import { ApiError, request } from "../api.js";
 import {
   button,
   details,
@@ -12,12 +11,27 @@ import {
   setText,
   table,
   tableRow,
-} from "../dom.js";
-import { attempt, confirmed } from "../notice.js";
-import { Part } from "../part.js";
-import { counted, fixed, sentence, when } from "../words.js";
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { counted, fixed, sentence, when } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
+import { attempt, confirmed } from "../shell/notice.js";
 
-/** @typedef {import("./types.js").TruthFile} TruthFile */
+/** @import { TruthEntry } from "../contract" */
+/**
+ * @typedef {object} TruthBody what was understood of one body of a truth file
+ * @property {string} name
+ * @property {boolean} has_orientation
+ * @property {number} samples
+ * @property {number} seen
+ * @property {number} gaps
+ * @property {number[] | null} extent_m along the room's axes
+ * @property {number | null} highest_speed_mps
+ */
+/**
+ * @typedef {TruthEntry & {info: {rate_hz: number | null, duration_s: number | null,
+ *   bodies: TruthBody[], notes: string[]}}} TruthFile
+ */
 
 // No file's id.
 const LIVE = "live";

@@ -1,0 +1,155 @@
+/** Short messages that pass, and the question before something is deleted. */
+
+import { button, field, h, icon, setText, textInput } from "../elements/dom.js";
+import { ApiError } from "./api.js";
+import { showModal } from "./modal.js";
+
+const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
+
+/**
+ * Show one sentence in the page's corner; errors are spoken at once.
+ *
+ * @param {string} text
+ * @param {"done" | "error"} [kind]
+ * @param {{words: string, act: () => void}} [offer] a button beside it, as in Undo
+ */
+export function notify(text, kind = "done", offer) {
+  const host = document.querySelector("#notices");
+  if (!host) return;
+  const notice = h("p.notice", {
+    "data-kind": kind,
+    role: kind === "error" ? "alert" : "status",
+  });
+  const close = button(icon("close"), () => notice.remove(), {
+    class: "quiet",
+    "aria-label": "Close this message",
+  });
+  const taken = () => {
+    notice.remove();
+    offer?.act();
+  };
+  notice.append(
+    h("span", text),
+    offer ? button(offer.words, taken, { class: "quiet offer" }) : "",
+    close,
+  );
+  host.append(notice);
+  setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);
+}
+
+/** @param {unknown} error */
+export function notifyError(error) {
+  notify(error instanceof Error ? error.message : String(error), "error");
+}
+
+/**
+ * Do something, and tell what went wrong.
+ *
+ * @param {() => unknown} action
+ * @returns {Promise<boolean>} whether it was done
+ */
+export async function attempt(action) {
+  try {
+    await action();
+    return true;
+  } catch (error) {
+    notifyError(error);
+    return false;
+  }
+}
+
+/**
+ * Do something; where the server refuses it, say why in a place of the page.
+ *
+ * @param {Node} place
+ * @param {() => unknown} action
+ * @returns {Promise<boolean>} whether it was done
+ */
+export async function attemptIn(place, action) {
+  try {
+    await action();
+    return true;
+  } catch (error) {
+    if (!(error instanceof ApiError)) throw error;
+    setText(place, error.message);
+    return false;
+  }
+}
+
+/**
+ * Do one thing at a time: what is pressed while another goes on is left out, and what went wrong
+ * is told.
+ *
+ * @param {() => void} [after] called whatever came of it
+ * @returns {(action: () => unknown) => Promise<void>}
+ */
+export function oneAtATime(after = () => {}) {
+  let busy = false;
+  return async (action) => {
+    if (busy) return;
+    busy = true;
+    await attempt(action);
+    busy = false;
+    after();
+  };
+}
+
+/**
+ * Ask before something that cannot be undone.
+ *
+ * @param {string} question
+ * @param {string} consequence one sentence
+ * @param {string} action what the button says
+ * @returns {Promise<boolean>}
+ */
+export async function confirmed(question, consequence, action) {
+  const answer = await ask(
+    question,
+    h("p", consequence),
+    h("button.button", { value: "no" }, "Keep"),
+    h("button.button.danger", { value: "yes" }, action),
+  );
+  return answer === "yes";
+}
+
+/**
+ * Ask for a line of text.
+ *
+ * @param {string} question
+ * @param {string} label of the field
+ * @param {string} first what it holds at first
+ * @returns {Promise<string | null>} null where it was left
+ */
+export async function answered(question, label, first) {
+  const input = textInput("answer", { maxlength: 100, required: true });
+  input.value = first;
+  const closed = ask(
+    question,
+    field(label, input),
+    h("button.button.primary", { value: "yes" }, "Take it"),
+    h("button.button", { value: "no", formnovalidate: true }, "Leave"),
+  );
+  input.select();
+  return (await closed) === "yes" ? input.value.trim() : null;
+}
+
+/**
+ * @param {string} question
+ * @param {HTMLElement} content
+ * @param {...HTMLButtonElement} buttons
+ */
+function ask(question, content, ...buttons) {
+  return showModal(
+    h(
+      "dialog.question",
+      { "aria-labelledby": "question-title" },
+      h(
+        "form",
+        { method: "dialog" },
+        h("h2", { id: "question-title" }, question),
+        content,
+        h("div.row.end", ...buttons),
+      ),
+    ),
+  );
+}

@@ -1,0 +1,177 @@
+/** The cameras that are plugged in: which is left, which right, and how they are set. */
+
+import {
+  button,
+  details,
+  field,
+  h,
+  onSubmit,
+  select,
+  setText,
+  textInput,
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { request } from "../shell/api.js";
+
+/** @import { Devices, VideoDevice } from "../contract" */
+
+/** Settings of a camera, by their keys in a source's text. @type {[string, string, string][]} */
+const SETTINGS = [
+  ["exposure", "Exposure, 100 µs", "auto, or a number such as 156"],
+  ["gain", "Gain", "auto or a number"],
+  ["white_balance", "White balance, K", "auto, or a number such as 4600"],
+  ["focus", "Focus", "auto or a number; a calibration holds for one focus"],
+];
+
+export class CameraPicker extends Part {
+  /** Called with the text that names the chosen cameras. @type {(spec: string) => void} */
+  chosen = () => {};
+
+  #words = h("p.hint", { role: "status" });
+  #left = h("select", { id: "camera-left" });
+  #right = h("select", { id: "camera-right" });
+  #mode = h("select", { id: "camera-mode" });
+  #line = select({ id: "camera-line" }, [
+    ["", "As it is"],
+    ["50", "50 Hz"],
+    ["60", "60 Hz"],
+    ["auto", "Automatic"],
+  ]);
+  #settings = new Map(
+    SETTINGS.map(([key]) => [key, textInput(`camera-${key}`, { placeholder: "as it is" })]),
+  );
+  #form = h("form.stack", { hidden: true });
+  #again = button("Look again", () => this.#load());
+  #troubles = h("ul.plain-list.warnings");
+  /** @type {VideoDevice[]} */
+  #cameras = [];
+  /** True where there were cameras to choose from at the last look. */
+  #known = false;
+
+  build() {
+    const use = h("button.button.primary", { type: "submit" }, "Open these cameras");
+    this.#form.append(
+      field("Left camera", this.#left),
+      field("Right camera", this.#right),
+      field("Size, format and rate", this.#mode),
+      details(
+        "Exposure, gain, focus",
+        h(
+          "div.stack",
+          h(
+            "p.hint",
+            "A number switches the automatic off and locks it. Both cameras get the same.",
+          ),
+          ...SETTINGS.map(([key, words, help]) => {
+            const input = this.#settings.get(key);
+            return input ? field(words, input, help) : null;
+          }),
+          field("Mains frequency of the light", this.#line),
+        ),
+      ),
+      h("div.row", use),
+    );
+    this.append(
+      h("h3", "Plugged in"),
+      this.#words,
+      this.#troubles,
+      this.#form,
+      h("div.row", this.#again),
+    );
+    this.#left.addEventListener("change", () => this.#renderModes());
+    onSubmit(this.#form, () => this.chosen(this.#spec()));
+    this.hear("reconnected", () => void this.#load());
+    void this.#load();
+  }
+
+  async #load() {
+    /** @type {Pick<Devices, "cameras" | "hints">} */
+    const { cameras, hints } = await request("GET", "/devices").catch(() => ({
+      cameras: [],
+      hints: [],
+    }));
+    this.#cameras = cameras.filter((camera) => !camera.trouble);
+    const count = this.#cameras.length;
+    setText(
+      this.#words,
+      count === 0
+        ? "No camera that can be used is plugged into the server's machine."
+        : count === 1
+          ? "One camera is plugged in; it can be used if it shows both images side by side."
+          : `${count} cameras are plugged in.`,
+    );
+    const troubles = cameras.flatMap((camera) => camera.trouble ?? []);
+    this.#troubles.replaceChildren(...[...troubles, ...hints].map((text) => h("li", text)));
+    this.#form.hidden = count === 0;
+    const chosen = this.#known ? [this.#left.value, this.#right.value, this.#mode.value] : [];
+    this.#left.replaceChildren(...this.#cameras.map(option));
+    this.#right.replaceChildren(
+      ...this.#cameras.map(option),
+      h("option", { value: "" }, "None: the left one shows both images"),
+    );
+    this.#right.selectedIndex = Math.min(1, count);
+    this.#known = count > 0;
+    keep(this.#left, chosen[0]);
+    keep(this.#right, chosen[1]);
+    this.#renderModes();
+    keep(this.#mode, chosen[2]);
+  }
+
+  #renderModes() {
+    const camera = this.#cameras.find((each) => nameOf(each) === this.#left.value);
+    this.#mode.replaceChildren(
+      h("option", { value: "" }, "As it is"),
+      ...(camera?.modes ?? []).map(({ pixel_format, width, height, rates }) => {
+        const rate = rates[0];
+        const value = new URLSearchParams({
+          size: `${width}x${height}`,
+          format: pixel_format,
+          ...(rate ? { rate: String(rate) } : {}),
+        });
+        return h(
+          "option",
+          { value: value.toString() },
+          `${width} × ${height}, ${pixel_format}${rate ? `, ${rate} images/s` : ""}`,
+        );
+      }),
+    );
+    // Compressed images of the usual size are what two cameras on one port can carry.
+    const usual = [...this.#mode.options].find((each) => each.text.startsWith("640 × 480, MJPG"));
+    if (usual) this.#mode.value = usual.value;
+  }
+
+  #spec() {
+    const query = new URLSearchParams(this.#mode.value);
+    for (const [key, input] of this.#settings)
+      if (input.value.trim()) query.set(key, input.value.trim());
+    if (this.#line.value) query.set("power_line", this.#line.value);
+    const names = this.#right.value
+      ? `${this.#left.value},${this.#right.value}`
+      : `sbs:${this.#left.value}`;
+    const text = query.toString();
+    return `camera:${names}${text ? `?${text}` : ""}`;
+  }
+}
+
+/**
+ * Keep the choice where it is still there.
+ *
+ * @param {HTMLSelectElement} select
+ * @param {string | undefined} value
+ */
+function keep(select, value) {
+  if (value !== undefined && [...select.options].some((option) => option.value === value))
+    select.value = value;
+}
+
+/** @param {VideoDevice} camera @returns {string} the name that stays when it is plugged in again */
+function nameOf(camera) {
+  return camera.by_path ?? camera.path;
+}
+
+/** @param {VideoDevice} camera */
+function option(camera) {
+  return h("option", { value: nameOf(camera) }, `${camera.path}: ${camera.card ?? "camera"}`);
+}
+
+customElements.define("observer-camera-picker", CameraPicker);
