@@ -26,8 +26,8 @@ import "./shell/theme-choice.js";
 import "./sources/live-truth.js";
 import "./sources/playback-bar.js";
 import "./sources/source-picker.js";
-import { Part } from "./elements/part.js";
 import { Driver } from "./driving/driver.js";
+import { Part } from "./elements/part.js";
 import { Hub } from "./shell/hub.js";
 
 const hub = new Hub((hub) => new Driver(hub));

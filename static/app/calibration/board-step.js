@@ -6,11 +6,11 @@ import {
   field,
   h,
   icon,
+  input,
   onSubmit,
   select,
   setAttribute,
   setText,
-  textInput,
 } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
@@ -59,16 +59,14 @@ export class BoardStep extends Part {
     ["radtan", "Usual lens"],
     ["equidistant", "Fisheye lens"],
   ]);
-  #source = textInput("board-source", { spellcheck: "false" });
+  #source = input("text", "board-source", { spellcheck: "false" });
   #svg = button([icon("download"), "Board as SVG"], () => this.#download("svg"));
   #pdf = button([icon("download"), "Board as PDF"], () => this.#download("pdf"));
   #printing = h("p.field-error", { role: "alert" });
   #scaled = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert", id: "board-error" });
   #start = h("button.button.primary", { type: "submit" }, "Begin with these cameras");
-  #zip = h("input", {
-    type: "file",
-    id: "board-zip",
+  #zip = input("file", "board-zip", {
     accept: ".zip",
     "aria-describedby": "board-zip-help board-zip-error",
   });
@@ -295,7 +293,7 @@ function remembered() {
 
 /** @param {string} id @param {number} min @param {number} max @param {number | "any"} step */
 function number(id, min, max, step) {
-  return h("input", { type: "number", id, min, max, step, required: true });
+  return input("number", id, { min, max, step, required: true });
 }
 
 customElements.define("observer-board-step", BoardStep);

@@ -4,7 +4,7 @@ import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attempt, notify } from "../shell/notice.js";
+import { notify, oneAtATime } from "../shell/notice.js";
 import { previewed } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
@@ -21,9 +21,11 @@ class CalibrationHealth extends Part {
   #trend = h("p.hint");
   #chart = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "drift-chart", role: "img" });
   #vergence = h("p.hint");
-  #refine = button("Refine from the scene", () => this.#refineRows());
+  #refine = button("Refine from the scene", () =>
+    this.#do(() => this.#refineRows(), this.#refine, "Refining…"),
+  );
   #drawn = "";
-  #refining = false;
+  #do = oneAtATime();
 
   build() {
     this.append(
@@ -92,23 +94,16 @@ class CalibrationHealth extends Part {
   }
 
   async #refineRows() {
-    if (this.#refining) return;
-    this.#refining = true;
-    setText(this.#refine, "Refining…");
-    await attempt(async () => {
-      /** @type {Calibration} */
-      const refined = await request("POST", "/calibrations/refine");
-      this.hub.tell("calibrations");
-      const use = await previewed(refined, false);
-      if (!use) return notify(`${refined.name} is kept beside the others and not in use.`);
-      this.hub.takeStatus(
-        await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),
-      );
-      notify(`${refined.name} is in use.`);
-      this.hub.tell("calibrations");
-    });
-    this.#refining = false;
-    setText(this.#refine, "Refine from the scene");
+    /** @type {Calibration} */
+    const refined = await request("POST", "/calibrations/refine");
+    this.hub.tell("calibrations");
+    const use = await previewed(refined, false);
+    if (!use) return notify(`${refined.name} is kept beside the others and not in use.`);
+    this.hub.takeStatus(
+      await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),
+    );
+    notify(`${refined.name} is in use.`);
+    this.hub.tell("calibrations");
   }
 }
 

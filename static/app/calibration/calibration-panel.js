@@ -3,19 +3,20 @@
 import {
   button,
   details,
+  dropZone,
   field,
   h,
-  icon,
   iconButton,
-  onDrop,
+  input,
+  item,
   select,
   setText,
-  textInput,
+  stateChip,
 } from "../elements/dom.js";
 import { KeptList, passFocus } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
-import { ApiError, request } from "../shell/api.js";
-import { answered, attempt, confirmed, notify } from "../shell/notice.js";
+import { request } from "../shell/api.js";
+import { answered, attempt, attemptIn, confirmed, notify } from "../shell/notice.js";
 import { compared, describe, previewed } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
@@ -37,17 +38,14 @@ const CAMERAS = [
 ];
 
 class CalibrationPanel extends Part {
-  #file = h("input", {
-    type: "file",
-    id: "calibration-file",
+  #file = input("file", "calibration-file", {
     multiple: true,
     accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat",
-    "aria-describedby": "calibration-help calibration-error",
+    "aria-describedby": "calibration-file-help calibration-error",
   });
-  #size = textInput("calibration-size", { placeholder: "as in 1280x720" });
+  #size = input("text", "calibration-size", { placeholder: "as in 1280x720" });
   #unit = select({ id: "calibration-unit" }, UNITS);
   #cameras = select({ id: "calibration-cameras" }, CAMERAS);
-  #drop = h("div.drop");
   #error = h("p.field-error", { id: "calibration-error", role: "alert" });
   #list = h("ul.item-list");
   #items = new KeptList(
@@ -66,19 +64,11 @@ class CalibrationPanel extends Part {
   #active = "";
 
   build() {
-    this.#drop.append(
-      h(
-        "label",
-        { for: "calibration-file" },
-        icon("upload"),
-        "Choose a calibration file, or drop it here",
-      ),
+    const drop = dropZone(
       this.#file,
-      h(
-        "p.hint",
-        { id: "calibration-help" },
-        "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
-      ),
+      "Choose a calibration file, or drop it here",
+      "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
+      (files) => this.#send(files),
       details(
         "Where the files leave something open",
         h(
@@ -90,21 +80,18 @@ class CalibrationPanel extends Part {
       ),
       this.#error,
     );
-    this.#file.addEventListener("change", () => void this.#send([...(this.#file.files ?? [])]));
-    onDrop(this.#drop, (files) => this.#send(files));
     this.append(
       h("h2", "Calibration"),
       h("p.hint", "With a printed board it takes about five minutes."),
       h("div.row", this.#make),
       h("h3", "Bring your own"),
-      this.#drop,
+      drop,
       h("h3", "Kept calibrations"),
       this.#empty,
       this.#list,
       h("div.row", this.#compare, this.#own),
     );
-    this.hear("reconnected", () => void this.#load());
-    this.hear("calibrations", () => void this.#load());
+    this.hear("reconnected calibrations", () => this.#load());
     this.hear("status", () => {
       const active = this.hub.status?.calibration?.id ?? "";
       if (active === this.#active) return;
@@ -153,26 +140,20 @@ class CalibrationPanel extends Part {
     const look = button("Look", () => this.#look(calibration), {
       "aria-label": `Look at calibration ${calibration.name}`,
     });
-    return h(
-      "li",
-      h(
-        "div.item-words",
-        h(
-          "p",
-          h("b", calibration.name),
-          " ",
-          active ? h("span.state-chip", { "data-state": "running" }, "in use") : null,
-        ),
+    return item(
+      [
+        h("p", h("b", calibration.name), " ", active && stateChip("running", "in use")),
         h("p.hint", describe(calibration)),
-      ),
-      h("div.row", look, name, remove),
+      ],
+      look,
+      name,
+      remove,
     );
   }
 
   /** @param {File[]} files */
   async #send(files) {
     if (files.length === 0) return;
-    setText(this.#error, "");
     const form = new FormData();
     for (const file of files) form.append("file", file);
     for (const [name, { value }] of /** @type {const} */ ([
@@ -182,21 +163,16 @@ class CalibrationPanel extends Part {
     ])) {
       if (value.trim()) form.append(name, value.trim());
     }
-    try {
+    const taken = await attemptIn(this.#error, async () => {
       /** @type {Calibration} */
       const calibration = await request("POST", "/calibrations", form);
       this.hub.tell("calibrations");
-      await this.#look(calibration);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(
-        this.#error,
-        `${files.map((file) => file.name).join(" and ")} was not taken: ${error.message}`,
-      );
-    } finally {
-      // The same file, corrected, can be chosen again.
-      this.#file.value = "";
-    }
+      // Looked at after the files can be chosen again.
+      void this.#look(calibration);
+    });
+    if (taken) return;
+    const names = files.map((file) => file.name).join(" and ");
+    setText(this.#error, `${names} was not taken: ${this.#error.textContent}`);
   }
 
   /** @param {Calibration} calibration */

@@ -1,7 +1,7 @@
 /** A calibration before it is used: what was understood, and the newest pair rectified by it. */
 
 import { details, h, setText, table, tableRow } from "../elements/dom.js";
-import { figure } from "../elements/figure-list.js";
+import { figureList } from "../elements/figure-list.js";
 import { fixed, sentence } from "../elements/words.js";
 import { requestImage } from "../shell/api.js";
 import { showModal } from "../shell/modal.js";
@@ -45,7 +45,7 @@ export async function previewed(calibration, active) {
       h("h2", { id: "preview-title" }, calibration.name),
       calibration.origin ? h("p", sentence(calibration.origin)) : null,
       notes(calibration.notes),
-      h("dl.figures", ...understood(calibration)),
+      figureList(understood(calibration)),
       report?.verdict ? h("p.verdict", report.verdict.sentence) : null,
       report
         ? details(
@@ -142,13 +142,10 @@ export function compared(calibrations) {
       "form",
       { method: "dialog" },
       h("h2", { id: "compare-title" }, "Calibrations compared"),
-      h(
-        "div.scroll-x",
-        table(
-          "verdict-table",
-          [null, ...calibrations.map(({ name }) => name)],
-          rows.map(([term, value]) => tableRow(term, ...calibrations.map(value))),
-        ),
+      table(
+        "verdict-table",
+        [null, ...calibrations.map(({ name }) => name)],
+        rows.map(([term, value]) => tableRow(term, ...calibrations.map(value))),
       ),
       h("p.hint", "“Rows now” is measured in the newest pair of the open source."),
       h("div.row.end", h("button.button", { value: "close" }, "Close")),
@@ -183,12 +180,12 @@ function depthAt3m(c) {
 /** @param {string[]} list */
 function notes(list) {
   if (list.length === 0) return null;
-  return h(
-    "details",
-    { open: true },
-    h("summary", "What was understood"),
+  const opened = details(
+    "What was understood",
     h("ul.plain-list", ...list.map((note) => h("li", sentence(note)))),
   );
+  opened.open = true;
+  return opened;
 }
 
 /** @param {Calibration} c */
@@ -207,7 +204,7 @@ function exports(c) {
 
 /** @param {Calibration} c */
 function understood(c) {
-  /** @type {[string, string][]} */
+  /** @type {import("../elements/figure-list.js").Figure[]} */
   const facts = [
     ["Image size", `${c.width} × ${c.height} px`],
     ["Baseline", `${fixed(c.baseline_m, 4)} m`],
@@ -215,7 +212,7 @@ function understood(c) {
     ["Images", c.rectified ? "rectified already" : "rectified by it"],
   ];
   if (c.devices.length) facts.push(["Cameras", c.devices.join(", ")]);
-  return facts.map(([term, text]) => figure({ term, text }));
+  return facts;
 }
 
 /**

@@ -1,6 +1,6 @@
 /** The second step: the board is moved, and its views are captured. */
 
-import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
+import { button, h, icon, input, setAttribute, setText } from "../elements/dom.js";
 import { KeptList, passFocus } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
@@ -39,7 +39,7 @@ export class CaptureStep extends Part {
   #covered = h("div.stack", h("h3", "What is covered"), h("dl.coverage", ...this.#bars.values()));
   #capture = button("Capture now", () => this.#change({ capture: true }));
   #undo = button([icon("undo"), "Undo"], () => this.#change({ undo: true }));
-  #automatic = h("input", { type: "checkbox", id: "capture-automatic" });
+  #automatic = input("checkbox", "capture-automatic");
   #compute = button("Compute the calibration", () => this.compute(), { class: "button primary" });
   #cancel = button("Cancel", () => this.#end());
   #progress = h("progress", { max: 1, "aria-label": "Computing" });

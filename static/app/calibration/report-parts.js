@@ -15,21 +15,18 @@ const HEIGHT = 96;
 
 /** @param {{rows: VerdictRow[], frame_rate: number}} verdict */
 export function verdictTable({ rows, frame_rate }) {
-  return h(
-    "div.scroll-x",
-    table(
-      "verdict-table",
-      ["At", "Depth error", "Slowest seen across", "Slowest seen towards"],
-      rows.map((row) =>
-        tableRow(
-          `${fixed(row.distance_m, 0)}\u00a0m`,
-          `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`,
-          detectable(row.across),
-          detectable(row.towards),
-        ),
+  return table(
+    "verdict-table",
+    ["At", "Depth error", "Slowest seen across", "Slowest seen towards"],
+    rows.map((row) =>
+      tableRow(
+        `${fixed(row.distance_m, 0)}\u00a0m`,
+        `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`,
+        detectable(row.across),
+        detectable(row.towards),
       ),
-      `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`,
     ),
+    `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`,
   );
 }
 

@@ -1,12 +1,12 @@
 /** The third step: what came of the views, how good it is, and keeping it. */
 
-import { button, field, h, onSubmit, setText, textInput } from "../elements/dom.js";
-import { figure } from "../elements/figure-list.js";
+import { button, field, fillList, h, input, onSubmit, setText } from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
 import { passFocus } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attempt, attemptIn, notify } from "../shell/notice.js";
+import { attempt, notify, oneAtATime } from "../shell/notice.js";
 import { paintPreview } from "./calibration-preview.js";
 import { verdictTable, viewChart } from "./report-parts.js";
 
@@ -33,7 +33,7 @@ export class ResultStep extends Part {
     "aria-label": "The rectified pair, left and right, with level lines across both",
   });
   #rows = h("p.verdict", { role: "status" });
-  #name = textInput("result-name", { maxlength: 100, required: true });
+  #name = input("text", "result-name", { maxlength: 100, required: true });
   #error = h("p.field-error", { role: "alert" });
   #use = h("button.button.primary", { type: "submit" }, "Save and use");
   #keep = button("Save for later", () => this.#save(false));
@@ -48,7 +48,7 @@ export class ResultStep extends Part {
     this.#rows,
     h("div.row", this.#refresh),
   );
-  #saving = false;
+  #do = oneAtATime(undefined, this.#error);
   #shown = false;
   #read = "";
   /** @type {Record<string, any> | null} */
@@ -80,7 +80,7 @@ export class ResultStep extends Part {
       form,
     );
     onSubmit(form, () => this.#save(true));
-    this.hear("status", () => void this.#load());
+    this.hear("status", () => this.#load());
   }
 
   /** @param {boolean} shown whether this step is to be seen */
@@ -118,12 +118,10 @@ export class ResultStep extends Part {
     this.#report = report;
     this.#sentence.dataset.tone = verdict?.warnings.length ? "poor" : "good";
     setText(this.#sentence, verdict?.sentence ?? "");
-    this.#warnings.replaceChildren(
-      ...(verdict?.warnings ?? []).map((/** @type {string} */ text) => h("li", text)),
-    );
+    fillList(this.#warnings, verdict?.warnings ?? []);
     this.#verdict.replaceChildren(verdict ? verdictTable(verdict) : "");
-    /** @type {[string, string][]} */
-    const facts = [
+    const [wide, high] = report.field_of_view_deg;
+    fillFigures(this.#figures, [
       ["Stereo, RMS", `${fixed(report.rms_stereo_px, 2)} px`],
       [
         "Left / right, RMS",
@@ -139,18 +137,14 @@ export class ResultStep extends Part {
         "Baseline",
         `${fixed(report.baseline_m * 1000, 2)} ± ${fixed(uncertainty.baseline_m * 1000, 2)} mm`,
       ],
-      [
-        "Field of view",
-        `${fixed(report.field_of_view_deg[0], 1)}° × ${fixed(report.field_of_view_deg[1], 1)}°`,
-      ],
+      ["Field of view", `${fixed(wide, 1)}° × ${fixed(high, 1)}°`],
       [
         "Focal length",
         `${fixed(report.focal_px[0], 1)} ± ${fixed(uncertainty.focal_left_px, 1)} px`,
       ],
       ["Vergence", `± ${fixed(uncertainty.vergence_deg, 3)}°`],
       ["Views", `${report.pairs} pairs`],
-    ];
-    this.#figures.replaceChildren(...facts.map(([term, text]) => figure({ term, text })));
+    ]);
     this.#chart.replaceChildren(viewChart(report.views));
     const bad = report.views.filter((/** @type {{used: boolean}} */ view) => !view.used);
     this.#refused.replaceChildren(
@@ -187,29 +181,20 @@ export class ResultStep extends Part {
 
   /** @param {boolean} activate */
   async #save(activate) {
-    if (this.#saving) return;
-    this.#saving = true;
-    setText(this.#error, "");
     const button = activate ? this.#use : this.#keep;
-    const before = button.textContent ?? "";
-    setText(button, activate ? "Saving and opening…" : "Saving…");
-    try {
-      await attemptIn(this.#error, async () => {
-        /** @type {Calibration} */
-        const saved = await request("POST", "/calibrating/save", {
-          name: this.#name.value.trim(),
-          activate,
-        });
-        notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
-        this.hub.tell("calibrations");
-        if (!activate) return;
-        this.#read = this.#name.value = "";
-        this.saved();
+    const save = async () => {
+      /** @type {Calibration} */
+      const saved = await request("POST", "/calibrating/save", {
+        name: this.#name.value.trim(),
+        activate,
       });
-    } finally {
-      this.#saving = false;
-      setText(button, before);
-    }
+      notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
+      this.hub.tell("calibrations");
+      if (!activate) return;
+      this.#read = this.#name.value = "";
+      this.saved();
+    };
+    await this.#do(save, button, activate ? "Saving and opening…" : "Saving…");
   }
 }
 

@@ -1,10 +1,10 @@
 /** Camera extrinsics on the robot: typed in, or estimated from the ground. */
 
-import { button, h, onSubmit, setAttribute, setText, textInput } from "../elements/dom.js";
+import { button, field, h, input, onSubmit, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
-import { fixed } from "../elements/words.js";
+import { fixed, sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { attempt, notify, notifyError } from "../shell/notice.js";
+import { attempt, notify, oneAtATime } from "../shell/notice.js";
 
 /** @import { DriveNow, FloorEstimate, RigNow, RigNumber } from "../contract" */
 
@@ -24,15 +24,15 @@ class RigPanel extends Part {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
-      textInput(`rig-${key}`, {
+      input("text", `rig-${key}`, {
         inputmode: "decimal",
         placeholder: "unknown",
-        "aria-describedby": `rig-help-${key} rig-error`,
+        "aria-describedby": "rig-error",
       }),
     ]),
   );
   #notes = new Map(NUMBERS.map(([key]) => [key, h("span.hint")]));
-  #simulated = h("input", { type: "checkbox", id: "rig-simulated" });
+  #simulated = input("checkbox", "rig-simulated");
   #inUse = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert", id: "rig-error" });
   #floor = button("Estimate from the floor", () => this.#estimate());
@@ -42,7 +42,7 @@ class RigPanel extends Part {
   #asking = 0;
   /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
   #estimated = new Map();
-  #looking = false;
+  #do = oneAtATime();
   /** True while the form holds something that is not in use yet. */
   #changed = false;
   /** Keys that a drive filled in. @type {Set<string>} */
@@ -55,14 +55,8 @@ class RigPanel extends Part {
       h(
         "div.rig-fields",
         ...NUMBERS.map(([key, words, unit, , help]) => {
-          const input = this.#inputs.get(key);
-          return h(
-            "div.field",
-            h("label", { for: `rig-${key}` }, `${words}, ${unit}`),
-            input,
-            h("p.hint", { id: `rig-help-${key}` }, help),
-            this.#notes.get(key),
-          );
+          const [input, note] = [this.#inputs.get(key), this.#notes.get(key)];
+          return input && note ? field(`${words}, ${unit}`, input, help, note) : null;
         }),
       ),
       h(
@@ -100,7 +94,7 @@ class RigPanel extends Part {
       this.#changed = true;
     });
     onSubmit(form, () => this.#save());
-    this.hear("reconnected", () => void this.#load());
+    this.hear("reconnected", () => this.#load());
     this.hear("status", () => this.#renderInUse());
     void this.#load();
   }
@@ -140,7 +134,7 @@ class RigPanel extends Part {
       this.#driven.add(key);
       this.#fill(key, number, digits);
     }
-    setText(this.#words, `${found.sentence.charAt(0).toUpperCase()}${found.sentence.slice(1)}.`);
+    setText(this.#words, sentence(found.sentence));
   }
 
   async #load() {
@@ -227,22 +221,19 @@ class RigPanel extends Part {
   }
 
   async #estimate() {
-    if (this.#looking) return;
-    this.#looking = true;
-    setText(this.#words, "Looking at the floor…");
-    try {
-      /** @type {FloorEstimate & Record<string, any>} */
-      const found = await request("POST", "/rig/floor");
-      for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
-      const sentence =
-        `${found.sentence.charAt(0).toUpperCase()}${found.sentence.slice(1)}`.replaceAll("+-", "±");
-      setText(this.#words, `${sentence} Press “Use this rig” to take it over.`);
-    } catch (error) {
-      setText(this.#words, "");
-      notifyError(error);
-    } finally {
-      this.#looking = false;
-    }
+    let words = "";
+    await this.#do(
+      async () => {
+        /** @type {FloorEstimate & Record<string, any>} */
+        const found = await request("POST", "/rig/floor");
+        for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
+        const said = sentence(found.sentence).replaceAll("+-", "±");
+        words = `${said} Press “Use this rig” to take it over.`;
+      },
+      this.#words,
+      "Looking at the floor…",
+    );
+    setText(this.#words, words);
   }
 }
 

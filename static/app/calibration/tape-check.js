@@ -1,6 +1,6 @@
 /** Holding the depth of a place against a tape measure, and keeping what came of it. */
 
-import { button, h, setText } from "../elements/dom.js";
+import { button, h, input, setText } from "../elements/dom.js";
 import { fixed } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attemptIn } from "../shell/notice.js";
@@ -17,9 +17,7 @@ export class TapeCheck {
   #place = null;
   #mark = h("span.place-mark", { hidden: true });
   #words = h("p", { role: "status" });
-  #measured = h("input", {
-    type: "number",
-    id: "tape-measured",
+  #measured = input("number", "tape-measured", {
     min: 0.05,
     max: 100,
     step: "any",

@@ -67,7 +67,7 @@ class SpeedChart extends Part {
     this.hear("observation", () => this.#observed());
     this.hear("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
     this.hear("status", () => this.#renderStatus());
-    this.hear("runs", () => void this.#findLastRun());
+    this.hear("runs", () => this.#findLastRun());
     void this.#findLastRun();
     this.#draw();
   }

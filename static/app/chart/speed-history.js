@@ -68,33 +68,26 @@ export class SpeedHistory {
       const time = Math.min(now, obstacle.velocity_time + this.#offset);
       if (!this.curves.has(key))
         this.starts.push({ time, speed: obstacle.speed, words: String(obstacle.id), colour });
-      this.#put(
-        key,
-        "estimate",
-        `Obstacle ${obstacle.id}`,
-        colour,
-        time,
-        obstacle.speed,
-        obstacle.speed_std,
-      );
+      const curve = this.#curve(key, "estimate", `Obstacle ${obstacle.id}`, colour);
+      put(curve, time, obstacle.speed, obstacle.speed_std);
       told.add(key);
     }
     for (const body of truth) {
       this.#identify(body, now);
       if (body.role === "observer") continue;
-      this.#put(`truth/${body.id}`, "truth", `Truth ${body.name}`, "--text", now, body.speed, null);
-      told.add(`truth/${body.id}`);
-      if (body.commanded_speed === null || body.commanded_speed === undefined) continue;
-      this.#put(
+      const truth = this.#curve(`truth/${body.id}`, "truth", `Truth ${body.name}`, "--text");
+      put(truth, now, body.speed);
+      told.add(truth.key);
+      const { commanded_speed: ordered } = body;
+      if (ordered === null || ordered === undefined) continue;
+      const commanded = this.#curve(
         `commanded/${body.id}`,
         "commanded",
         `Commanded ${body.name}`,
         "--muted",
-        now,
-        Math.abs(body.commanded_speed),
-        null,
       );
-      told.add(`commanded/${body.id}`);
+      put(commanded, now, Math.abs(ordered));
+      told.add(commanded.key);
     }
     for (const [key, curve] of this.curves) {
       if (!told.has(key) && !isOfRobot(curve)) breakOff(curve);
@@ -105,26 +98,19 @@ export class SpeedHistory {
   /**
    * What robots were told and what their wheels did; sizes only, as of obstacles.
    *
-   * @param {WheelSpeed[]} wheels since the last time
+   * @param {WheelSpeed[]} samples since the last time
    */
-  addWheels(wheels) {
+  addWheels(samples) {
     if (!this.#began) return;
-    for (const { role, time, sent_mps, encoder_mps } of wheels) {
+    for (const { role, time, sent_mps, encoder_mps } of samples) {
       const at = time + this.#offset;
       // Of another source's clock, or of before it was restarted.
       if (Math.abs(at - this.newest) > JUMP_S) continue;
       const colour = ROBOT_COLOURS[role];
-      this.#put(`sent/${role}`, "sent", `Sent to ${role}`, colour, at, Math.abs(sent_mps), null);
-      if (encoder_mps !== null)
-        this.#put(
-          `encoder/${role}`,
-          "encoder",
-          `Wheels of ${role}`,
-          colour,
-          at,
-          Math.abs(encoder_mps),
-          null,
-        );
+      put(this.#curve(`sent/${role}`, "sent", `Sent to ${role}`, colour), at, Math.abs(sent_mps));
+      if (encoder_mps === null) continue;
+      const wheels = this.#curve(`encoder/${role}`, "encoder", `Wheels of ${role}`, colour);
+      put(wheels, at, Math.abs(encoder_mps));
     }
   }
 
@@ -166,35 +152,20 @@ export class SpeedHistory {
   }
 
   /**
+   * Return a curve, made where it is not there yet.
+   *
    * @param {string} key
    * @param {Kind} kind
    * @param {string} label
    * @param {string} colour
-   * @param {number} time
-   * @param {number} speed
-   * @param {number | null} std
    */
-  #put(key, kind, label, colour, time, speed, std) {
-    let curve = this.curves.get(key);
-    if (!curve) {
-      curve = {
-        key,
-        kind,
-        label,
-        colour,
-        banded: kind === "estimate",
-        times: [],
-        speeds: [],
-        stds: [],
-      };
-      this.curves.set(key, curve);
-    }
-    const last = curve.times.at(-1);
-    if (last !== undefined) {
-      if (time <= last) return;
-      if (time - last > JUMP_S) append(curve, (last + time) / 2, null, null);
-    }
-    append(curve, time, speed, std);
+  #curve(key, kind, label, colour) {
+    const banded = kind === "estimate";
+    /** @type {Curve} */
+    const made = { key, kind, label, colour, banded, times: [], speeds: [], stds: [] };
+    const curve = this.curves.get(key) ?? made;
+    this.curves.set(key, curve);
+    return curve;
   }
 
   #forget() {
@@ -225,11 +196,23 @@ function breakOff(curve) {
 }
 
 /**
+ * Go on with a curve; where too long nothing came, behind a gap.
+ *
  * @param {Curve} curve
  * @param {number} time
- * @param {number | null} speed
- * @param {number | null} std
+ * @param {number} speed
+ * @param {number | null} [std]
  */
+function put(curve, time, speed, std = null) {
+  const last = curve.times.at(-1);
+  if (last !== undefined) {
+    if (time <= last) return;
+    if (time - last > JUMP_S) append(curve, (last + time) / 2, null, null);
+  }
+  append(curve, time, speed, std);
+}
+
+/** @param {Curve} curve @param {number} time @param {number | null} speed @param {number | null} std */
 function append(curve, time, speed, std) {
   curve.times.push(time);
   curve.speeds.push(speed);

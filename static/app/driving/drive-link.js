@@ -1,6 +1,7 @@
 /** The drive socket: leases, velocities, signs of presence, and how good the link is. */
 
 import { LiveSocket, socketUrl } from "../shell/live-socket.js";
+import { Teller } from "../shell/teller.js";
 
 /** @import { LinkMessage, SentMessage, Velocity } from "../contract" */
 /** @import { Role } from "./roles.js" */
@@ -16,7 +17,7 @@ const NAME_KEY = "dynamic-observer.operator";
  * Events: `lease` (a lease came, was refused or lost), `sent`, `refused` (a command was not taken;
  * see `refusal`), `link` (its quality, or whether it is open).
  */
-export class DriveLink extends EventTarget {
+export class DriveLink extends Teller {
   /** Leases in force. @type {Map<Role, string>} */
   leases = new Map();
   /** @type {Connection} */
@@ -81,7 +82,7 @@ export class DriveLink extends EventTarget {
   release(role) {
     this.#socket.send({ type: "release", role });
     this.leases.delete(role);
-    this.#tell("lease");
+    this.tell("lease");
   }
 
   /**
@@ -138,13 +139,13 @@ export class DriveLink extends EventTarget {
       this.#leaseChanged(message);
     } else if (message.type === "sent") {
       this.sent.set(message.role, message);
-      this.#tell("sent");
+      this.tell("sent");
     } else if (message.type === "refused") {
       this.refusal = message.sentence;
-      this.#tell("refused");
+      this.tell("refused");
     } else if (message.type === "link") {
       this.quality = message;
-      this.#tell("link");
+      this.tell("link");
     }
   }
 
@@ -154,7 +155,7 @@ export class DriveLink extends EventTarget {
     else if (state === "lost") this.leases.delete(role);
     const why = sentence ?? (holder ? `${holder} drives it.` : "It was refused.");
     if (state !== "lost") this.#answer(role, state === "yours" ? null : why);
-    this.#tell("lease");
+    this.tell("lease");
   }
 
   /** @param {Connection} state */
@@ -166,13 +167,8 @@ export class DriveLink extends EventTarget {
       this.leases.clear();
       this.sent.clear();
       this.quality = null;
-      this.#tell("lease");
+      this.tell("lease");
     }
-    this.#tell("link");
-  }
-
-  /** @param {string} type */
-  #tell(type) {
-    this.dispatchEvent(new Event(type));
+    this.tell("link");
   }
 }

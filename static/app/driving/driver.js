@@ -2,6 +2,7 @@
 
 import { sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
+import { Teller } from "../shell/teller.js";
 import { DriveLink } from "./drive-link.js";
 import { Hold } from "./hold.js";
 import { isArmed, ROLES } from "./roles.js";
@@ -21,7 +22,7 @@ const KEY = "dynamic-observer.driving";
  * Events: `change` (role, share, lease, what is held or sent, the link: read it again), `stopping`
  * (stop was pressed here), `stop-failed` (it did not reach the server).
  */
-export class Driver extends EventTarget {
+export class Driver extends Teller {
   link = new DriveLink();
   hold = new Hold();
   /** The server's state, and the state of the connection to it. */
@@ -39,12 +40,12 @@ export class Driver extends EventTarget {
     setInterval(() => this.#tick(), EVERY_MS);
     this.hold.addEventListener("pressed", () => this.#pressed());
     this.hold.addEventListener("released", () => this.#send(0, 0));
-    this.hold.addEventListener("change", () => this.#tell("change"));
+    this.hold.addEventListener("change", () => this.tell("change"));
     for (const type of ["lease", "sent", "link"])
       this.link.addEventListener(type, () => this.#linkChanged());
     this.link.addEventListener("refused", () => this.#bar(sentence(this.link.refusal)));
     hub.addEventListener("robots", () => this.#robotsChanged());
-    hub.addEventListener("connection", () => this.#tell("change"));
+    hub.addEventListener("connection", () => this.tell("change"));
     // Browsers slow the timers of what is not seen: it lets go, and then it is silent.
     document.addEventListener("visibilitychange", () => document.hidden && this.hold.forget());
     for (const type of ["blur", "pagehide", "freeze"])
@@ -143,11 +144,11 @@ export class Driver extends EventTarget {
   async stop() {
     this.hold.forget();
     this.link.stop();
-    this.#tell("stopping");
+    this.tell("stopping");
     try {
       await request("POST", "/robots/stop");
     } catch (error) {
-      this.#tell("stop-failed");
+      this.tell("stop-failed");
       throw error;
     }
   }
@@ -193,26 +194,21 @@ export class Driver extends EventTarget {
     if (connection !== "open") this.#bar("The link was lost: let go and press again.");
     else if (quality?.sentence) this.#bar(`${quality.sentence}: let go and press again.`);
     else if (!leases.has(this.role)) this.#bar("You do not drive it any more.");
-    this.#tell("change");
+    this.tell("change");
   }
 
   #robotsChanged() {
     // An older message may be on its way while it is armed and held at once.
     if (this.#hub.robots?.stopped) this.#bar("Everything was stopped.");
     else if (this.robot()?.state === "disarmed") this.#bar(this.robot()?.why ?? "It was disarmed.");
-    this.#tell("change");
+    this.tell("change");
   }
 
   /** @param {{role: Role, share: number}} choice */
   #choose(choice) {
     this.#choice = choice;
     localStorage.setItem(KEY, JSON.stringify(choice));
-    this.#tell("change");
-  }
-
-  /** @param {string} type */
-  #tell(type) {
-    this.dispatchEvent(new Event(type));
+    this.tell("change");
   }
 }
 

@@ -1,18 +1,9 @@
 /** Port and model of a role's robot. */
 
-import {
-  button,
-  field,
-  h,
-  onSubmit,
-  select,
-  setAttribute,
-  setText,
-  textInput,
-} from "../elements/dom.js";
+import { button, field, fillList, h, input, onSubmit, select, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
-import { ApiError, request } from "../shell/api.js";
-import { notify, oneAtATime } from "../shell/notice.js";
+import { request } from "../shell/api.js";
+import { attemptIn, notify, oneAtATime, refuse } from "../shell/notice.js";
 
 /** @import { Devices, RobotsMessage, SerialPortNow } from "../contract" */
 /** @import { Role } from "./roles.js" */
@@ -31,7 +22,7 @@ const ELSEWHERE = [
 ];
 
 export class PortForm extends Part {
-  #port = textInput("robot-port", {
+  #port = input("text", "robot-port", {
     list: "robot-ports",
     spellcheck: "false",
     required: true,
@@ -75,7 +66,7 @@ export class PortForm extends Part {
     form.addEventListener("input", () => {
       this.#changed = true;
     });
-    this.hear("reconnected", () => void this.#look());
+    this.hear("reconnected", () => this.#look());
     this.hear("change", () => this.#render(), this.hub.driver);
     this.hear("robots", () => this.#render());
     this.#render();
@@ -99,8 +90,9 @@ export class PortForm extends Part {
           ? "The server's machine has no serial port on USB."
           : `On the server's machine: ${ports.map(wordsOf).join("; ")}.`,
     );
-    this.#troubles.replaceChildren(
-      ...ports.flatMap(({ trouble }) => (trouble ? [h("li", trouble)] : [])),
+    fillList(
+      this.#troubles,
+      ports.flatMap(({ trouble }) => trouble ?? []),
     );
   }
 
@@ -122,7 +114,7 @@ export class PortForm extends Part {
     );
     // What was typed meanwhile is not lost.
     if (this.#changed) return;
-    this.#fail("");
+    refuse(this.#error, "");
     this.#port.value = kept?.port ?? "";
     this.#model.value = kept?.model ?? "";
   }
@@ -130,9 +122,8 @@ export class PortForm extends Part {
   async #save() {
     const role = this.#role;
     const port = this.#port.value.trim();
-    if (!port) return this.#fail("Give the port of the robot.");
-    this.#fail("");
-    try {
+    if (!port) return refuse(this.#error, "Give the port of the robot.");
+    await attemptIn(this.#error, async () => {
       /** @type {RobotsMessage} */
       const robots = await request("PUT", `/robots/${role}/port`, {
         port,
@@ -149,10 +140,7 @@ export class PortForm extends Part {
           ? `The ${role} is being connected at ${shown}.`
           : `${shown} is kept for the ${role}: it is connected once live cameras are open.`,
       );
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      this.#fail(error.message);
-    }
+    });
   }
 
   async #drop() {
@@ -160,12 +148,6 @@ export class PortForm extends Part {
     this.#changed = false;
     await request("DELETE", `/robots/${role}/port`);
     notify(`The ${role}'s port is forgotten.`);
-  }
-
-  /** @param {string} message empty takes the error away */
-  #fail(message) {
-    setText(this.#error, message);
-    setAttribute(this.#port, "aria-invalid", message ? "true" : null);
   }
 }
 

@@ -1,6 +1,17 @@
 /** Programmes: timed velocities that are played while their operator stays present. */
 
-import { button, details, field, h, icon, iconButton, onSubmit, setText } from "../elements/dom.js";
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  iconButton,
+  input,
+  item,
+  onSubmit,
+  setText,
+} from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
@@ -17,15 +28,8 @@ class Programmes extends Part {
   #list = h("ul.item-list");
   #kept = new KeptList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
   #empty = h("p.empty", "No programme could be read.");
-  #repeat = h("input", {
-    type: "number",
-    id: "programme-repeat",
-    min: "1",
-    max: "100",
-    step: "1",
-    value: "1",
-  });
-  #reverse = h("input", { type: "checkbox", id: "programme-reverse" });
+  #repeat = input("number", "programme-repeat", { min: "1", max: "100", step: "1", value: "1" });
+  #reverse = input("checkbox", "programme-reverse");
   #running = h("div.programme-running", { hidden: true });
   #words = h("p.figure");
   #progress = h("progress", { max: "1", value: "0", "aria-label": "How far the programme is" });
@@ -38,7 +42,7 @@ class Programmes extends Part {
     spellcheck: "false",
     "aria-describedby": "programme-error",
   });
-  #file = h("input", { type: "file", id: "programme-file", accept: ".yaml,.yml,text/yaml" });
+  #file = input("file", "programme-file", { accept: ".yaml,.yml,text/yaml" });
   #error = h("p.field-error", { id: "programme-error", role: "alert" });
   #own = details("A programme of your own");
   /** The reason why a programme ended early; empty where none did. */
@@ -176,26 +180,23 @@ class Programmes extends Part {
       "aria-label": `Copy ${title}`,
       title: "Copy its text into the field below",
     });
-    const buttons = [start, copy];
-    if (own) {
-      const remove = iconButton("trash", `Delete ${title}`, () => this.#remove(entry), {
-        title: "Delete",
-      });
-      buttons.push(remove);
-    }
+    const remove = () =>
+      iconButton("trash", `Delete ${title}`, () => this.#remove(entry), { title: "Delete" });
     const who = roles.map((role) => ROLE_WORDS[role]).join(" and ");
-    return h(
-      "li.programme",
-      { "data-programme": name },
-      h(
-        "div.item-words",
+    const element = item(
+      [
         h("p", h("b", title)),
         h("p.hint.figure", `${who} · ${lastsInWords(duration_s)}`),
-        help ? h("p.hint", help) : null,
+        help && h("p.hint", help),
         h("p.missing"),
-      ),
-      h("div.row", ...buttons),
+      ],
+      start,
+      copy,
+      own && remove(),
     );
+    element.className = "programme";
+    element.dataset.programme = name;
+    return element;
   }
 
   /** @param {ProgrammeEntry} entry */
@@ -228,7 +229,6 @@ class Programmes extends Part {
   }
 
   async #keep() {
-    setText(this.#error, "");
     await attemptIn(this.#error, async () => {
       await request("POST", "/programmes", { text: this.#text.value });
       this.#file.value = "";
@@ -239,10 +239,12 @@ class Programmes extends Part {
 
   /** @param {ProgrammeEntry} entry */
   async #remove({ name, title }) {
-    if (
-      !(await confirmed(`Delete ${title}?`, "Its text cannot be brought back.", "Delete programme"))
-    )
-      return;
+    const sure = await confirmed(
+      `Delete ${title}?`,
+      "Its text cannot be brought back.",
+      "Delete programme",
+    );
+    if (!sure) return;
     await this.#do(() => request("DELETE", `/programmes/${encodeURIComponent(name)}`));
     await this.#load();
   }

@@ -87,6 +87,11 @@ export function iconButton(name, label, pressed, attributes) {
   });
 }
 
+/** @param {string} words @param {Record<string, unknown>} attributes where it leads, and what it is saved as */
+export function downloadLink(words, attributes) {
+  return h("a.button", { download: true, ...attributes }, icon("download"), words);
+}
+
 /**
  * Make a list to choose from.
  *
@@ -94,17 +99,36 @@ export function iconButton(name, label, pressed, attributes) {
  * @param {(readonly string[])[]} choices value and words of each
  */
 export function select(attributes, choices) {
-  return h("select", attributes, ...choices.map(([value, words]) => h("option", { value }, words)));
+  return h("select", attributes, ...options(choices));
+}
+
+/** @param {(readonly string[])[]} choices */
+function options(choices) {
+  return choices.map(([value, words]) => h("option", { value }, words));
 }
 
 /**
- * Make a line to type into that the browser completes nothing in.
+ * Offer other choices; what is chosen stays so where it is still among them.
  *
+ * @param {HTMLSelectElement} list
+ * @param {(readonly string[])[]} choices value and words of each
+ * @param {string | null} [chosen]
+ * @param {string} [otherwise] what is chosen else
+ */
+export function offer(list, choices, chosen = list.value, otherwise = choices[0]?.[0]) {
+  list.replaceChildren(...options(choices));
+  list.value = (choices.some(([value]) => value === chosen) ? chosen : otherwise) ?? "";
+}
+
+/**
+ * Make a field that the browser completes nothing in.
+ *
+ * @param {string} type
  * @param {string} id
  * @param {Record<string, unknown>} [attributes]
  */
-export function textInput(id, attributes) {
-  return h("input", { type: "text", id, autocomplete: "off", ...attributes });
+export function input(type, id, attributes) {
+  return h("input", { type, id, autocomplete: "off", ...attributes });
 }
 
 /** @param {string} words @param {...Child} children what opens below them */
@@ -113,27 +137,48 @@ export function details(words, ...children) {
 }
 
 /**
- * Make a table.
+ * Make a table that scrolls sideways where there is no room for it.
  *
  * @param {string} name its class
  * @param {Child[]} headings of its columns; an empty one heads the column of the rows' own headings
- * @param {HTMLElement[]} rows
+ * @param {HTMLElement[]} rows or bodies of rows
  * @param {string} [caption]
+ * @param {Record<string, unknown>} [attributes] of what scrolls
  */
-export function table(name, headings, rows, caption) {
+export function table(name, headings, rows, caption, attributes = {}) {
   const heads = headings.map((words) => (words ? h("th", { scope: "col" }, words) : h("td")));
-  return h(
+  const content = h(
     "table",
     { class: name || null },
     caption === undefined ? null : h("caption", caption),
     heads.length > 0 ? h("thead", h("tr", ...heads)) : null,
-    h("tbody", ...rows),
+    ...(rows[0]?.localName === "tbody" ? rows : [h("tbody", ...rows)]),
   );
+  return h("div.scroll-x", attributes, content);
 }
 
 /** @param {Child} heading @param {...Child} values */
 export function tableRow(heading, ...values) {
   return h("tr", h("th", { scope: "row" }, heading), ...values.map((value) => h("td", value)));
+}
+
+/**
+ * Make an entry of a list: words, and what can be done with it beside them.
+ *
+ * @param {Child[]} words
+ * @param {...Child} controls
+ */
+export function item(words, ...controls) {
+  return h(
+    "li",
+    h("div.item-words", ...words),
+    controls.length > 0 ? h("div.row", ...controls) : null,
+  );
+}
+
+/** @param {string} state @param {string} [words] */
+export function stateChip(state, words = state) {
+  return h("span.state-chip", { "data-state": state }, words);
 }
 
 /**
@@ -162,24 +207,36 @@ export function onSubmit(form, act) {
 }
 
 /**
- * Take files that are dropped over an element.
+ * Make a place to choose files at or to drop them over.
  *
- * @param {HTMLElement} place
+ * @param {HTMLInputElement} file
+ * @param {string} words
+ * @param {string} help
  * @param {(files: File[]) => unknown} take
+ * @param {...Child} more
  */
-export function onDrop(place, take) {
-  for (const type of ["dragenter", "dragover"]) {
+export function dropZone(file, words, help, take, ...more) {
+  const place = h(
+    "div.drop",
+    h("label", { for: file.id }, icon("upload"), words),
+    file,
+    h("p.hint", { id: `${file.id}-help` }, help),
+    ...more,
+  );
+  const takeAll = async (/** @type {Iterable<File>} */ files) => {
+    await take([...files]);
+    // The same file, corrected, can be chosen again.
+    file.value = "";
+  };
+  file.addEventListener("change", () => void takeAll(file.files ?? []));
+  for (const type of ["dragenter", "dragover", "dragleave", "drop"]) {
     place.addEventListener(type, (event) => {
       event.preventDefault();
-      place.toggleAttribute("data-over", true);
+      place.toggleAttribute("data-over", ["dragenter", "dragover"].includes(type));
     });
   }
-  place.addEventListener("dragleave", () => place.removeAttribute("data-over"));
-  place.addEventListener("drop", (event) => {
-    event.preventDefault();
-    place.removeAttribute("data-over");
-    void take([...(event.dataTransfer?.files ?? [])]);
-  });
+  place.addEventListener("drop", (event) => void takeAll(event.dataTransfer?.files ?? []));
+  return place;
 }
 
 /** @param {Blob} blob @param {string} name of the file that the browser saves it as */
@@ -190,19 +247,18 @@ export function download(blob, name) {
 }
 
 /**
- * A control under its label, with a line of help where there is one.
+ * A control under its label, with what is said of it: what may be wrong, and a line of help.
  *
  * @param {string} words
  * @param {HTMLElement} control
  * @param {string} [help]
+ * @param {...HTMLElement} between
  */
-export function field(words, control, help) {
-  return h(
-    "div.field",
-    h("label", { for: control.id }, words),
-    control,
-    help ? h("p.hint", help) : null,
-  );
+export function field(words, control, help, ...between) {
+  const hint = help ? h("p.hint", { id: `${control.id}-help` }, help) : null;
+  const said = [control.getAttribute("aria-describedby"), ...between.map(({ id }) => id), hint?.id];
+  setAttribute(control, "aria-describedby", said.filter(Boolean).join(" ") || null);
+  return h("div.field", h("label", { for: control.id }, words), control, ...between, hint);
 }
 
 /**

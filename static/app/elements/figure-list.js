@@ -3,12 +3,7 @@
 import { h, setText } from "./dom.js";
 import { fixed } from "./words.js";
 
-/**
- * @typedef {object} Figure
- * @property {string} term
- * @property {string} text with its unit
- * @property {string} [help]
- */
+/** @typedef {[term: string, text: string, help?: string]} Figure the text has its unit */
 
 /** Server's name of a figure -> name for people, unit, digits after the point. */
 /** @type {Record<string, [string, string, number]>} */
@@ -46,8 +41,15 @@ export function figuresOf(numbers) {
     .sort(([a], [b]) => place(a) - place(b))
     .map(([name, value]) => {
       const [term, unit, digits] = NAMES[name] ?? [name.replaceAll("_", " "), "", 2];
-      return { term, text: value === null ? "not known" : `${fixed(value, digits)}${unit}` };
+      return [term, value === null ? "not known" : `${fixed(value, digits)}${unit}`];
     });
+}
+
+/** @param {Figure[]} figures */
+export function figureList(figures) {
+  const list = h("dl.figures");
+  fillFigures(list, figures);
+  return list;
 }
 
 /**
@@ -58,16 +60,11 @@ export function figuresOf(numbers) {
  */
 export function fillFigures(list, figures) {
   if (list.childElementCount !== figures.length) {
-    list.replaceChildren(...figures.map(figure));
+    list.replaceChildren(
+      ...figures.map(([, , title]) => h("div", { title }, h("dt"), h("dd.figure"))),
+    );
   }
-  figures.forEach(({ term, text }, index) => {
-    const [name, value] = list.children[index]?.children ?? [];
-    if (name) setText(name, term);
-    if (value) setText(value, text);
+  figures.forEach((texts, index) => {
+    [...(list.children[index]?.children ?? [])].forEach((node, i) => setText(node, texts[i] ?? ""));
   });
-}
-
-/** @param {Figure} figure */
-export function figure({ term, text, help }) {
-  return h("div", { title: help }, h("dt", term), h("dd.figure", text));
 }

@@ -29,12 +29,14 @@ export class Part extends HTMLElement {
   /**
    * Listen until this part is taken out of the page; a part is never put back or moved.
    *
-   * @param {string} type an event of the hub
-   * @param {() => void} listener
+   * @param {string} types events of the hub, with spaces between them
+   * @param {() => unknown} listener
    * @param {EventTarget} [target] another thing to listen to, as in document
    */
-  hear(type, listener, target = this.hub) {
-    target.addEventListener(type, listener, { signal: this.#gone.signal });
+  hear(types, listener, target = this.hub) {
+    const { signal } = this.#gone;
+    for (const type of types.split(" "))
+      target.addEventListener(type, () => void listener(), { signal });
   }
 
   /**

@@ -13,14 +13,12 @@ const DEG = 180 / Math.PI;
 
 class EgoMotionPanel extends Part {
   #about = h("p.hint");
-  #image = h("div.stack", h("h4", "Of the image"));
   #imageFigures = h("dl.figures");
-  #camera = h("div.stack", h("h4", "Of the camera: right, down, forward"));
+  #image = h("div.stack", h("h4", "Of the image"), this.#imageFigures);
   #cameraFigures = h("dl.figures");
+  #camera = h("div.stack", h("h4", "Of the camera: right, down, forward"), this.#cameraFigures);
 
   build() {
-    this.#image.append(this.#imageFigures);
-    this.#camera.append(this.#cameraFigures);
     this.append(h("h3", "Camera motion"), this.#about, this.#image, this.#camera);
     this.hear("status", () => this.#render());
     this.#render();
@@ -49,30 +47,20 @@ function about({ model, status, matches, inliers, dt }) {
 /** @param {NonNullable<EgoMotionStatus["decomposition"]>} parts @returns {Figure[]} */
 function ofImage({ translation_px, rotation_rad, shear, scale }) {
   return [
-    { term: "Translation", text: `${listed(translation_px, 2)} px` },
-    { term: "Rotation", text: `${fixed(DEG * rotation_rad, 3)}°` },
-    { term: "Shear", text: fixed(shear, 4) },
-    { term: "Scale", text: listed(scale, 4) },
+    ["Translation", `${listed(translation_px, 2)} px`],
+    ["Rotation", `${fixed(DEG * rotation_rad, 3)}°`],
+    ["Shear", fixed(shear, 4)],
+    ["Scale", listed(scale, 4)],
   ];
 }
 
 /** @param {NonNullable<EgoMotionStatus["motion"]>} motion @returns {Figure[]} */
 function ofCamera({ translation_m, rotation_rad }) {
+  const millimetres = translation_m.map((m) => 1000 * m);
+  const degrees = rotation_rad.map((a) => DEG * a);
   return [
-    {
-      term: "Translation",
-      text: `${listed(
-        translation_m.map((m) => 1000 * m),
-        1,
-      )} mm`,
-    },
-    {
-      term: "Rotation",
-      text: `${listed(
-        rotation_rad.map((a) => DEG * a),
-        2,
-      )}°`,
-    },
+    ["Translation", `${listed(millimetres, 1)} mm`],
+    ["Rotation", `${listed(degrees, 2)}°`],
   ];
 }
 

@@ -1,7 +1,7 @@
 /** State of a live source's cameras: accepted settings, time skew, troubles. */
 
 import { h, setText } from "../elements/dom.js";
-import { figure } from "../elements/figure-list.js";
+import { figureList } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 
@@ -54,7 +54,7 @@ function camera({ side, device, state, trouble, settings, refused }) {
     "div.live-camera",
     h("p", h("b", SIDES[side]), ` ${STATES[state]}`, h("br"), h("code", device)),
     trouble ? h("p.field-error", trouble) : null,
-    h("dl.figures", ...Object.entries(settings).map(([term, text]) => figure({ term, text }))),
+    figureList(Object.entries(settings)),
     refused.length
       ? h("ul.plain-list.warnings", ...refused.map((reason) => h("li", reason)))
       : null,

@@ -115,26 +115,20 @@ function fillRow([figures, why], obstacle, truth) {
   setAttribute(figures, "data-state", obstacle.state);
   const [sentence, behind] = why.cells[0]?.children ?? [];
   const state = obstacle.state === "coasting" ? "Not seen now" : STATES[obstacle.motion];
-  if (sentence)
-    setText(
-      sentence,
-      `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`,
-    );
+  const words = `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`;
+  if (sentence) setText(sentence, words);
   if (behind instanceof HTMLDListElement && !behind.hidden)
     fillFigures(behind, figuresBehind(obstacle));
 }
 
-/** @param {ObstacleEntry} obstacle */
+/** @param {ObstacleEntry} obstacle @returns {import("../elements/figure-list.js").Figure[]} */
 function figuresBehind({ points, significance, closing_speed, size, state }) {
   return [
-    { term: "Stands out by", text: `${fixed(significance, 1)} σ` },
-    { term: "Points that move", text: String(points) },
-    {
-      term: "Comes nearer by",
-      text: closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s`,
-    },
-    { term: "Size seen", text: `${size.map((m) => fixed(m, 2)).join(" × ")} m` },
-    { term: "State", text: state },
+    ["Stands out by", `${fixed(significance, 1)} σ`],
+    ["Points that move", String(points)],
+    ["Comes nearer by", closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s`],
+    ["Size seen", `${size.map((m) => fixed(m, 2)).join(" × ")} m`],
+    ["State", state],
   ];
 }
 

@@ -1,14 +1,16 @@
 /** State of the server: rates, latency, time of each stage, dropped frames and why. */
 
 import { fillList, h, setText } from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 
 /** @import { Status } from "../contract" */
+/** @import { Figure } from "../elements/figure-list.js" */
 
 class StatusPanel extends Part {
-  /** @type {Map<string, HTMLElement>} */
-  #figures = new Map();
+  #figures = h("dl.figures");
+  #version = h("span", "–");
   #bars = h("ul.bars", { "aria-label": "Time of each stage" });
   #total = h("span.figure");
   #skipped = h("ul.plain-list");
@@ -18,63 +20,29 @@ class StatusPanel extends Part {
   build() {
     this.append(
       h("h2", "Status"),
-      h(
-        "dl.figures",
-        this.#figure("rate", "Unique frames", "frames observed each second, each counted once"),
-        this.#figure(
-          "dense",
-          "Dense cloud",
-          "clouds and disparity views made each second, and the newest one's age",
-        ),
-        this.#figure("median", "Exposure to page", "median from reception to painted here"),
-        this.#figure("p95", "Exposure to page, 95 %", "19 of 20 frames are faster"),
-        this.#figure("viewers", "Open pages", "that receive live data now"),
-        this.#figure("restarts", "Engine restarts", "since the server was started"),
-        this.#figure("frames_skipped", "Frames skipped", "that the source could not read"),
-        this.#figure("observations_lost", "Observations lost", "between engine and server"),
-        this.#figure(
-          "live_messages_dropped",
-          "Messages left out",
-          "for pages slower than the frames",
-        ),
-        this.#figure("writes_dropped", "Not kept", "because the database was not to be had"),
-      ),
+      this.#figures,
       this.#warnings,
       h("h3", "Stage timings ", this.#total),
       this.#bars,
       h("h3", "Skipped frames"),
       this.#noneSkipped,
       this.#skipped,
-      h("p.hint", this.#value("version"), " · ", h("a", { href: "/docs" }, "REST interface")),
+      h("p.hint", this.#version, " · ", h("a", { href: "/docs" }, "REST interface")),
     );
     this.hear("status", () => this.#render());
     this.whenShown(() => this.#render());
     this.#render();
   }
 
-  /**
-   * @param {string} key
-   * @param {string} term
-   * @param {string} help
-   */
-  #figure(key, term, help) {
-    return h("div", { title: help }, h("dt", term), h("dd.figure", this.#value(key)));
-  }
-
-  /** @param {string} key */
-  #value(key) {
-    const node = h("span", "–");
-    this.#figures.set(key, node);
-    return node;
-  }
-
   #render() {
     const { status } = this.hub;
     if (!status || this.offsetParent === null) return;
-    for (const [key, text] of Object.entries(figuresOf(status))) {
-      const node = this.#figures.get(key);
-      if (node) setText(node, text);
-    }
+    fillFigures(this.#figures, figuresOf(status));
+    const { version, engine } = status;
+    setText(
+      this.#version,
+      `Dynamic Observer ${version}${engine.pid ? `, engine process ${engine.pid}` : ""}`,
+    );
     this.#renderBars(status.timings_ms);
     this.#noneSkipped.hidden = status.skipped.length > 0;
     fillList(
@@ -110,21 +78,32 @@ class StatusPanel extends Part {
   }
 }
 
-/** @param {Status} status @returns {Record<string, string>} */
-function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops, version }) {
-  return {
-    rate: `${fixed(rates.unique_frames_per_s, 1)} /s`,
-    dense: denseWords(dense_stereo),
-    median: `${fixed(latency_ms.median, 0)} ms`,
-    p95: `${fixed(latency_ms.p95, 0)} ms`,
-    viewers: String(viewers),
-    restarts: String(engine.restarts),
-    frames_skipped: String(drops.frames_skipped),
-    observations_lost: String(drops.observations_lost),
-    live_messages_dropped: String(drops.live_messages_dropped),
-    writes_dropped: String(drops.writes_dropped),
-    version: `Dynamic Observer ${version}${engine.pid ? `, engine process ${engine.pid}` : ""}`,
-  };
+/** @param {Status} status @returns {Figure[]} */
+function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops }) {
+  return [
+    [
+      "Unique frames",
+      `${fixed(rates.unique_frames_per_s, 1)} /s`,
+      "frames observed each second, each counted once",
+    ],
+    [
+      "Dense cloud",
+      denseWords(dense_stereo),
+      "clouds and disparity views made each second, and the newest one's age",
+    ],
+    [
+      "Exposure to page",
+      `${fixed(latency_ms.median, 0)} ms`,
+      "median from reception to painted here",
+    ],
+    ["Exposure to page, 95 %", `${fixed(latency_ms.p95, 0)} ms`, "19 of 20 frames are faster"],
+    ["Open pages", String(viewers), "that receive live data now"],
+    ["Engine restarts", String(engine.restarts), "since the server was started"],
+    ["Frames skipped", String(drops.frames_skipped), "that the source could not read"],
+    ["Observations lost", String(drops.observations_lost), "between engine and server"],
+    ["Messages left out", String(drops.live_messages_dropped), "for pages slower than the frames"],
+    ["Not kept", String(drops.writes_dropped), "because the database was not to be had"],
+  ];
 }
 
 /** @param {Status["dense_stereo"]} dense */

@@ -1,6 +1,6 @@
 /** One parameter: its control made from its declaration, with help, error and reset. */
 
-import { button, h, icon, setText } from "../elements/dom.js";
+import { button, h, icon, input, setText } from "../elements/dom.js";
 
 /** @import { ParameterEntry, ParameterValue } from "./parameter-store.js" */
 
@@ -146,9 +146,7 @@ export class ParameterField extends HTMLElement {
       "aria-label": `${entry.title}, slider`,
       ...scale.attributes,
     });
-    const number = h("input", {
-      type: "number",
-      id,
+    const number = input("number", id, {
       min: entry.minimum,
       max: entry.maximum,
       step: entry.step,

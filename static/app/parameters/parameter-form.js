@@ -1,6 +1,6 @@
 /** Every parameter of the method as a form, made from the server's schema. */
 
-import { button, h, iconButton, setText } from "../elements/dom.js";
+import { button, h, iconButton, input, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { attemptIn, notifyError } from "../shell/notice.js";
 import { ParameterField } from "./parameter-field.js";
@@ -13,35 +13,25 @@ const OPEN_AT_START = ["ego_motion", "obstacles"];
 
 class ParameterForm extends Part {
   #store = new ParameterStore();
-  #presets = new PresetPicker();
+  #presets = new PresetPicker(this.#store);
   #groups = new ParameterGroups("parameter", OPEN_AT_START);
-  #search = h("input", {
-    type: "search",
-    id: "parameter-search",
-    placeholder: "Find a parameter",
-    autocomplete: "off",
-  });
+  #search = input("search", "parameter-search", { placeholder: "Find a parameter" });
   #found = h("p.hint", { role: "status" });
   #revision = h("p.hint.figure.revision");
-  #undo = iconButton("undo", "Undo", null, {
+  #undo = iconButton("undo", "Undo", () => this.#store.undo(), {
     title: "Undo (Ctrl+Z)",
     "aria-keyshortcuts": "Control+Z",
   });
-  #redo = iconButton("redo", "Redo", null, {
+  #redo = iconButton("redo", "Redo", () => this.#store.redo(), {
     title: "Redo (Ctrl+Shift+Z)",
     "aria-keyshortcuts": "Control+Shift+Z",
   });
-  #resetAll = button("Reset all", null);
+  #resetAll = button("Reset all", () =>
+    this.#store.changeUndoably(this.#store.differing(this.#store.defaults)),
+  );
 
   build() {
     const store = this.#store;
-    this.#presets.build(store);
-    this.#undo.addEventListener("click", () => void store.undo());
-    this.#redo.addEventListener("click", () => void store.redo());
-    this.#resetAll.addEventListener(
-      "click",
-      () => void store.changeUndoably(store.differing(store.defaults)),
-    );
     this.#search.addEventListener("input", () => this.#filter());
     this.addEventListener("keydown", (event) => this.#keyed(event));
     this.append(
@@ -70,7 +60,7 @@ class ParameterForm extends Part {
       void store.follow(revision, guard);
     });
     this.hear("observation", () => this.#renderRevision());
-    this.hear("reconnected", () => void this.#load());
+    this.hear("reconnected", () => this.#load());
     void this.#load();
   }
 

@@ -1,6 +1,7 @@
 /** The parameters as the server has them, the way to change them, and the way back. */
 
 import { ApiError, request } from "../shell/api.js";
+import { Teller } from "../shell/teller.js";
 
 /** @import * as contract from "../contract" */
 
@@ -21,7 +22,7 @@ const HISTORY_LENGTH = 200;
  * changed), `refused` (CustomEvent whose detail has the sentence of each refused field).
  * One request is under way at a time; what is changed meanwhile goes with the next one.
  */
-export class ParameterStore extends EventTarget {
+export class ParameterStore extends Teller {
   /** @type {ParameterEntry[]} */
   schema = [];
   /** @type {Preset[]} */
@@ -49,8 +50,8 @@ export class ParameterStore extends EventTarget {
     this.schema = schema;
     this.presets = presets;
     this.state = state;
-    this.dispatchEvent(new Event("loaded"));
-    this.dispatchEvent(new Event("values"));
+    this.tell("loaded");
+    this.tell("values");
   }
 
   /**
@@ -99,7 +100,7 @@ export class ParameterStore extends EventTarget {
       this.#undoable.push({ before, after: changes });
       this.#undoable.splice(0, this.#undoable.length - HISTORY_LENGTH);
       this.#redoable = [];
-      this.dispatchEvent(new Event("values"));
+      this.tell("values");
     });
     await this.#lastStep;
   }
@@ -174,7 +175,7 @@ export class ParameterStore extends EventTarget {
     const step = from.pop();
     if (!step) return;
     if (await this.change(step[side])) to.push(step);
-    this.dispatchEvent(new Event("values"));
+    this.tell("values");
   }
 
   async #pump() {
@@ -218,7 +219,7 @@ export class ParameterStore extends EventTarget {
       : Object.fromEntries(
           guilty.flatMap((w) => Object.keys(w.changes).map((n) => [n, error.message])),
         );
-    this.dispatchEvent(new Event("values"));
+    this.tell("values");
     this.dispatchEvent(new CustomEvent("refused", { detail: fields }));
     guilty.forEach((waiting) => waiting.done(false));
   }
@@ -226,6 +227,6 @@ export class ParameterStore extends EventTarget {
   /** @param {ParameterState} state */
   #take(state) {
     this.state = state;
-    this.dispatchEvent(new Event("values"));
+    this.tell("values");
   }
 }

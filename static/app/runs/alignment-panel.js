@@ -1,9 +1,20 @@
 /** Laying truth over a run: with which file, how well, and which track is which body. */
 
-import { button, details, field, fillList, h, setAttribute, setText } from "../elements/dom.js";
+import {
+  button,
+  details,
+  field,
+  fillList,
+  h,
+  offer,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
-import { ApiError, request } from "../shell/api.js";
+import { request } from "../shell/api.js";
+import { attemptIn } from "../shell/notice.js";
 import { CameraOnBody, placeInWords } from "./camera-on-body.js";
 import { MatchTable } from "./match-table.js";
 import { TruthPicker } from "./truth-picker.js";
@@ -85,7 +96,7 @@ export class AlignmentPanel extends Part {
     setAttribute(this.#sentence, "class", chart.aligned ? "" : "hint");
     const { alignment } = chart;
     this.#camera.found = alignment?.camera_on_body ?? null;
-    this.#figures.replaceChildren(...(alignment ? figuresOf(alignment) : []));
+    fillFigures(this.#figures, alignment ? figuresOf(alignment) : []);
     fillList(this.#notes, (alignment?.notes ?? []).map(sentence));
     this.#showMatches();
   }
@@ -105,11 +116,9 @@ export class AlignmentPanel extends Part {
     const names = live ? Object.keys(roles) : (file?.info.bodies.map(({ name }) => name) ?? []);
     this.#bodies.hidden = names.length === 0;
     setAttribute(this.#align, "aria-disabled", file || live ? null : "true");
-    this.#observer.replaceChildren(
-      h("option", { value: "" }, "found out by its motion"),
-      ...names.map((name) => h("option", { value: name }, name)),
-    );
-    this.#observer.value = names.find((name) => roles[name] === "observer") ?? "";
+    const observer = names.find((name) => roles[name] === "observer");
+    const choices = names.map((name) => [name, name]);
+    offer(this.#observer, [["", "found out by its motion"], ...choices], observer);
     this.#compared.replaceChildren(
       ...names.map((name) => {
         const box = h("input", { type: "checkbox", value: name });
@@ -185,25 +194,20 @@ export class AlignmentPanel extends Part {
   async #ask(wanted) {
     const run = this.#chart?.run;
     if (!run || this.#busy) return this.#showMatches();
-    setText(this.#error, "");
     this.#setBusy(true);
     setText(this.#state, "Aligning: the speeds of the whole run are compared…");
-    try {
+    const done = await attemptIn(this.#error, async () => {
       await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
       setText(this.#state, "Aligned; the errors are computed anew…");
       this.hub.tell("runs");
       this.aligned();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#state, "");
-      this.#showMatches();
-      setText(
-        this.#error,
-        `${error.message} ${this.#chart?.aligned ? "The alignment stays as it was." : ""}`.trim(),
-      );
-    } finally {
-      this.#setBusy(false);
-    }
+    });
+    this.#setBusy(false);
+    if (done) return;
+    setText(this.#state, "");
+    this.#showMatches();
+    if (this.#chart?.aligned)
+      setText(this.#error, `${this.#error.textContent} The alignment stays as it was.`);
   }
 }
 
@@ -213,7 +217,7 @@ function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time })
     time.drift_sigma_ppm === null
       ? "not told apart"
       : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
-  /** @type {[string, string][]} */
+  /** @type {import("../elements/figure-list.js").Figure[]} */
   const figures = [
     ["Time offset", `${fixed(1000 * time.offset_s, 1)} ± ${fixed(1000 * time.sigma_s, 1)} ms`],
     ["Clock drift", drift],
@@ -223,7 +227,7 @@ function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time })
     ["Positions apart", apart === null ? "not compared" : `${fixed(apart, 2)} m`],
   ];
   if (camera) figures.push(["Camera on its body", placeInWords(camera)]);
-  return figures.map(([words, value]) => h("div", h("dt", words), h("dd", value)));
+  return figures;
 }
 
 customElements.define("observer-alignment", AlignmentPanel);

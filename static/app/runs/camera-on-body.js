@@ -1,6 +1,6 @@
 /** Camera extrinsics on the observer's motion-capture body: typed in, or left to be found out. */
 
-import { button, details, h, textInput } from "../elements/dom.js";
+import { button, details, field, h, input } from "../elements/dom.js";
 import { fixed } from "../elements/words.js";
 
 /** @import { CameraOnBodyFacts } from "../contract" */
@@ -19,11 +19,7 @@ export class CameraOnBody extends HTMLElement {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
-      textInput(`camera-on-body-${key}`, {
-        inputmode: "decimal",
-        placeholder: "found out",
-        "aria-describedby": `camera-on-body-help-${key}`,
-      }),
+      input("text", `camera-on-body-${key}`, { inputmode: "decimal", placeholder: "found out" }),
     ]),
   );
   #fill = button("Fill in what was found", () => this.#write(this.#found));
@@ -44,12 +40,7 @@ export class CameraOnBody extends HTMLElement {
         h(
           "div.rig-fields",
           ...NUMBERS.map(([key, words, unit, help]) =>
-            h(
-              "div.field",
-              h("label", { for: `camera-on-body-${key}` }, `${words}, ${unit}`),
-              this.#inputs.get(key),
-              h("p.hint", { id: `camera-on-body-help-${key}` }, help),
-            ),
+            field(`${words}, ${unit}`, /** @type {HTMLElement} */ (this.#inputs.get(key)), help),
           ),
         ),
         h("div.row", this.#fill, this.#empty),

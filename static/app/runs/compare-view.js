@@ -19,7 +19,7 @@ export class CompareView extends Part {
 
   #chart = new RunChart();
   #waiting = h("p.empty", { role: "status" });
-  #table = h("div.scroll-x");
+  #table = h("div");
   #error = h("p.field-error", { role: "alert" });
   /** @type {string[]} */
   #ids = [];
@@ -29,7 +29,7 @@ export class CompareView extends Part {
 
   build() {
     this.append(this.#error, this.#waiting, this.#chart, this.#table);
-    this.hear("reconnected", () => void this.#load());
+    this.hear("reconnected", () => this.#load());
   }
 
   /** @param {string[]} ids none: another view is shown */

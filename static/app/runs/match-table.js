@@ -1,6 +1,6 @@
 /** Table of the body that each track is, corrected by a click. */
 
-import { h, setAttribute, table } from "../elements/dom.js";
+import { h, select, setAttribute, table } from "../elements/dom.js";
 import { fixed, trackColour } from "../elements/words.js";
 
 /** @import { AlignmentFacts, ChartCurve } from "../contract" */
@@ -29,14 +29,11 @@ export class MatchTable extends HTMLElement {
       ? activeElement?.getAttribute("data-choice")
       : null;
     this.replaceChildren(
-      h(
-        "div.scroll-x",
-        table(
-          "matches",
-          ["Track", "Seen", "Body", "Found"],
-          keys.map((key) => this.#row(key, alignment, bodies, curves)),
-          "Which body each track is; choose another to correct it.",
-        ),
+      table(
+        "matches",
+        ["Track", "Seen", "Body", "Found"],
+        keys.map((key) => this.#row(key, alignment, bodies, curves)),
+        "Which body each track is; choose another to correct it.",
       ),
     );
     if (focused)
@@ -115,12 +112,8 @@ export class MatchTable extends HTMLElement {
    * @param {string | null} now
    */
   #list(key, label, bodies, now) {
-    const list = h(
-      "select",
-      { "aria-label": label, "data-choice": key },
-      h("option", { value: "" }, NONE),
-      ...bodies.map((body) => h("option", { value: body }, body)),
-    );
+    const choices = [["", NONE], ...bodies.map((body) => [body, body])];
+    const list = select({ "aria-label": label, "data-choice": key }, choices);
     list.value = now ?? "";
     list.addEventListener("change", () => this.corrected(key, list.value || null));
     return list;

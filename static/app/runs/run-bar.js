@@ -4,16 +4,16 @@ import {
   button,
   h,
   icon,
+  input,
   onSubmit,
   select,
   setAttribute,
   setText,
-  textInput,
 } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { duration, sentence } from "../elements/words.js";
-import { ApiError, request } from "../shell/api.js";
-import { notify, notifyError } from "../shell/notice.js";
+import { request } from "../shell/api.js";
+import { notify, oneAtATime } from "../shell/notice.js";
 import { size } from "./run-words.js";
 
 /** @import { RecordingStatus, Run, Status } from "../contract" */
@@ -38,7 +38,7 @@ const RECORDS = [
 
 class RunBar extends Part {
   #state = h("span.state-chip");
-  #name = textInput("run-name", { maxlength: 80, placeholder: "Run name (optional)" });
+  #name = input("text", "run-name", { maxlength: 80, placeholder: "Run name (optional)" });
   #record = select(
     {
       id: "run-record",
@@ -55,6 +55,7 @@ class RunBar extends Part {
   });
   #running = h("span.run-clock.figure", { hidden: true });
   #busy = false;
+  #do = oneAtATime((busy) => void this.#changed(busy));
   /** @type {number | null} */
   #restarts = null;
 
@@ -71,8 +72,7 @@ class RunBar extends Part {
     );
     onSubmit(form, () => this.#do(() => this.#begin()));
     this.append(this.#state, form);
-    this.hear("status", () => this.#render());
-    this.hear("connection", () => this.#render());
+    this.hear("status connection", () => this.#render());
     this.#render();
   }
 
@@ -143,21 +143,13 @@ class RunBar extends Part {
     this.hub.tell("runs");
   }
 
-  /** @param {() => Promise<void>} action */
-  async #do(action) {
-    this.#busy = true;
+  /** @param {boolean} busy */
+  async #changed(busy) {
+    this.#busy = busy;
     this.#render();
-    try {
-      await action();
-    } catch (error) {
-      notifyError(error);
-      if (!(error instanceof ApiError)) throw error;
-    } finally {
-      this.#busy = false;
-      const status = await request("GET", "/status").catch(() => null);
-      if (status) this.hub.takeStatus(/** @type {Status} */ (status));
-      this.#render();
-    }
+    if (busy) return;
+    const status = await request("GET", "/status").catch(() => null);
+    if (status) this.hub.takeStatus(/** @type {Status} */ (status));
   }
 }
 

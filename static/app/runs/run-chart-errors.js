@@ -1,6 +1,6 @@
 /** The table of a run's speed errors, or of several runs beside each other. */
 
-import { details, h, swatch } from "../elements/dom.js";
+import { details, h, swatch, table } from "../elements/dom.js";
 import { fixed } from "../elements/words.js";
 import { runColour } from "./run-chart-data.js";
 
@@ -29,6 +29,13 @@ export function errorSection(charts, coloured) {
   );
 }
 
+/** @param {string[]} more headings @param {HTMLElement[]} rows or bodies of rows */
+function errorTable(more, rows) {
+  const of = h("span.visually-hidden", "of");
+  const scrolled = { tabindex: 0, role: "group", "aria-label": "Table of errors" };
+  return table("", [of, ...more, ...COLUMNS], rows, undefined, scrolled);
+}
+
 /** @param {SpeedErrorsEntry[]} errors */
 function ofOne(errors) {
   const tracks = errors.filter(({ group }) => group === "track");
@@ -36,11 +43,11 @@ function ofOne(errors) {
     some.map((each) => h("tr", h("th", { scope: "row" }, inWords(each)), ...cells(each, false)));
   return h(
     "div.stack",
-    table(["", ...COLUMNS], rows(errors.filter(({ group }) => group !== "track"))),
+    errorTable([], rows(errors.filter(({ group }) => group !== "track"))),
     tracks.length
       ? details(
           tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`,
-          table(["", ...COLUMNS], rows(tracks)),
+          errorTable([], rows(tracks)),
         )
       : null,
   );
@@ -70,37 +77,19 @@ function comparison(charts, coloured) {
           ),
           ...(each
             ? cells(each, charts.length > 1 && each.rmse_mps === best)
-            : COLUMNS.map(() => h("td.number", "–"))),
+            : COLUMNS.map(() => h("td", "–"))),
         );
       }),
     );
   });
-  return table(["", "run", ...COLUMNS], bodies);
-}
-
-/** @param {string[]} header @param {HTMLElement[]} content rows, or bodies of rows */
-function table(header, content) {
-  const rows = content.some((each) => each.localName === "tbody")
-    ? content
-    : [h("tbody", ...content)];
-  const of = (/** @type {string} */ words) =>
-    h(
-      "th",
-      { scope: "col", class: COLUMNS.includes(words) ? "number" : null },
-      words || h("span.visually-hidden", "of"),
-    );
-  return h(
-    "div.scroll-x",
-    { tabindex: 0, role: "group", "aria-label": "Table of errors" },
-    h("table", h("thead", h("tr", ...header.map(of))), ...rows),
-  );
+  return errorTable(["run"], bodies);
 }
 
 /** @param {SpeedErrorsEntry} each @param {boolean} best */
 function cells(each, best) {
   const covered = each.coverage === null ? null : `of ${each.covered_of} that state a band`;
   const number = (/** @type {string} */ words, /** @type {Record<string, unknown>} */ more = {}) =>
-    h("td.number", { ...more }, words);
+    h("td", { ...more }, words);
   return [
     number(String(each.samples)),
     number(fixed(each.bias_mps, 3)),

@@ -3,6 +3,7 @@
 import {
   button,
   download,
+  downloadLink,
   field,
   h,
   icon,
@@ -56,8 +57,8 @@ export class RunFiles extends Part {
   #cancel = button("Cancel", () => this.#making?.abort(), { hidden: true });
   #error = h("p.field-error", { role: "alert" });
   #without = h("p.hint");
-  #recording = h("a.button", { download: true }, icon("download"), "Recording, MCAP");
-  #speeds = h("a.button", { download: true }, icon("download"), "Speeds, CSV");
+  #recording = downloadLink("Recording, MCAP", {});
+  #speeds = downloadLink("Speeds, CSV", {});
   #more = h("div.stack");
   /** @type {Run | null} */
   #run = null;

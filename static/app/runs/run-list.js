@@ -1,6 +1,6 @@
 /** The newest runs, and the way to all of them. */
 
-import { button, h, icon, iconButton } from "../elements/dom.js";
+import { button, downloadLink, h, iconButton, item, stateChip } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
@@ -45,8 +45,7 @@ class RunList extends Part {
       this.#empty,
       this.#list,
     );
-    this.hear("runs", () => void this.#load());
-    this.hear("reconnected", () => void this.#load());
+    this.hear("runs reconnected", () => this.#load());
     this.hear("status", () => {
       const id = this.hub.status?.run?.id ?? null;
       if (id === this.#runId) return;
@@ -71,7 +70,7 @@ class RunList extends Part {
       notify(
         `The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`,
       );
-      this.hub.tell("saved clips");
+      this.hub.tell("saved-clips");
     });
   }
 
@@ -81,33 +80,18 @@ class RunList extends Part {
       disabled: run.state === "running",
       title: "Delete",
     });
-    return h(
-      "li",
-      h(
-        "div.item-words",
-        h(
-          "p",
-          h("a", { href: runHref(run.id) }, run.name),
-          " ",
-          h("span.state-chip", { "data-state": run.state }, run.state),
-        ),
+    return item(
+      [
+        h("p", h("a", { href: runHref(run.id) }, run.name), " ", stateChip(run.state)),
         h("p.hint", facts(run)),
-        run.reason ? h("p.hint", sentence(run.reason)) : null,
-      ),
-      h(
-        "div.row",
-        h(
-          "a.button",
-          {
-            href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`,
-            download: `${run.name}.csv`,
-            "aria-label": `Speeds of run ${run.name} as CSV`,
-          },
-          icon("download"),
-          "CSV",
-        ),
-        remove,
-      ),
+        run.reason && h("p.hint", sentence(run.reason)),
+      ],
+      downloadLink("CSV", {
+        href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`,
+        download: `${run.name}.csv`,
+        "aria-label": `Speeds of run ${run.name} as CSV`,
+      }),
+      remove,
     );
   }
 }

@@ -1,11 +1,20 @@
 /** Finding runs: by words, by tags; choosing some to compare; deleting and bringing back. */
 
-import { button, h, icon, iconButton, setAttribute, setText } from "../elements/dom.js";
+import {
+  button,
+  h,
+  icon,
+  iconButton,
+  input,
+  setAttribute,
+  setText,
+  stateChip,
+} from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { counted, sentence, when } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { attempt, attemptIn, notify, notifyError } from "../shell/notice.js";
+import { attempt, attemptIn, notify } from "../shell/notice.js";
 import { compareHref, facts, runHref, size } from "./run-words.js";
 
 /** @import { History, Run } from "../contract" */
@@ -16,19 +25,14 @@ const ASK_AFTER_MS = 200;
 const MOST_COMPARED = 4;
 
 export class RunSearch extends Part {
-  #words = h("input", {
-    type: "search",
-    id: "history-words",
-    placeholder: "Name, note or tag",
-    autocomplete: "off",
-  });
+  #words = input("search", "history-words", { placeholder: "Name, note or tag" });
   #tags = h("div.chips", { role: "group", "aria-label": "Only runs with these tags" });
   #chips = new KeptList(
     this.#tags,
     (/** @type {[string, number]} */ tag) => this.#tag(...tag),
     () => this.#words,
   );
-  #deleted = h("input", { type: "checkbox", id: "history-deleted" });
+  #deleted = input("checkbox", "history-deleted");
   #found = h("p.hint", { role: "status" });
   #disk = h("p.hint");
   #compare = button("Compare", () => this.#goCompare());
@@ -72,8 +76,7 @@ export class RunSearch extends Part {
     );
     this.#words.addEventListener("input", () => this.#soon());
     this.#deleted.addEventListener("change", () => void this.#load());
-    this.hear("runs", () => void this.#load());
-    this.hear("reconnected", () => void this.#load());
+    this.hear("runs reconnected", () => this.#load());
     this.hear("status", () => {
       const id = this.hub.status?.run?.id ?? null;
       if (id === this.#running) return;
@@ -181,7 +184,7 @@ export class RunSearch extends Part {
         h(
           "p.run-line",
           run.deleted_at ? h("b", run.name) : h("a", { href: runHref(run.id) }, run.name),
-          h("span.state-chip", { "data-state": run.state }, run.state),
+          stateChip(run.state),
           run.aligned ? h("span.mark-chip", "aligned with truth") : null,
           run.rerun_of ? h("span.mark-chip", "re-run") : null,
           ...run.tags.map((tag) => h("span.tag-chip.plain", tag)),
@@ -251,12 +254,8 @@ export class RunSearch extends Part {
  * @returns {Promise<boolean>} whether it was
  */
 export async function removeRun(hub, run) {
-  try {
-    await request("DELETE", `/runs/${encodeURIComponent(run.id)}`);
-  } catch (error) {
-    notifyError(error);
+  if (!(await attempt(() => request("DELETE", `/runs/${encodeURIComponent(run.id)}`))))
     return false;
-  }
   notify(`Run ${run.name} deleted.`, "done", { words: "Undo", act: () => void recover(hub, run) });
   hub.tell("runs");
   return true;

@@ -72,7 +72,7 @@ export class RunView extends Part {
     for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
     this.#labels.changed = (run) => this.#takeRun(run);
     this.#truth.aligned = () => void this.#load();
-    this.hear("reconnected", () => void this.#load());
+    this.hear("reconnected", () => this.#load());
     this.hear("status", () => {
       const id = this.hub.status?.run?.id ?? null;
       const ended = this.#running === this.#id && id !== this.#id;
@@ -178,13 +178,10 @@ function settingsOf(run) {
     ...Object.entries(versions),
   ];
   const listed = (/** @type {[string, unknown][]} */ rows) =>
-    h(
-      "div.scroll-x",
-      table(
-        "settings",
-        [],
-        rows.map(([name, value]) => tableRow(name, String(value))),
-      ),
+    table(
+      "settings",
+      [],
+      rows.map(([name, value]) => tableRow(name, String(value))),
     );
   return details("Settings of this run", listed(lines), listed(Object.entries(parameters)));
 }

@@ -1,6 +1,6 @@
 /** Saved half minutes: played as a source, downloaded, deleted. */
 
-import { button, h, icon, iconButton } from "../elements/dom.js";
+import { button, downloadLink, h, icon, iconButton, item } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { when } from "../elements/words.js";
@@ -26,9 +26,7 @@ export class SavedClipList extends Part {
   build() {
     this.hidden = true;
     this.append(this.#heading, this.#list);
-    this.hear("saved clips", () => void this.#load());
-    this.hear("runs", () => void this.#load());
-    this.hear("reconnected", () => void this.#load());
+    this.hear("saved-clips runs reconnected", () => this.#load());
   }
 
   /** @param {boolean} shown */
@@ -60,33 +58,18 @@ export class SavedClipList extends Part {
       () => this.#delete(clip),
       { title: "Delete" },
     );
-    return h(
-      "li",
-      h(
-        "div.item-words",
+    return item(
+      [
         h("p", `Until ${at}`),
-        h(
-          "p.hint",
-          size(bytes),
-          run ? ", " : null,
-          run ? h("a", { href: runHref(run) }, "of this run") : null,
-        ),
-      ),
-      h(
-        "div.row",
-        play,
-        h(
-          "a.button",
-          {
-            href: `/api/recording/rings/${encodeURIComponent(name)}`,
-            download: `${name}.mcap`,
-            "aria-label": `Download the half minute until ${at}`,
-          },
-          icon("download"),
-          "MCAP",
-        ),
-        remove,
-      ),
+        h("p.hint", size(bytes), run && ", ", run && h("a", { href: runHref(run) }, "of this run")),
+      ],
+      play,
+      downloadLink("MCAP", {
+        href: `/api/recording/rings/${encodeURIComponent(name)}`,
+        download: `${name}.mcap`,
+        "aria-label": `Download the half minute until ${at}`,
+      }),
+      remove,
     );
   }
 
@@ -101,14 +84,12 @@ export class SavedClipList extends Part {
 
   /** @param {RingEntry} clip */
   async #delete(clip) {
-    if (
-      !(await confirmed(
-        `Delete the half minute until ${when(clip.saved_at)}?`,
-        "It cannot be had back.",
-        "Delete half minute",
-      ))
-    )
-      return;
+    const sure = await confirmed(
+      `Delete the half minute until ${when(clip.saved_at)}?`,
+      "It cannot be had back.",
+      "Delete half minute",
+    );
+    if (!sure) return;
     await attempt(() => request("DELETE", `/recording/rings/${encodeURIComponent(clip.name)}`));
     await this.#load();
   }

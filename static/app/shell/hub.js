@@ -2,6 +2,7 @@
 
 import { sentence } from "../elements/words.js";
 import { LiveSocket } from "./live-socket.js";
+import { Teller } from "./teller.js";
 
 /** @import { ObservationMessage, RobotsMessage, Status } from "../contract" */
 /** @import { Driver } from "../driving/driver.js" */
@@ -25,7 +26,7 @@ const JUDGE_EVERY_MS = 200;
  * calibration), `history` (it took the place of the live parts, or gave it back), `robots` (how
  * robots and driving are).
  */
-export class Hub extends EventTarget {
+export class Hub extends Teller {
   /** @type {Status | null} */
   status = null;
   /** @type {ObservationMessage | null} */
@@ -69,11 +70,6 @@ export class Hub extends EventTarget {
 
   start() {
     this.socket.open();
-  }
-
-  /** @param {string} type */
-  tell(type) {
-    this.dispatchEvent(new Event(type));
   }
 
   /** @param {Status} status also the answer of a request that changed it */

@@ -1,6 +1,6 @@
 /** Short messages that pass, and the question before something is deleted. */
 
-import { button, field, h, icon, setText, textInput } from "../elements/dom.js";
+import { button, field, h, icon, input, setAttribute, setText } from "../elements/dom.js";
 import { ApiError } from "./api.js";
 import { showModal } from "./modal.js";
 
@@ -61,36 +61,58 @@ export async function attempt(action) {
 /**
  * Do something; where the server refuses it, say why in a place of the page.
  *
- * @param {Node} place
+ * @param {HTMLElement} place
  * @param {() => unknown} action
  * @returns {Promise<boolean>} whether it was done
  */
 export async function attemptIn(place, action) {
+  refuse(place, "");
   try {
     await action();
     return true;
   } catch (error) {
     if (!(error instanceof ApiError)) throw error;
-    setText(place, error.message);
+    refuse(place, error.message);
     return false;
   }
+}
+
+/**
+ * Say what is wrong; the fields that the place describes are marked.
+ *
+ * @param {HTMLElement} place
+ * @param {string} message empty takes it away
+ */
+export function refuse(place, message) {
+  setText(place, message);
+  const described = place.id && document.querySelectorAll(`[aria-describedby~="${place.id}"]`);
+  for (const field of described || []) setAttribute(field, "aria-invalid", message ? "true" : null);
 }
 
 /**
  * Do one thing at a time: what is pressed while another goes on is left out, and what went wrong
  * is told.
  *
- * @param {() => void} [after] called whatever came of it
- * @returns {(action: () => unknown) => Promise<void>}
+ * @param {(busy: boolean) => void} [changed] called when something begins and when it has ended
+ * @param {HTMLElement | null} [place] says what the server refuses; null: a notice does
+ * @returns {(action: () => unknown, teller?: Element, words?: string) => Promise<boolean>} whether
+ *   it was done; the teller says the words meanwhile
  */
-export function oneAtATime(after = () => {}) {
+export function oneAtATime(changed = () => {}, place = null) {
   let busy = false;
-  return async (action) => {
-    if (busy) return;
+  return async (action, teller, words = "") => {
+    if (busy) return false;
     busy = true;
-    await attempt(action);
-    busy = false;
-    after();
+    const before = teller?.textContent ?? "";
+    if (teller) setText(teller, words);
+    changed(busy);
+    try {
+      return await (place ? attemptIn(place, action) : attempt(action));
+    } finally {
+      busy = false;
+      if (teller) setText(teller, before);
+      changed(busy);
+    }
   };
 }
 
@@ -121,16 +143,15 @@ export async function confirmed(question, consequence, action) {
  * @returns {Promise<string | null>} null where it was left
  */
 export async function answered(question, label, first) {
-  const input = textInput("answer", { maxlength: 100, required: true });
-  input.value = first;
+  const line = input("text", "answer", { maxlength: 100, required: true, value: first });
   const closed = ask(
     question,
-    field(label, input),
+    field(label, line),
     h("button.button.primary", { value: "yes" }, "Take it"),
     h("button.button", { value: "no", formnovalidate: true }, "Leave"),
   );
-  input.select();
-  return (await closed) === "yes" ? input.value.trim() : null;
+  line.select();
+  return (await closed) === "yes" ? line.value.trim() : null;
 }
 
 /**

@@ -4,11 +4,13 @@ import {
   button,
   details,
   field,
+  fillList,
   h,
+  input,
+  offer,
   onSubmit,
   select,
   setText,
-  textInput,
 } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
@@ -38,7 +40,7 @@ export class CameraPicker extends Part {
     ["auto", "Automatic"],
   ]);
   #settings = new Map(
-    SETTINGS.map(([key]) => [key, textInput(`camera-${key}`, { placeholder: "as it is" })]),
+    SETTINGS.map(([key]) => [key, input("text", `camera-${key}`, { placeholder: "as it is" })]),
   );
   #form = h("form.stack", { hidden: true });
   #again = button("Look again", () => this.#load());
@@ -78,9 +80,9 @@ export class CameraPicker extends Part {
       this.#form,
       h("div.row", this.#again),
     );
-    this.#left.addEventListener("change", () => this.#renderModes());
+    this.#left.addEventListener("change", () => this.#renderModes(null));
     onSubmit(this.#form, () => this.chosen(this.#spec()));
-    this.hear("reconnected", () => void this.#load());
+    this.hear("reconnected", () => this.#load());
     void this.#load();
   }
 
@@ -101,43 +103,36 @@ export class CameraPicker extends Part {
           : `${count} cameras are plugged in.`,
     );
     const troubles = cameras.flatMap((camera) => camera.trouble ?? []);
-    this.#troubles.replaceChildren(...[...troubles, ...hints].map((text) => h("li", text)));
+    fillList(this.#troubles, [...troubles, ...hints]);
     this.#form.hidden = count === 0;
-    const chosen = this.#known ? [this.#left.value, this.#right.value, this.#mode.value] : [];
-    this.#left.replaceChildren(...this.#cameras.map(option));
-    this.#right.replaceChildren(
-      ...this.#cameras.map(option),
-      h("option", { value: "" }, "None: the left one shows both images"),
-    );
-    this.#right.selectedIndex = Math.min(1, count);
+    const known = this.#known;
     this.#known = count > 0;
-    keep(this.#left, chosen[0]);
-    keep(this.#right, chosen[1]);
-    this.#renderModes();
-    keep(this.#mode, chosen[2]);
+    const named = this.#cameras.map((each) => [
+      nameOf(each),
+      `${each.path}: ${each.card ?? "camera"}`,
+    ]);
+    const choices = [...named, ["", "None: the left one shows both images"]];
+    offer(this.#left, named);
+    offer(this.#right, choices, known ? this.#right.value : null, choices[Math.min(1, count)]?.[0]);
+    this.#renderModes(known ? this.#mode.value : null);
   }
 
-  #renderModes() {
+  /** @param {string | null} chosen */
+  #renderModes(chosen) {
     const camera = this.#cameras.find((each) => nameOf(each) === this.#left.value);
-    this.#mode.replaceChildren(
-      h("option", { value: "" }, "As it is"),
-      ...(camera?.modes ?? []).map(({ pixel_format, width, height, rates }) => {
-        const rate = rates[0];
-        const value = new URLSearchParams({
-          size: `${width}x${height}`,
-          format: pixel_format,
-          ...(rate ? { rate: String(rate) } : {}),
-        });
-        return h(
-          "option",
-          { value: value.toString() },
-          `${width} × ${height}, ${pixel_format}${rate ? `, ${rate} images/s` : ""}`,
-        );
-      }),
-    );
+    const modes = (camera?.modes ?? []).map(({ pixel_format, width, height, rates }) => {
+      const rate = rates[0];
+      const value = new URLSearchParams({
+        size: `${width}x${height}`,
+        format: pixel_format,
+        ...(rate ? { rate: String(rate) } : {}),
+      });
+      const words = `${width} × ${height}, ${pixel_format}${rate ? `, ${rate} images/s` : ""}`;
+      return [value.toString(), words];
+    });
     // Compressed images of the usual size are what two cameras on one port can carry.
-    const usual = [...this.#mode.options].find((each) => each.text.startsWith("640 × 480, MJPG"));
-    if (usual) this.#mode.value = usual.value;
+    const usual = modes.find(([, words]) => words?.startsWith("640 × 480, MJPG"));
+    offer(this.#mode, [["", "As it is"], ...modes], chosen, usual?.[0]);
   }
 
   #spec() {
@@ -153,25 +148,9 @@ export class CameraPicker extends Part {
   }
 }
 
-/**
- * Keep the choice where it is still there.
- *
- * @param {HTMLSelectElement} select
- * @param {string | undefined} value
- */
-function keep(select, value) {
-  if (value !== undefined && [...select.options].some((option) => option.value === value))
-    select.value = value;
-}
-
 /** @param {VideoDevice} camera @returns {string} the name that stays when it is plugged in again */
 function nameOf(camera) {
   return camera.by_path ?? camera.path;
-}
-
-/** @param {VideoDevice} camera */
-function option(camera) {
-  return h("option", { value: nameOf(camera) }, `${camera.path}: ${camera.card ?? "camera"}`);
 }
 
 customElements.define("observer-camera-picker", CameraPicker);

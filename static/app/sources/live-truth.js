@@ -1,13 +1,22 @@
 /** Live motion capture: what is listened to, what comes from it, and how it is aligned. */
 
-import { button, field, h, onSubmit, setAttribute, setText, textInput } from "../elements/dom.js";
+import {
+  button,
+  field,
+  h,
+  input,
+  offer,
+  onSubmit,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
-import { ApiError, request } from "../shell/api.js";
-import { notify } from "../shell/notice.js";
+import { request } from "../shell/api.js";
+import { notify, oneAtATime, refuse } from "../shell/notice.js";
 
-/** @import { LiveTruthStatus } from "../contract" */
+/** @import { LiveTruthChoice, LiveTruthStatus } from "../contract" */
 
 /** @type {Record<string, [string, string]>} words and colour of the chip */
 const STATES = {
@@ -17,11 +26,10 @@ const STATES = {
 };
 
 class LiveTruthForm extends Part {
-  #spec = textInput("live-truth-spec", {
+  #spec = input("text", "live-truth-spec", {
     spellcheck: "false",
     required: true,
     placeholder: "vrpn:HOST",
-    "aria-describedby": "live-truth-help live-truth-error",
   });
   #listen = h("button.button", { type: "submit" }, "Listen");
   #stop = button("Stop listening", () => this.#end(), { hidden: true });
@@ -42,22 +50,17 @@ class LiveTruthForm extends Part {
   #heard = h("div.stack", { hidden: true });
   #names = "";
   #followed = "";
-  #busy = false;
+  #do = oneAtATime((busy) => busy || this.#render(), this.#error);
 
   build() {
     const form = h(
       "form.stack",
       { novalidate: true },
-      h(
-        "div.field",
-        h("label", { for: "live-truth-spec" }, "Listen to"),
+      field(
+        "Listen to",
         this.#spec,
+        "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is aligned while both move, and recorded with every run.",
         this.#error,
-        h(
-          "p.hint",
-          { id: "live-truth-help" },
-          "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is aligned while both move, and recorded with every run.",
-        ),
       ),
       h("div.row", this.#listen, this.#stop),
     );
@@ -106,10 +109,10 @@ class LiveTruthForm extends Part {
     ].sort();
     if (names.join("\n") !== this.#names) {
       this.#names = names.join("\n");
-      this.#observer.replaceChildren(
-        h("option", { value: "" }, "found out by its motion"),
-        ...names.map((name) => h("option", { value: name }, name)),
-      );
+      offer(this.#observer, [
+        ["", "found out by its motion"],
+        ...names.map((name) => [name, name]),
+      ]);
     }
     if (document.activeElement !== this.#observer) this.#observer.value = observer ?? "";
     this.#bodies.show(names, (name) => name);
@@ -137,7 +140,7 @@ class LiveTruthForm extends Part {
 
   async #begin() {
     const spec = this.#spec.value.trim();
-    if (!spec) return this.#fail("Say where it comes from, as in vrpn:192.168.0.5.");
+    if (!spec) return refuse(this.#error, "Say where it comes from, as in vrpn:192.168.0.5.");
     await this.#put({ spec, observer: null, ignore: [] }, this.#listen, "Connecting…");
   }
 
@@ -160,38 +163,22 @@ class LiveTruthForm extends Part {
   }
 
   /**
-   * @param {{spec: string | null, observer: string | null, ignore: string[]}} order
+   * @param {LiveTruthChoice} order
    * @param {HTMLElement} [button] says what goes on
    * @param {string} [words]
    * @returns {Promise<boolean>} whether it was taken
    */
-  async #put(order, button, words) {
-    if (this.#busy) return false;
-    this.#busy = true;
-    this.#fail("");
-    const before = button?.textContent ?? "";
-    if (button && words) setText(button, words);
-    try {
-      /** @type {LiveTruthStatus | null} */
-      const truth = await request("PUT", "/truth/live", order);
-      this.#followed = truth?.spec ?? "";
-      if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, truth });
-      return true;
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      this.#fail(error.message);
-      return false;
-    } finally {
-      this.#busy = false;
-      if (button) setText(button, before);
-      this.#render();
-    }
-  }
-
-  /** @param {string} message empty takes the error away */
-  #fail(message) {
-    setText(this.#error, message);
-    setAttribute(this.#spec, "aria-invalid", message ? "true" : null);
+  #put(order, button, words) {
+    return this.#do(
+      async () => {
+        /** @type {LiveTruthStatus | null} */
+        const truth = await request("PUT", "/truth/live", order);
+        this.#followed = truth?.spec ?? "";
+        if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, truth });
+      },
+      button,
+      words,
+    );
   }
 }
 

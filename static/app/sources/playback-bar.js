@@ -1,6 +1,6 @@
 /** Playback of files and simulation: pause, step, restart, rate, loop and where it is. */
 
-import { button, h, icon, iconButton, setAttribute, setText } from "../elements/dom.js";
+import { button, h, icon, iconButton, input, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { notifyError } from "../shell/notice.js";
@@ -21,23 +21,19 @@ class PlaybackBar extends Part {
   #restart = iconButton("restart", "Restart from the first frame", () =>
     this.#send({ restart: true }),
   );
-  #slider = h("input", {
-    type: "range",
-    id: "rate-slider",
+  #slider = input("range", "rate-slider", {
     min: 0,
     max: SLIDER_STEPS,
     step: 1,
     "aria-label": "Playback rate",
   });
-  #number = h("input", {
-    type: "number",
-    id: "rate",
+  #number = input("number", "rate", {
     min: RATE_MIN,
     max: RATE_MAX,
     step: 0.1,
     "aria-label": "Playback rate, times recorded speed",
   });
-  #loop = h("input", { type: "checkbox", id: "loop" });
+  #loop = input("checkbox", "loop");
   #scrub = new ScrubBar();
   #progress = h("progress", { max: 1, value: 0, "aria-label": "Position" });
   #position = h("output.figure.position", "–");

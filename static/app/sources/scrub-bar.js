@@ -1,6 +1,6 @@
 /** Going to any frame of a recording: a slider that follows what is played until it is moved. */
 
-import { h, setAttribute } from "../elements/dom.js";
+import { input, setAttribute } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { notifyError } from "../shell/notice.js";
@@ -11,7 +11,7 @@ import { notifyError } from "../shell/notice.js";
 const HOLD_MS = 600;
 
 export class ScrubBar extends Part {
-  #slider = h("input", { type: "range", id: "scrub", min: 0, step: 1, "aria-label": "Frame" });
+  #slider = input("range", "scrub", { min: 0, step: 1, "aria-label": "Frame" });
   /** The frame that was asked for and not yet sent. @type {number | null} */
   #wanted = null;
   #busy = false;
@@ -20,8 +20,7 @@ export class ScrubBar extends Part {
   build() {
     this.append(this.#slider);
     this.#slider.addEventListener("input", () => this.#move(this.#slider.valueAsNumber));
-    this.hear("status", () => this.#render());
-    this.hear("observation", () => this.#render());
+    this.hear("status observation", () => this.#render());
     this.#render();
   }
 

@@ -1,10 +1,10 @@
 /** Choice of the source: those the server offers, and any other by its spec. */
 
-import { button, field, h, onSubmit, setAttribute, setText, textInput } from "../elements/dom.js";
+import { button, field, h, input, offer, onSubmit, setAttribute } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
-import { ApiError, request } from "../shell/api.js";
-import { notify } from "../shell/notice.js";
+import { request } from "../shell/api.js";
+import { notify, oneAtATime } from "../shell/notice.js";
 import { CameraPicker } from "./camera-picker.js";
 
 /** @import { Calibration } from "../calibration/report-parts.js" */
@@ -15,9 +15,8 @@ const PLACEHOLDER = /\b[A-Z]{3,}\b/;
 class SourcePicker extends Part {
   #list = h("div.source-list", { role: "group", "aria-label": "Sources" });
   #choices = new KeptList(this.#list, (/** @type {SourceEntry} */ choice) => this.#choice(choice));
-  #spec = textInput("source-spec", {
+  #spec = input("text", "source-spec", {
     spellcheck: "false",
-    "aria-describedby": "source-help source-error",
     required: true,
   });
   #calibration = h("select", { id: "source-calibration" });
@@ -28,22 +27,21 @@ class SourcePicker extends Part {
   });
   #inRun = h("p.hint", { hidden: true }, "Stop the run to open another source.");
   #busy = false;
+  #do = oneAtATime((busy) => {
+    this.#busy = busy;
+    this.#render();
+  }, this.#error);
   #followed = "";
 
   build() {
     const form = h(
       "form.stack",
       { novalidate: true },
-      h(
-        "div.field",
-        h("label", { for: "source-spec" }, "Source"),
+      field(
+        "Source",
         this.#spec,
+        "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.",
         this.#error,
-        h(
-          "p.hint",
-          { id: "source-help" },
-          "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.",
-        ),
       ),
       field("Calibration", this.#calibration),
       h("div.row", this.#open, this.#calibrate, this.#inRun),
@@ -57,8 +55,8 @@ class SourcePicker extends Part {
     cameras.attach(this.hub);
     this.append(h("h2", "Source"), this.#list, form, cameras);
     this.hear("status", () => this.#render());
-    this.hear("calibrations", () => void this.#loadCalibrations());
-    this.hear("reconnected", () => void this.#load());
+    this.hear("calibrations", () => this.#loadCalibrations());
+    this.hear("reconnected", () => this.#load());
     void this.#load();
     void this.#loadCalibrations();
   }
@@ -88,12 +86,10 @@ class SourcePicker extends Part {
   async #loadCalibrations() {
     /** @type {Calibration[]} */
     const all = await request("GET", "/calibrations").catch(() => []);
-    const chosen = this.#calibration.value;
-    this.#calibration.replaceChildren(
-      h("option", { value: "" }, "The source's own"),
-      ...all.map((c) => h("option", { value: c.id }, `${c.name} (${c.width} × ${c.height})`)),
-    );
-    this.#calibration.value = all.some((c) => c.id === chosen) ? chosen : "";
+    offer(this.#calibration, [
+      ["", "The source's own"],
+      ...all.map((c) => [c.id, `${c.name} (${c.width} × ${c.height})`]),
+    ]);
   }
 
   #render() {
@@ -118,42 +114,30 @@ class SourcePicker extends Part {
 
   async #openSource() {
     if (this.#busy) return;
-    this.#busy = true;
-    this.#fail("");
     this.#offerCalibration(false);
-    setText(this.#open, "Opening…");
-    this.#render();
-    try {
-      const source = this.#spec.value.trim();
-      /** @type {Status} */
-      const status = await request("PUT", "/source", {
-        source,
-        calibration: this.#calibration.value || null,
-      });
-      this.#followed = status.source?.spec ?? source;
-      this.hub.takeStatus(status);
-      notify(`${this.#followed} is open.`);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      this.#fail(error.message);
-      this.#offerCalibration(error.message.includes("brings no calibration"));
-    } finally {
-      this.#busy = false;
-      setText(this.#open, "Open source");
-      this.#render();
-    }
+    const opened = await this.#do(
+      async () => {
+        const source = this.#spec.value.trim();
+        /** @type {Status} */
+        const status = await request("PUT", "/source", {
+          source,
+          calibration: this.#calibration.value || null,
+        });
+        this.#followed = status.source?.spec ?? source;
+        this.hub.takeStatus(status);
+        notify(`${this.#followed} is open.`);
+      },
+      this.#open,
+      "Opening…",
+    );
+    if (!opened)
+      this.#offerCalibration(this.#error.textContent?.includes("brings no calibration") ?? false);
   }
 
   /** @param {boolean} offered */
   #offerCalibration(offered) {
     this.hub.uncalibrated = offered ? this.#spec.value.trim() : "";
     this.#calibrate.hidden = !offered;
-  }
-
-  /** @param {string} message empty takes the error away */
-  #fail(message) {
-    setText(this.#error, message);
-    setAttribute(this.#spec, "aria-invalid", message ? "true" : null);
   }
 }
 
