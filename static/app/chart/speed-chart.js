@@ -1,6 +1,6 @@
 /** Speed over the last minute: estimate with its band, truth, and what robots are told and do. */
 
-import { h, setAttribute, setText } from "../elements/dom.js";
+import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
@@ -108,8 +108,7 @@ class SpeedChart extends Part {
       const [swatch, words] = item.children;
       if (!swatch || !words) return;
       setAttribute(swatch, "data-kind", curve.kind);
-      if (swatch instanceof HTMLElement)
-        swatch.style.setProperty("--swatch", `var(${curve.colour})`);
+      if (swatch instanceof HTMLElement) tint(swatch, curve.colour);
       setText(words, `${curve.label} ${withBand(this.#measured(curve, this.#at))}`);
     });
     const now = shown.map((curve) => `${curve.label} ${withBand(this.#measured(curve, null))}`);

@@ -63,7 +63,7 @@ export class SpeedHistory {
       // While a track coasts nothing is measured: a gap, not a guess.
       if (obstacle.state === "coasting") continue;
       const key = `${this.#epoch}/${line.segment}/${obstacle.id}`;
-      const colour = `--track-${trackColour(obstacle.id)}`;
+      const colour = trackColour(obstacle.id);
       // A speed belongs to the middle of its displacement; at the frame's time it would come late.
       const time = Math.min(now, obstacle.velocity_time + this.#offset);
       if (!this.curves.has(key))

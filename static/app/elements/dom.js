@@ -189,8 +189,19 @@ export function stateChip(state, words = state) {
  */
 export function swatch(kind, colour) {
   const line = h("span.swatch.line", { "data-kind": kind, "aria-hidden": "true" });
-  line.style.setProperty("--swatch", `var(${colour})`);
-  return line;
+  return tint(line, colour);
+}
+
+/**
+ * Give an element, and the swatches in it, a colour.
+ *
+ * @template {HTMLElement} E
+ * @param {E} element
+ * @param {string | null} colour its name in tokens.css; null: none of its own
+ */
+export function tint(element, colour) {
+  element.style.setProperty("--swatch", colour && `var(${colour})`);
+  return element;
 }
 
 /**

@@ -135,9 +135,9 @@ export function when(iso) {
     : date.toLocaleString(undefined, { dateStyle: "short", timeStyle: "medium" });
 }
 
-/** @param {number} id @returns {number} which of the eight track colours */
+/** @param {number} id @returns {string} name of one of the eight colours of tracks in tokens.css */
 export function trackColour(id) {
-  return ((id % 8) + 8) % 8;
+  return `--track-${((id % 8) + 8) % 8}`;
 }
 
 /**

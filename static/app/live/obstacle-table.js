@@ -1,6 +1,6 @@
 /** All obstacles of the newest observation, one line each. */
 
-import { button, h, setAttribute, setText } from "../elements/dom.js";
+import { button, h, setAttribute, setText, tint } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
 import {
@@ -67,10 +67,7 @@ class ObstacleTable extends Part {
  * @returns {[HTMLTableRowElement, HTMLTableRowElement]}
  */
 function makeRow(id, opened) {
-  const swatch = h("span.swatch", {
-    "data-track": trackColour(id),
-    "aria-hidden": "true",
-  });
+  const swatch = tint(h("span.swatch", { "aria-hidden": "true" }), trackColour(id));
   const cells = COLUMNS.slice(1).map(() => h("td"));
   const more = button([swatch, String(id)], null, {
     class: "row-button",

@@ -1,6 +1,6 @@
 /** Table of the body that each track is, corrected by a click. */
 
-import { h, select, setAttribute, table } from "../elements/dom.js";
+import { h, select, setAttribute, table, tint } from "../elements/dom.js";
 import { fixed, trackColour } from "../elements/words.js";
 
 /** @import { AlignmentFacts, ChartCurve } from "../contract" */
@@ -72,7 +72,7 @@ export class MatchTable extends HTMLElement {
       : "–";
     return h(
       "tr",
-      h("th", { scope: "row", "data-track": trackColour(track) }, h("span.swatch"), name),
+      h("th", { scope: "row" }, tint(h("span.swatch"), trackColour(track)), name),
       h("td", seen),
       h(
         "td",

@@ -54,7 +54,7 @@ export function panelsOf(charts, overlaid) {
   // What a run and its re-run have in common is drawn once.
   const shared = sameRecording(charts);
   const curves = charts.flatMap((chart, run) =>
-    curvesOf(chart, run, Number(origins[run]), { colour: runColour(run), shared }).filter(
+    curvesOf(chart, run, Number(origins[run]), { colour: trackColour(run), shared }).filter(
       (curve) => !shared || run === 0 || isTrack(curve),
     ),
   );
@@ -65,16 +65,11 @@ export function panelsOf(charts, overlaid) {
       curves: inOrder(inLanes(curves)),
       starts: [],
       changes: charts.flatMap((chart, run) =>
-        changesOf(chart, Number(origins[run]), runColour(run)),
+        changesOf(chart, Number(origins[run]), trackColour(run)),
       ),
       gaps: gapsOf(curves),
     },
   ];
-}
-
-/** @param {number} run its place @returns {string} a colour's name in tokens.css */
-export function runColour(run) {
-  return `--track-${trackColour(run)}`;
 }
 
 /**
@@ -185,7 +180,7 @@ function labelOf({ kind, label, track_id }) {
 
 /** @param {ChartCurve} curve @param {Choice} choice */
 function colourOf({ kind, track_id }, choice) {
-  if (choice === "matched") return `--track-${trackColour(track_id ?? 0)}`;
+  if (choice === "matched") return trackColour(track_id ?? 0);
   if (choice === "own") return "--accent";
   if (kind === "truth") return "--text";
   return kind === "encoder" ? "--warn" : "--muted";

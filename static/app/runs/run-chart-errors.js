@@ -1,8 +1,7 @@
 /** The table of a run's speed errors, or of several runs beside each other. */
 
 import { details, h, swatch, table } from "../elements/dom.js";
-import { fixed } from "../elements/words.js";
-import { runColour } from "./run-chart-data.js";
+import { fixed, trackColour } from "../elements/words.js";
 
 /** @import { RunChart, SpeedErrorsEntry } from "../contract" */
 
@@ -73,7 +72,7 @@ function comparison(charts, coloured) {
           h(
             "th",
             { scope: "row" },
-            h("span.of-run", coloured ? swatch("estimate", runColour(at)) : null, run.name),
+            h("span.of-run", coloured ? swatch("estimate", trackColour(at)) : null, run.name),
           ),
           ...(each
             ? cells(each, charts.length > 1 && each.rmse_mps === best)

@@ -7,8 +7,8 @@
 
 import { ChartExport, ofRun } from "../chart/chart-export.js";
 import { button, h, setText, swatch } from "../elements/dom.js";
-import { fixed } from "../elements/words.js";
-import { extentOf, originsOf, panelsOf, runColour, sameRecording } from "./run-chart-data.js";
+import { fixed, trackColour } from "../elements/words.js";
+import { extentOf, originsOf, panelsOf, sameRecording } from "./run-chart-data.js";
 import { errorSection } from "./run-chart-errors.js";
 import { ChartPanel } from "./run-chart-panel.js";
 
@@ -227,7 +227,7 @@ export class RunChart extends HTMLElement {
     );
     const runs = several
       ? this.#charts.map(({ run }, at) =>
-          h("span.of-run", swatch("estimate", runColour(at)), run.name),
+          h("span.of-run", swatch("estimate", trackColour(at)), run.name),
         )
       : [];
     this.#legend.replaceChildren(h("legend.visually-hidden", "Curves"), ...runs, ...entries);

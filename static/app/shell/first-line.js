@@ -1,6 +1,6 @@
 /** The first line: who moves, how fast, plus or minus what, against the truth; in words. */
 
-import { h, setAttribute, setText } from "../elements/dom.js";
+import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { firstLine, trackColour } from "../elements/words.js";
 
@@ -33,7 +33,7 @@ class FirstLine extends Part {
     this.#shownAt = now;
     setText(this.#text, text);
     setAttribute(this, "data-tone", tone);
-    setAttribute(this, "data-track", id === null ? null : String(trackColour(id)));
+    tint(this, id === null ? null : trackColour(id));
     if (tone !== this.#tone || now - this.#spokenAt > SPOKEN_EVERY_MS) {
       this.#spokenAt = now;
       setText(this.#spoken, text);

@@ -88,7 +88,10 @@ test("durations change their unit at a minute and an hour", () => {
 });
 
 test("provisional numbers below zero have a track's colour too", () => {
-  assert.deepEqual([0, 7, 8, -1, -8].map(words.trackColour), [0, 7, 0, 7, 0]);
+  assert.deepEqual(
+    [0, 7, 8, -1, -8].map(words.trackColour),
+    [0, 7, 0, 7, 0].map((n) => `--track-${n}`),
+  );
 });
 
 test("what the server says becomes one sentence", () => {
