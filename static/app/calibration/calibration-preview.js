@@ -1,6 +1,6 @@
 /** A calibration before it is used: what was understood, and the newest pair rectified by it. */
 
-import { details, h, setText, table, tableRow } from "../elements/dom.js";
+import { details, h, paint, setText, table, tableRow } from "../elements/dom.js";
 import { figureList } from "../elements/figure-list.js";
 import { fixed, sentence } from "../elements/words.js";
 import { requestImage } from "../shell/api.js";
@@ -35,34 +35,29 @@ export async function previewed(calibration, active) {
   );
   const tape = new TapeCheck(calibration, canvas);
   const report = calibration.report;
-  const dialog = h(
-    "dialog.preview",
-    { "aria-labelledby": "preview-title" },
-    h(
-      "form",
-      // The tape's number, half typed, must not keep the dialog open.
-      { method: "dialog", novalidate: true },
-      h("h2", { id: "preview-title" }, calibration.name),
-      calibration.origin ? h("p", sentence(calibration.origin)) : null,
+  const closed = showModal(
+    "preview",
+    calibration.name,
+    [
+      calibration.origin && h("p", sentence(calibration.origin)),
       notes(calibration.notes),
       figureList(understood(calibration)),
-      report?.verdict ? h("p.verdict", report.verdict.sentence) : null,
-      report
-        ? details(
-            "How good it is",
-            report.verdict ? verdictTable(report.verdict) : null,
-            viewChart(report.views),
-          )
-        : null,
+      report?.verdict && h("p.verdict", report.verdict.sentence),
+      report &&
+        details(
+          "How good it is",
+          report.verdict ? verdictTable(report.verdict) : null,
+          viewChart(report.views),
+        ),
       canvas,
       h("p.hint", "A point of the left image must lie on the same level line in the right one."),
       verdict,
       tape.element,
       h("div.row", ...exports(calibration)),
-      h("div.row.end", h("button.button", { value: "close" }, "Close"), use),
-    ),
+    ],
+    h("button.button", { value: "close" }, "Close"),
+    use,
   );
-  const closed = showModal(dialog);
   void paintPreview(
     `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
     canvas,
@@ -88,11 +83,7 @@ export function describe(c) {
 export async function paintPreview(path, canvas, verdict, report) {
   try {
     const { blob, headers } = await requestImage(path);
-    const bitmap = await createImageBitmap(blob);
-    canvas.width = bitmap.width;
-    canvas.height = bitmap.height;
-    canvas.getContext("2d")?.drawImage(bitmap, 0, 0);
-    bitmap.close();
+    paint(canvas, await createImageBitmap(blob));
     canvas.hidden = false;
     const text = headers.get("x-vertical-error-px");
     judge(verdict, text === null ? null : Number(text), report?.held_out?.p95_px ?? null);
@@ -135,23 +126,19 @@ export function compared(calibrations) {
           .join(", ") || "–",
     ],
   ];
-  const dialog = h(
-    "dialog.preview",
-    { "aria-labelledby": "compare-title" },
-    h(
-      "form",
-      { method: "dialog" },
-      h("h2", { id: "compare-title" }, "Calibrations compared"),
+  void showModal(
+    "preview",
+    "Calibrations compared",
+    [
       table(
         "verdict-table",
         [null, ...calibrations.map(({ name }) => name)],
         rows.map(([term, value]) => tableRow(term, ...calibrations.map(value))),
       ),
       h("p.hint", "“Rows now” is measured in the newest pair of the open source."),
-      h("div.row.end", h("button.button", { value: "close" }, "Close")),
-    ),
+    ],
+    h("button.button", { value: "close" }, "Close"),
   );
-  void showModal(dialog);
   for (const [calibration, place] of now)
     void rowsNow(calibration).then((text) => setText(place, text));
 }

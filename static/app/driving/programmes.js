@@ -180,8 +180,6 @@ class Programmes extends Part {
       "aria-label": `Copy ${title}`,
       title: "Copy its text into the field below",
     });
-    const remove = () =>
-      iconButton("trash", `Delete ${title}`, () => this.#remove(entry), { title: "Delete" });
     const who = roles.map((role) => ROLE_WORDS[role]).join(" and ");
     const element = item(
       [
@@ -192,7 +190,7 @@ class Programmes extends Part {
       ],
       start,
       copy,
-      own && remove(),
+      own && iconButton("trash", `Delete ${title}`, () => this.#remove(entry), { title: "Delete" }),
     );
     element.className = "programme";
     element.dataset.programme = name;

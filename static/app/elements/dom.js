@@ -87,7 +87,12 @@ export function iconButton(name, label, pressed, attributes) {
   });
 }
 
-/** @param {string} words @param {Record<string, unknown>} attributes where it leads, and what it is saved as */
+/**
+ * Make a link to a file that is saved, in the looks of a button.
+ *
+ * @param {string} words
+ * @param {Record<string, unknown>} attributes where it leads, and the name of the file
+ */
 export function downloadLink(words, attributes) {
   return h("a.button", { download: true, ...attributes }, icon("download"), words);
 }
@@ -176,7 +181,7 @@ export function item(words, ...controls) {
   );
 }
 
-/** @param {string} state @param {string} [words] */
+/** Say a state in its colour. @param {string} state @param {string} [words] */
 export function stateChip(state, words = state) {
   return h("span.state-chip", { "data-state": state }, words);
 }
@@ -248,6 +253,14 @@ export function dropZone(file, words, help, take, ...more) {
   }
   place.addEventListener("drop", (event) => void takeAll(event.dataTransfer?.files ?? []));
   return place;
+}
+
+/** Show an image at its own size; it is closed. @param {HTMLCanvasElement} canvas @param {ImageBitmap} bitmap */
+export function paint(canvas, bitmap) {
+  const { width, height } = bitmap;
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
+  canvas.getContext("2d")?.drawImage(bitmap, 0, 0);
+  bitmap.close();
 }
 
 /** @param {Blob} blob @param {string} name of the file that the browser saves it as */

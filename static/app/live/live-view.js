@@ -1,6 +1,6 @@
 /** One live view: a canvas that shows the newest image, and says when it is old. */
 
-import { h, setAttribute, setText } from "../elements/dom.js";
+import { h, paint, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { PixelQuestion } from "./pixel-question.js";
 import { ViewSocket } from "./view-socket.js";
@@ -90,12 +90,7 @@ export class LiveView extends Part {
    * @param {number} ageMs
    */
   #show(bitmap, ageMs) {
-    if (this.#canvas.width !== bitmap.width || this.#canvas.height !== bitmap.height) {
-      this.#canvas.width = bitmap.width;
-      this.#canvas.height = bitmap.height;
-    }
-    this.#canvas.getContext("2d")?.drawImage(bitmap, 0, 0);
-    bitmap.close();
+    paint(this.#canvas, bitmap);
     this.#exposed = performance.now() - ageMs;
     this.#judge();
   }

@@ -1,6 +1,6 @@
 /** One parameter: its control made from its declaration, with help, error and reset. */
 
-import { button, h, icon, input, setText } from "../elements/dom.js";
+import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
 
 /** @import { ParameterEntry, ParameterValue } from "./parameter-store.js" */
 
@@ -85,10 +85,8 @@ export class ParameterField extends HTMLElement {
       ? `Refused: ${message.replace(/\.$/, "")}. It stays at ${String(this.#shown)}.`
       : "";
     setText(this.#error, kept);
-    for (const control of this.querySelectorAll("input, select")) {
-      if (message) control.setAttribute("aria-invalid", "true");
-      else control.removeAttribute("aria-invalid");
-    }
+    for (const control of this.querySelectorAll("input, select"))
+      setAttribute(control, "aria-invalid", message ? "true" : null);
   }
 
   /** True while the text field holds an unsent edit: then Ctrl+Z is the text's. */
@@ -125,11 +123,11 @@ export class ParameterField extends HTMLElement {
       return h("div.parameter-controls", box);
     }
     if (entry.type === "choice") {
-      const options = (entry.choices ?? []).map((choice) => h("option", { value: choice }, choice));
-      const select = h("select", { id, ...described }, ...options);
-      select.addEventListener("change", () => this.#commit(select.value));
-      this.#show = (value) => (select.value = String(value));
-      return h("div.parameter-controls", select);
+      const choices = (entry.choices ?? []).map((choice) => [choice, choice]);
+      const list = select({ id, ...described }, choices);
+      list.addEventListener("change", () => this.#commit(list.value));
+      this.#show = (value) => (list.value = String(value));
+      return h("div.parameter-controls", list);
     }
     return this.#numberControls(id, described);
   }
@@ -152,10 +150,11 @@ export class ParameterField extends HTMLElement {
       step: entry.step,
       ...described,
     });
-    const gesture = this.#gesture((value) => {
+    const display = (/** @type {ParameterValue} */ value) => {
       number.value = tidy(value);
-      slider.setAttribute("aria-valuetext", `${tidy(value)} ${entry.unit}`);
-    });
+      slider.setAttribute("aria-valuetext", `${number.value} ${entry.unit}`);
+    };
+    const gesture = this.#gesture(display);
     slider.addEventListener("input", () => gesture.move(scale.valueAt(slider.valueAsNumber)));
     slider.addEventListener("change", () => gesture.end());
     slider.addEventListener("keydown", (event) => {
@@ -173,9 +172,8 @@ export class ParameterField extends HTMLElement {
     );
     this.#show = (value) => {
       if (gesture.underWay) return;
-      number.value = tidy(value);
+      display(value);
       slider.value = String(scale.placeOf(Number(value)));
-      slider.setAttribute("aria-valuetext", `${tidy(value)} ${entry.unit}`);
     };
     return h("div.parameter-controls", slider, number, h("span.unit", entry.unit));
   }

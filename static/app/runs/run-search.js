@@ -199,23 +199,15 @@ export class RunSearch extends Part {
             )
           : null,
       ),
-      run.deleted_at ? this.#bringBack(run) : this.#remover(run),
+      run.deleted_at
+        ? button([icon("undo"), "Bring back"], () => recover(this.hub, run), {
+            "aria-label": `Bring back run ${run.name}`,
+          })
+        : iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
+            disabled: run.state === "running",
+            title: "Delete",
+          }),
     );
-  }
-
-  /** @param {Run} run */
-  #remover(run) {
-    return iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
-      disabled: run.state === "running",
-      title: "Delete",
-    });
-  }
-
-  /** @param {Run} run */
-  #bringBack(run) {
-    return button([icon("undo"), "Bring back"], () => recover(this.hub, run), {
-      "aria-label": `Bring back run ${run.name}`,
-    });
   }
 
   /** @param {Run} run */

@@ -156,8 +156,9 @@ export class TruthPicker extends Part {
         throw error;
       }
     };
-    const taken = await this.#do(send, this.#sending, `Reading ${file.name}…`);
-    if (!taken) setText(this.#error, naming(this.#error.textContent ?? "", file.name));
+    await this.#do(send, this.#sending, `Reading ${file.name}…`);
+    const why = this.#error.textContent;
+    if (why) setText(this.#error, naming(why, file.name));
   }
 
   async #delete() {

@@ -125,9 +125,10 @@ export function oneAtATime(changed = () => {}, place = null) {
  * @returns {Promise<boolean>}
  */
 export async function confirmed(question, consequence, action) {
-  const answer = await ask(
+  const answer = await showModal(
+    "question",
     question,
-    h("p", consequence),
+    [h("p", consequence)],
     h("button.button", { value: "no" }, "Keep"),
     h("button.button.danger", { value: "yes" }, action),
   );
@@ -144,33 +145,13 @@ export async function confirmed(question, consequence, action) {
  */
 export async function answered(question, label, first) {
   const line = input("text", "answer", { maxlength: 100, required: true, value: first });
-  const closed = ask(
+  const closed = showModal(
+    "question",
     question,
-    field(label, line),
+    [field(label, line)],
     h("button.button.primary", { value: "yes" }, "Take it"),
     h("button.button", { value: "no", formnovalidate: true }, "Leave"),
   );
   line.select();
   return (await closed) === "yes" ? line.value.trim() : null;
-}
-
-/**
- * @param {string} question
- * @param {HTMLElement} content
- * @param {...HTMLButtonElement} buttons
- */
-function ask(question, content, ...buttons) {
-  return showModal(
-    h(
-      "dialog.question",
-      { "aria-labelledby": "question-title" },
-      h(
-        "form",
-        { method: "dialog" },
-        h("h2", { id: "question-title" }, question),
-        content,
-        h("div.row.end", ...buttons),
-      ),
-    ),
-  );
 }

@@ -50,7 +50,7 @@ class LiveTruthForm extends Part {
   #heard = h("div.stack", { hidden: true });
   #names = "";
   #followed = "";
-  #do = oneAtATime((busy) => busy || this.#render(), this.#error);
+  #do = oneAtATime(() => this.#render(), this.#error);
 
   build() {
     const form = h(
