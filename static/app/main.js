@@ -1,35 +1,36 @@
 /** The page's start: one hub, and every part attached to it. */
 
-import "./calibrating/wizard.js";
-import "./calibration-health.js";
-import "./calibration-panel.js";
+import "./calibration/calibration-health.js";
+import "./calibration/calibration-panel.js";
+import "./calibration/rig-panel.js";
+import "./calibration/wizard.js";
+import "./chart/speed-chart.js";
 import "./driving/guard-check.js";
 import "./driving/programmes.js";
 import "./driving/robots-panel.js";
 import "./driving/stop-bar.js";
-import "./ego-motion.js";
-import "./first-line.js";
-import "./freshness-banner.js";
-import "./live-cameras.js";
-import "./live-truth.js";
-import "./live-views.js";
-import "./obstacle-table.js";
-import "./parameter-form.js";
-import "./playback-bar.js";
-import "./rig-panel.js";
-import "./run-bar.js";
-import "./run-list.js";
+import "./live/ego-motion.js";
+import "./live/live-cameras.js";
+import "./live/live-views.js";
+import "./live/obstacle-table.js";
+import "./live/scene.js";
+import "./live/status-panel.js";
+import "./parameters/parameter-form.js";
 import "./runs/history-view.js";
-import "./scene.js";
-import "./side-tabs.js";
-import "./source-picker.js";
-import "./speed-chart.js";
-import "./status-panel.js";
-import "./theme-choice.js";
-import { Hub } from "./hub.js";
-import { Part } from "./part.js";
+import "./runs/run-bar.js";
+import "./runs/run-list.js";
+import "./shell/first-line.js";
+import "./shell/freshness-banner.js";
+import "./shell/side-tabs.js";
+import "./shell/theme-choice.js";
+import "./sources/live-truth.js";
+import "./sources/playback-bar.js";
+import "./sources/source-picker.js";
+import { Driver } from "./driving/driver.js";
+import { Part } from "./elements/part.js";
+import { Hub } from "./shell/hub.js";
 
-const hub = new Hub();
+const hub = new Hub((hub) => new Driver(hub));
 for (const element of document.querySelectorAll("[data-part]")) {
   if (element instanceof Part) element.attach(hub);
 }

@@ -28,7 +28,7 @@ _FAKE_GAMEPAD = """() => {
   Object.defineProperty(navigator, "getGamepads", { value: () => [window.fakePad] });
   window.dispatchEvent(new Event("gamepadconnected"));
 }"""
-_ASK = """import("/static/app/notice.js").then((notice) => {
+_ASK = """import("/static/app/shell/notice.js").then((notice) => {
   notice.confirmed("Are you sure?", "It is only a test.", "Do it");
 })"""
 

@@ -24,8 +24,8 @@ _SHOW = """async (charts) => {
 }"""
 # Ten seconds at 10 Hz: truth drops out from 4 to 5 s, and at 7 s another track is the body.
 _LIVE = """async () => {
-  const { SpeedHistory } = await import("/static/app/speed-history.js");
-  const { gapsIn, joined, speedAt } = await import("/static/app/speed-curves.js");
+  const { SpeedHistory } = await import("/static/app/chart/speed-history.js");
+  const { gapsIn, joined, speedAt } = await import("/static/app/chart/speed-curves.js");
   const history = new SpeedHistory(60);
   for (let i = 0; i < 100; i += 1) {
     const [time, id] = [i / 10, i < 70 ? 3 : 5];

@@ -1,13 +1,8 @@
 /** What the server would say, in short: each gives a whole message with what a test changes of it. */
 
-/** @typedef {import("../../static/app/types.js").Obstacle} Obstacle */
-/** @typedef {import("../../static/app/types.js").TrueBody} TrueBody */
-/** @typedef {import("../../static/app/types.js").Line} Line */
-/** @typedef {import("../../static/app/types.js").Run} Run */
-/** @typedef {import("../../static/app/driving/types.js").RobotFacts} RobotFacts */
-/** @typedef {import("../../static/app/driving/types.js").RobotReport} RobotReport */
+/** @import { ObservationLine, ObstacleEntry, RobotNow, RobotReport, Run, TrueBodyEntry } from "../../static/app/contract" */
 
-/** A moving one, 3 m ahead. @param {Partial<Obstacle>} [changes] @returns {Obstacle} */
+/** A moving one, 3 m ahead. @param {Partial<ObstacleEntry>} [changes] @returns {ObstacleEntry} */
 export function obstacle(changes) {
   return {
     id: 1,
@@ -33,7 +28,7 @@ export function obstacle(changes) {
   };
 }
 
-/** @param {Partial<TrueBody>} [changes] @returns {TrueBody} */
+/** @param {Partial<TrueBodyEntry>} [changes] @returns {TrueBodyEntry} */
 export function body(changes) {
   return {
     id: 7,
@@ -51,7 +46,7 @@ export function body(changes) {
   };
 }
 
-/** @param {Partial<Line>} [changes] @returns {Line} */
+/** @param {Partial<ObservationLine>} [changes] @returns {ObservationLine} */
 export function line(changes) {
   return {
     frame: 0,
@@ -132,7 +127,7 @@ export function report(changes) {
   };
 }
 
-/** Connected, its motors off. @param {Partial<RobotFacts>} [changes] @returns {RobotFacts} */
+/** Connected, its motors off. @param {Partial<RobotNow>} [changes] @returns {RobotNow} */
 export function robot(changes) {
   return {
     port: "/dev/ttyUSB0",

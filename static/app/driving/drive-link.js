@@ -1,9 +1,11 @@
 /** The drive socket: leases, velocities, signs of presence, and how good the link is. */
 
-import { LiveSocket, socketUrl } from "../live-socket.js";
+import { LiveSocket, socketUrl } from "../shell/live-socket.js";
+import { Teller } from "../shell/teller.js";
 
-/** @typedef {import("./types.js").Role} Role */
-/** @typedef {import("./types.js").SentReply} SentReply */
+/** @import { LinkMessage, SentMessage, Velocity } from "../contract" */
+/** @import { Role } from "./roles.js" */
+/** @import { Connection } from "../shell/live-socket.js" */
 
 const ANSWER_MS = 4000;
 const PATH = "/api/drive";
@@ -15,14 +17,14 @@ const NAME_KEY = "dynamic-observer.operator";
  * Events: `lease` (a lease came, was refused or lost), `sent`, `refused` (a command was not taken;
  * see `refusal`), `link` (its quality, or whether it is open).
  */
-export class DriveLink extends EventTarget {
+export class DriveLink extends Teller {
   /** Leases in force. @type {Map<Role, string>} */
   leases = new Map();
-  /** @type {import("../types.js").Connection} */
+  /** @type {Connection} */
   connection = "closed";
-  /** @type {import("./types.js").LinkWord | null} */
+  /** @type {LinkMessage | null} */
   quality = null;
-  /** Velocities sent for the newest command. @type {Map<Role, SentReply>} */
+  /** Velocities sent for the newest command. @type {Map<Role, SentMessage>} */
   sent = new Map();
   /** The reason why the newest command was not taken. */
   refusal = "";
@@ -80,12 +82,12 @@ export class DriveLink extends EventTarget {
   release(role) {
     this.#socket.send({ type: "release", role });
     this.leases.delete(role);
-    this.#tell("lease");
+    this.tell("lease");
   }
 
   /**
    * @param {Role} role
-   * @param {import("./types.js").Velocity} velocity
+   * @param {Velocity} velocity
    */
   drive(role, { speed_mps, turn_rate_radps }) {
     this.#socket.send({
@@ -137,13 +139,13 @@ export class DriveLink extends EventTarget {
       this.#leaseChanged(message);
     } else if (message.type === "sent") {
       this.sent.set(message.role, message);
-      this.#tell("sent");
+      this.tell("sent");
     } else if (message.type === "refused") {
       this.refusal = message.sentence;
-      this.#tell("refused");
+      this.tell("refused");
     } else if (message.type === "link") {
       this.quality = message;
-      this.#tell("link");
+      this.tell("link");
     }
   }
 
@@ -153,10 +155,10 @@ export class DriveLink extends EventTarget {
     else if (state === "lost") this.leases.delete(role);
     const why = sentence ?? (holder ? `${holder} drives it.` : "It was refused.");
     if (state !== "lost") this.#answer(role, state === "yours" ? null : why);
-    this.#tell("lease");
+    this.tell("lease");
   }
 
-  /** @param {import("../types.js").Connection} state */
+  /** @param {Connection} state */
   #connectionChanged(state) {
     this.connection = state;
     if (state === "open") {
@@ -165,13 +167,8 @@ export class DriveLink extends EventTarget {
       this.leases.clear();
       this.sent.clear();
       this.quality = null;
-      this.#tell("lease");
+      this.tell("lease");
     }
-    this.#tell("link");
-  }
-
-  /** @param {string} type */
-  #tell(type) {
-    this.dispatchEvent(new Event(type));
+    this.tell("link");
   }
 }

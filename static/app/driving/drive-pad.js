@@ -1,13 +1,15 @@
 /** Driving by hand: the pad to hold, how fast, what was sent, and what limits it. */
 
-import { h, setAttribute, setText } from "../dom.js";
-import { Part } from "../part.js";
-import { fixed, sentence } from "../words.js";
-import { beyondStill } from "./hold.js";
+import { h, input, setAttribute, setText } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
 import { followKeys } from "./hold-keys.js";
+import { beyondStill } from "./hold.js";
 import { degrees, turnInWords } from "./robot-words.js";
-import { SonarRing, sonarInWords } from "./sonar-ring.js";
+import { sonarInWords, SonarRing } from "./sonar-ring.js";
+
+/** @import { RobotNow } from "../contract" */
 
 // Of the pad's width, from its middle.
 const KNOB_WAY_PERCENT = 36;
@@ -35,7 +37,7 @@ export class DrivePad extends Part {
   #ring = new SonarRing();
   #sonar = h("p.hint.figure");
   #state = h("p.pad-state", { id: "pad-state", role: "status" });
-  #share = h("input", { type: "range", id: "drive-share", min: "5", max: "100", step: "5" });
+  #share = input("range", "drive-share", { min: "5", max: "100", step: "5" });
   #fastest = h("span.figure");
   #sent = h("p.figure.drive-sent");
   #limit = h("p.drive-limit");
@@ -83,8 +85,7 @@ export class DrivePad extends Part {
     this.hear("change", () => this.#render(), driver);
     this.hear("robots", () => this.#render());
     this.whenShown(() => this.#render());
-    for (const type of ["gamepadconnected", "gamepaddisconnected"])
-      this.hear(type, () => this.#render(), window);
+    this.hear("gamepadconnected gamepaddisconnected", () => this.#render(), window);
     this.#render();
   }
 
@@ -210,7 +211,7 @@ export class DrivePad extends Part {
     setText(this.#delay, parts.join(" · "));
   }
 
-  /** @param {import("./types.js").RobotFacts | null} robot */
+  /** @param {RobotNow | null} robot */
   #renderGuard(robot) {
     const guard = robot?.guard ?? null;
     setAttribute(this.#guard, "data-level", guard?.level ?? null);

@@ -1,13 +1,15 @@
 /** Driving by this page: what is held becomes velocities ten times a second, and silence else. */
 
-import { request } from "../api.js";
-import { sentence } from "../words.js";
+import { sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { Teller } from "../shell/teller.js";
 import { DriveLink } from "./drive-link.js";
 import { Hold } from "./hold.js";
-import { isArmed, ROLES } from "./types.js";
+import { isArmed, ROLES } from "./roles.js";
+import { listenForStop } from "./stop-keys.js";
 
-/** @typedef {import("./types.js").Role} Role */
-/** @typedef {import("./types.js").RobotFacts} RobotFacts */
+/** @import { RobotNow } from "../contract" */
+/** @import { Role } from "./roles.js" */
 
 const EVERY_MS = 100;
 // The server stops a robot whose operator was silent for 250 ms; the page then asks for a new press.
@@ -20,7 +22,7 @@ const KEY = "dynamic-observer.driving";
  * Events: `change` (role, share, lease, what is held or sent, the link: read it again), `stopping`
  * (stop was pressed here), `stop-failed` (it did not reach the server).
  */
-export class Driver extends EventTarget {
+export class Driver extends Teller {
   link = new DriveLink();
   hold = new Hold();
   /** The server's state, and the state of the connection to it. */
@@ -31,19 +33,19 @@ export class Driver extends EventTarget {
   /** @type {{role: Role, share: number}} */
   #choice = remembered();
 
-  /** @param {import("../hub.js").Hub} hub */
+  /** @param {import("../shell/hub.js").Hub} hub */
   constructor(hub) {
     super();
     this.#hub = hub;
     setInterval(() => this.#tick(), EVERY_MS);
     this.hold.addEventListener("pressed", () => this.#pressed());
     this.hold.addEventListener("released", () => this.#send(0, 0));
-    this.hold.addEventListener("change", () => this.#tell("change"));
+    this.hold.addEventListener("change", () => this.tell("change"));
     for (const type of ["lease", "sent", "link"])
       this.link.addEventListener(type, () => this.#linkChanged());
     this.link.addEventListener("refused", () => this.#bar(sentence(this.link.refusal)));
     hub.addEventListener("robots", () => this.#robotsChanged());
-    hub.addEventListener("connection", () => this.#tell("change"));
+    hub.addEventListener("connection", () => this.tell("change"));
     // Browsers slow the timers of what is not seen: it lets go, and then it is silent.
     document.addEventListener("visibilitychange", () => document.hidden && this.hold.forget());
     for (const type of ["blur", "pagehide", "freeze"])
@@ -70,7 +72,7 @@ export class Driver extends EventTarget {
     this.#choose({ role: this.role, share });
   }
 
-  /** @param {Role} [role] @returns {RobotFacts | null} */
+  /** @param {Role} [role] @returns {RobotNow | null} */
   robot(role = this.role) {
     return this.#hub.robots?.robots?.[role] ?? null;
   }
@@ -133,15 +135,20 @@ export class Driver extends EventTarget {
     if (refusal) throw new Error(sentence(refusal));
   }
 
+  /** Have Space and Esc stop in a window. @param {Window} inside the page's, or a same-origin frame's */
+  listenForStop(inside) {
+    listenForStop(inside, this);
+  }
+
   /** Stop everything, by every way there is. */
   async stop() {
     this.hold.forget();
     this.link.stop();
-    this.#tell("stopping");
+    this.tell("stopping");
     try {
       await request("POST", "/robots/stop");
     } catch (error) {
-      this.#tell("stop-failed");
+      this.tell("stop-failed");
       throw error;
     }
   }
@@ -187,26 +194,21 @@ export class Driver extends EventTarget {
     if (connection !== "open") this.#bar("The link was lost: let go and press again.");
     else if (quality?.sentence) this.#bar(`${quality.sentence}: let go and press again.`);
     else if (!leases.has(this.role)) this.#bar("You do not drive it any more.");
-    this.#tell("change");
+    this.tell("change");
   }
 
   #robotsChanged() {
     // An older message may be on its way while it is armed and held at once.
     if (this.#hub.robots?.stopped) this.#bar("Everything was stopped.");
     else if (this.robot()?.state === "disarmed") this.#bar(this.robot()?.why ?? "It was disarmed.");
-    this.#tell("change");
+    this.tell("change");
   }
 
   /** @param {{role: Role, share: number}} choice */
   #choose(choice) {
     this.#choice = choice;
     localStorage.setItem(KEY, JSON.stringify(choice));
-    this.#tell("change");
-  }
-
-  /** @param {string} type */
-  #tell(type) {
-    this.dispatchEvent(new Event(type));
+    this.tell("change");
   }
 }
 

@@ -1,26 +1,27 @@
 /** The guided check: what to do at each step, what was measured, and the records of earlier ones. */
 
-import { request } from "../api.js";
 import {
   button,
   details,
+  downloadLink,
   field,
   h,
-  icon,
+  input,
+  item,
   onSubmit,
   setAttribute,
   setText,
-  textInput,
-} from "../dom.js";
-import { KeptList, passFocus } from "../focus-place.js";
-import { confirmed, oneAtATime } from "../notice.js";
-import { Part } from "../part.js";
-import { fixed, sentence, when } from "../words.js";
-import { ROLE_WORDS, stopInWords } from "./robot-words.js";
+  stateChip,
+} from "../elements/dom.js";
+import { KeptList, passFocus } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence, when } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { confirmed, oneAtATime } from "../shell/notice.js";
+import { stopInWords } from "./robot-words.js";
+import { ROLE_WORDS } from "./roles.js";
 
-/** @typedef {import("./types.js").Check} Check */
-/** @typedef {import("./types.js").CheckStep} CheckStep */
-/** @typedef {import("./types.js").CheckEntry} CheckEntry */
+/** @import { CheckEntry, CheckStep } from "../contract" */
 
 /** @type {Record<string, string>} */
 const STATES = {
@@ -34,13 +35,12 @@ const STATES = {
 };
 
 class GuardCheck extends Part {
-  #whole = details("Check the guard");
   #what = h(
     "p.hint",
     "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server.",
   );
   #advice = h("p.check-advice");
-  #note = textInput("check-note", { maxlength: "500" });
+  #note = input("text", "check-note", { maxlength: "500" });
   #start = h("button.button.primary", { type: "submit" }, "Start check");
   #form = h("form.stack", field("Note for the record", this.#note), h("div.row", this.#start));
   #title = h("p.figure");
@@ -66,8 +66,21 @@ class GuardCheck extends Part {
   #recordList = h("ul.item-list.check-records", { "aria-label": "Records of checks" });
   #records = new KeptList(this.#recordList, (/** @type {CheckEntry} */ entry) => recordItem(entry));
   #none = h("p.empty", "No check is kept yet.");
-  #earlier = h("div");
-  #do = oneAtATime(() => {
+  #earlier = h("div", h("h4", "Earlier checks"), this.#none, this.#recordList);
+  #whole = details(
+    "Check the guard",
+    this.#what,
+    this.#advice,
+    this.#form,
+    this.#now,
+    this.#outcome,
+    this.#trouble,
+    this.#keep,
+    this.#stepList,
+    this.#earlier,
+  );
+  #do = oneAtATime((busy) => {
+    if (busy) return;
     this.#loaded = "";
     this.#render();
   });
@@ -75,18 +88,6 @@ class GuardCheck extends Part {
   #loaded = "";
 
   build() {
-    this.#whole.append(
-      this.#what,
-      this.#advice,
-      this.#form,
-      this.#now,
-      this.#outcome,
-      this.#trouble,
-      this.#keep,
-      this.#stepList,
-      this.#earlier,
-    );
-    this.#earlier.append(h("h4", "Earlier checks"), this.#none, this.#recordList);
     this.append(this.#whole);
     onSubmit(this.#form, () => this.#do(() => this.#begin()));
     this.#whole.addEventListener("toggle", () => this.#render());
@@ -198,62 +199,41 @@ class GuardCheck extends Part {
 
 /** @param {string} state */
 function chip(state) {
-  const element = h("span.state-chip", STATES[state] ?? state);
   // To do is nothing to be warned of.
-  setAttribute(element, "data-state", state === "waiting" ? "none" : state);
-  return element;
+  return stateChip(state === "waiting" ? "none" : state, STATES[state] ?? state);
 }
 
 /** @param {CheckStep} step */
 function stepItem({ title, state, figures, verdict, sentence: why, skipped_by }) {
   const words = figures ? `From ${fixed(figures.speed_mps, 2)} m/s: ${stopInWords(figures)}.` : "";
-  return h(
-    "li",
-    h(
-      "div.item-words",
-      h("p", h("b", title), " ", chip(state)),
-      words ? h("p.figure", words) : null,
-      verdict ? h("p.hint", sentence(verdict)) : null,
-      why ? h("p.hint", sentence(why)) : null,
-      skipped_by ? h("p.hint", `Skipped by ${skipped_by}`) : null,
-    ),
-  );
+  return item([
+    h("p", h("b", title), " ", chip(state)),
+    words && h("p.figure", words),
+    verdict && h("p.hint", sentence(verdict)),
+    why && h("p.hint", sentence(why)),
+    skipped_by && h("p.hint", `Skipped by ${skipped_by}`),
+  ]);
 }
 
 /** @param {CheckEntry} entry */
 function recordItem({ name, role, started_at, outcome, note }) {
   const path = `/api/robots/checks/${encodeURIComponent(name)}`;
   const at = when(started_at);
-  return h(
-    "li",
-    h(
-      "div.item-words",
+  return item(
+    [
       h("p", h("b", at), " ", chip(outcome)),
       h("p.hint", [ROLE_WORDS[role], note].filter(Boolean).join(" · ")),
-    ),
-    h(
-      "div.row",
-      h(
-        "a.button",
-        {
-          href: `${path}?format=markdown`,
-          download: `${name}.md`,
-          "aria-label": `Check of ${at} to read`,
-        },
-        icon("download"),
-        "Text",
-      ),
-      h(
-        "a.button",
-        {
-          href: path,
-          download: `${name}.json`,
-          "aria-label": `Check of ${at} as JSON`,
-        },
-        icon("download"),
-        "JSON",
-      ),
-    ),
+    ],
+    downloadLink("Text", {
+      href: `${path}?format=markdown`,
+      download: `${name}.md`,
+      "aria-label": `Check of ${at} to read`,
+    }),
+    downloadLink("JSON", {
+      href: path,
+      download: `${name}.json`,
+      "aria-label": `Check of ${at} as JSON`,
+    }),
   );
 }
 

@@ -1,5 +1,7 @@
 /** The controls that a person holds: pad, keys, gamepad. No timer, no socket here. */
 
+import { Teller } from "../shell/teller.js";
+
 /**
  * Deflection of a control, each axis from -1 to 1.
  *
@@ -26,7 +28,7 @@ export function beyondStill(axis) {
  * held counts no longer), `forgotten` (whoever watches a holder must see it released before it is
  * pressed again), `change`.
  */
-export class Hold extends EventTarget {
+export class Hold extends Teller {
   /** @type {Map<Holder, Deflection>} */
   #held = new Map();
   /** The reason why the hold is barred until all of it is let go; empty while it counts. */
@@ -55,8 +57,8 @@ export class Hold extends EventTarget {
   set(holder, deflection) {
     const first = this.#held.size === 0;
     this.#held.set(holder, deflection);
-    if (first) this.#tell("pressed");
-    this.#tell("change");
+    if (first) this.tell("pressed");
+    this.tell("change");
   }
 
   /** @param {Holder} holder */
@@ -64,8 +66,8 @@ export class Hold extends EventTarget {
     const counted = this.counts;
     if (!this.#held.delete(holder)) return;
     if (this.#held.size === 0) this.barred = "";
-    if (counted && !this.counts) this.#tell("released");
-    this.#tell("change");
+    if (counted && !this.counts) this.tell("released");
+    this.tell("change");
   }
 
   /** Nobody is there to let go: the window lost its focus, the page was hidden, a robot stopped. */
@@ -73,9 +75,9 @@ export class Hold extends EventTarget {
     const counted = this.counts;
     this.#held.clear();
     this.barred = "";
-    this.#tell("forgotten");
-    if (counted) this.#tell("released");
-    this.#tell("change");
+    this.tell("forgotten");
+    if (counted) this.tell("released");
+    this.tell("change");
   }
 
   /**
@@ -86,12 +88,7 @@ export class Hold extends EventTarget {
   bar(why) {
     if (!this.counts) return;
     this.barred = why;
-    this.#tell("released");
-    this.#tell("change");
-  }
-
-  /** @param {string} type */
-  #tell(type) {
-    this.dispatchEvent(new Event(type));
+    this.tell("released");
+    this.tell("change");
   }
 }

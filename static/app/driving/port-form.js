@@ -1,11 +1,12 @@
 /** Port and model of a role's robot. */
 
-import { ApiError, request } from "../api.js";
-import { button, field, h, onSubmit, select, setAttribute, setText, textInput } from "../dom.js";
-import { notify, oneAtATime } from "../notice.js";
-import { Part } from "../part.js";
+import { button, field, fillList, h, input, onSubmit, select, setText } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { request } from "../shell/api.js";
+import { attemptIn, notify, oneAtATime, refuse } from "../shell/notice.js";
 
-/** @typedef {import("./types.js").Role} Role */
+/** @import { Devices, RobotsMessage, SerialPortNow } from "../contract" */
+/** @import { Role } from "./roles.js" */
 
 const MODELS = [
   ["", "As the robot says of itself"],
@@ -20,10 +21,8 @@ const ELSEWHERE = [
   ["coppeliasim:localhost:23000/PioneerP3DX", "a robot of a CoppeliaSim scene"],
 ];
 
-/** @typedef {{path: string, by_id: string | null, description: string | null, usable: boolean, trouble: string | null}} SerialPort */
-
 export class PortForm extends Part {
-  #port = textInput("robot-port", {
+  #port = input("text", "robot-port", {
     list: "robot-ports",
     spellcheck: "false",
     required: true,
@@ -67,7 +66,7 @@ export class PortForm extends Part {
     form.addEventListener("input", () => {
       this.#changed = true;
     });
-    this.hear("reconnected", () => void this.#look());
+    this.hear("reconnected", () => this.#look());
     this.hear("change", () => this.#render(), this.hub.driver);
     this.hear("robots", () => this.#render());
     this.#render();
@@ -76,7 +75,7 @@ export class PortForm extends Part {
 
   /** Suggest the serial ports that are there now. */
   async #look() {
-    /** @type {{serial_ports: SerialPort[]} | null} */
+    /** @type {Devices | null} */
     const devices = await request("GET", "/devices").catch(() => null);
     const ports = devices?.serial_ports ?? [];
     this.#ports.replaceChildren(
@@ -91,8 +90,9 @@ export class PortForm extends Part {
           ? "The server's machine has no serial port on USB."
           : `On the server's machine: ${ports.map(wordsOf).join("; ")}.`,
     );
-    this.#troubles.replaceChildren(
-      ...ports.flatMap(({ trouble }) => (trouble ? [h("li", trouble)] : [])),
+    fillList(
+      this.#troubles,
+      ports.flatMap(({ trouble }) => trouble ?? []),
     );
   }
 
@@ -114,7 +114,7 @@ export class PortForm extends Part {
     );
     // What was typed meanwhile is not lost.
     if (this.#changed) return;
-    this.#fail("");
+    refuse(this.#error, "");
     this.#port.value = kept?.port ?? "";
     this.#model.value = kept?.model ?? "";
   }
@@ -122,10 +122,9 @@ export class PortForm extends Part {
   async #save() {
     const role = this.#role;
     const port = this.#port.value.trim();
-    if (!port) return this.#fail("Give the port of the robot.");
-    this.#fail("");
-    try {
-      /** @type {import("./types.js").DrivingFacts} */
+    if (!port) return refuse(this.#error, "Give the port of the robot.");
+    await attemptIn(this.#error, async () => {
+      /** @type {RobotsMessage} */
       const robots = await request("PUT", `/robots/${role}/port`, {
         port,
         model: this.#model.value || null,
@@ -141,10 +140,7 @@ export class PortForm extends Part {
           ? `The ${role} is being connected at ${shown}.`
           : `${shown} is kept for the ${role}: it is connected once live cameras are open.`,
       );
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      this.#fail(error.message);
-    }
+    });
   }
 
   async #drop() {
@@ -153,15 +149,9 @@ export class PortForm extends Part {
     await request("DELETE", `/robots/${role}/port`);
     notify(`The ${role}'s port is forgotten.`);
   }
-
-  /** @param {string} message empty takes the error away */
-  #fail(message) {
-    setText(this.#error, message);
-    setAttribute(this.#port, "aria-invalid", message ? "true" : null);
-  }
 }
 
-/** @param {SerialPort} port */
+/** @param {SerialPortNow} port */
 function wordsOf({ path, description, usable }) {
   return `${path}${description ? ` (${description})` : ""}${usable ? "" : ", may not be opened"}`;
 }

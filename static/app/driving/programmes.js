@@ -1,16 +1,26 @@
 /** Programmes: timed velocities that are played while their operator stays present. */
 
-import { request } from "../api.js";
-import { button, details, field, h, icon, iconButton, onSubmit, setText } from "../dom.js";
-import { KeptList } from "../focus-place.js";
-import { attemptIn, confirmed, notify, oneAtATime } from "../notice.js";
-import { Part } from "../part.js";
-import { sentence } from "../words.js";
-import { clock, incidentInWords, lastsInWords, ROLE_WORDS } from "./robot-words.js";
-import { isArmed } from "./types.js";
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  iconButton,
+  input,
+  item,
+  onSubmit,
+  setText,
+} from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attemptIn, confirmed, notify, oneAtATime } from "../shell/notice.js";
+import { clock, incidentInWords, lastsInWords } from "./robot-words.js";
+import { isArmed, ROLE_WORDS } from "./roles.js";
 
-/** @typedef {import("./types.js").ProgrammeEntry} ProgrammeEntry */
-/** @typedef {import("./types.js").RunningProgramme} RunningProgramme */
+/** @import { ProgrammeEntry, ProgrammeNow } from "../contract" */
 
 class Programmes extends Part {
   /** @type {ProgrammeEntry[]} */
@@ -18,15 +28,8 @@ class Programmes extends Part {
   #list = h("ul.item-list");
   #kept = new KeptList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
   #empty = h("p.empty", "No programme could be read.");
-  #repeat = h("input", {
-    type: "number",
-    id: "programme-repeat",
-    min: "1",
-    max: "100",
-    step: "1",
-    value: "1",
-  });
-  #reverse = h("input", { type: "checkbox", id: "programme-reverse" });
+  #repeat = input("number", "programme-repeat", { min: "1", max: "100", step: "1", value: "1" });
+  #reverse = input("checkbox", "programme-reverse");
   #running = h("div.programme-running", { hidden: true });
   #words = h("p.figure");
   #progress = h("progress", { max: "1", value: "0", "aria-label": "How far the programme is" });
@@ -39,7 +42,7 @@ class Programmes extends Part {
     spellcheck: "false",
     "aria-describedby": "programme-error",
   });
-  #file = h("input", { type: "file", id: "programme-file", accept: ".yaml,.yml,text/yaml" });
+  #file = input("file", "programme-file", { accept: ".yaml,.yml,text/yaml" });
   #error = h("p.field-error", { id: "programme-error", role: "alert" });
   #own = details("A programme of your own");
   /** The reason why a programme ended early; empty where none did. */
@@ -114,12 +117,12 @@ class Programmes extends Part {
     this.#ended.hidden = !told;
   }
 
-  /** @param {RunningProgramme} running */
+  /** @param {ProgrammeNow} running */
   #title({ name }) {
     return this.#programmes.find((entry) => entry.name === name)?.title ?? name;
   }
 
-  /** @param {RunningProgramme} running @returns {string} as in "0:05 of 0:14, round 2 of 3" */
+  /** @param {ProgrammeNow} running @returns {string} as in "0:05 of 0:14, round 2 of 3" */
   #place({ elapsed_s, duration_s, phase, round, repeat }) {
     const at =
       phase === "gesture" ? "its opening gesture" : `${clock(elapsed_s)} of ${clock(duration_s)}`;
@@ -177,26 +180,21 @@ class Programmes extends Part {
       "aria-label": `Copy ${title}`,
       title: "Copy its text into the field below",
     });
-    const buttons = [start, copy];
-    if (own) {
-      const remove = iconButton("trash", `Delete ${title}`, () => this.#remove(entry), {
-        title: "Delete",
-      });
-      buttons.push(remove);
-    }
     const who = roles.map((role) => ROLE_WORDS[role]).join(" and ");
-    return h(
-      "li.programme",
-      { "data-programme": name },
-      h(
-        "div.item-words",
+    const element = item(
+      [
         h("p", h("b", title)),
         h("p.hint.figure", `${who} · ${lastsInWords(duration_s)}`),
-        help ? h("p.hint", help) : null,
+        help && h("p.hint", help),
         h("p.missing"),
-      ),
-      h("div.row", ...buttons),
+      ],
+      start,
+      copy,
+      own && iconButton("trash", `Delete ${title}`, () => this.#remove(entry), { title: "Delete" }),
     );
+    element.className = "programme";
+    element.dataset.programme = name;
+    return element;
   }
 
   /** @param {ProgrammeEntry} entry */
@@ -229,7 +227,6 @@ class Programmes extends Part {
   }
 
   async #keep() {
-    setText(this.#error, "");
     await attemptIn(this.#error, async () => {
       await request("POST", "/programmes", { text: this.#text.value });
       this.#file.value = "";
@@ -240,10 +237,12 @@ class Programmes extends Part {
 
   /** @param {ProgrammeEntry} entry */
   async #remove({ name, title }) {
-    if (
-      !(await confirmed(`Delete ${title}?`, "Its text cannot be brought back.", "Delete programme"))
-    )
-      return;
+    const sure = await confirmed(
+      `Delete ${title}?`,
+      "Its text cannot be brought back.",
+      "Delete programme",
+    );
+    if (!sure) return;
     await this.#do(() => request("DELETE", `/programmes/${encodeURIComponent(name)}`));
     await this.#load();
   }

@@ -1,16 +1,12 @@
 /** Robots in words. Pure functions. */
 
-import { fixed, sentence } from "../words.js";
+import { fixed, sentence } from "../elements/words.js";
+import { ROLE_WORDS } from "./roles.js";
 
-/** @typedef {import("./types.js").RobotFacts} RobotFacts */
-/** @typedef {import("./types.js").RobotReport} RobotReport */
-/** @typedef {import("./types.js").DrivingFacts} DrivingFacts */
-/** @typedef {import("./types.js").Role} Role */
+/** @import { RobotIncident, RobotNow, RobotReport, RobotsMessage, StopMeasured } from "../contract" */
+/** @import { Role } from "./roles.js" */
 
-/** @type {Record<import("./types.js").Role, string>} */
-export const ROLE_WORDS = { observer: "Observer", obstacle: "Obstacle" };
-
-/** @type {Record<RobotFacts["state"], string>} */
+/** @type {Record<RobotNow["state"], string>} */
 const STATES = {
   connecting: "Connecting",
   disarmed: "Disarmed",
@@ -20,7 +16,7 @@ const STATES = {
   refused: "Refused",
 };
 
-/** @param {RobotFacts | null} robot */
+/** @param {RobotNow | null} robot */
 export function stateInWords(robot) {
   return robot ? (STATES[robot.state] ?? robot.state) : "No robot";
 }
@@ -29,8 +25,8 @@ export function stateInWords(robot) {
  * Say in one sentence why a robot stands.
  *
  * @param {Role} role
- * @param {RobotFacts | null} robot
- * @param {DrivingFacts | null} facts
+ * @param {RobotNow | null} robot
+ * @param {RobotsMessage | null} facts
  * @param {boolean} ours whether this page holds its lease
  */
 export function standsBecause(role, robot, facts, ours) {
@@ -51,7 +47,7 @@ export function standsBecause(role, robot, facts, ours) {
   return "Its motors are off: arm it to drive.";
 }
 
-/** Say why there is no robot. @param {Role} role @param {DrivingFacts | null} facts */
+/** Say why there is no robot. @param {Role} role @param {RobotsMessage | null} facts */
 function lackBecause(role, facts) {
   const trouble = facts?.process?.trouble ?? facts?.trouble?.[role];
   if (!facts) return "Waiting for word of the robots.";
@@ -65,7 +61,7 @@ function lackBecause(role, facts) {
 }
 
 /**
- * @param {RobotFacts | null} robot
+ * @param {RobotNow | null} robot
  * @param {boolean} ours
  */
 export function driverInWords(robot, ours) {
@@ -87,7 +83,7 @@ export function batteryInWords({ battery_v, battery, charging }) {
 /**
  * Term, value, help of everything that is told of a robot.
  *
- * @param {RobotFacts} robot
+ * @param {RobotNow} robot
  * @returns {[string, string, string][]}
  */
 export function figuresOf({ report, sent }) {
@@ -144,7 +140,7 @@ export function figuresOf({ report, sent }) {
   ];
 }
 
-/** @param {import("./types.js").Incident} incident */
+/** @param {RobotIncident} incident */
 export function incidentInWords({ at, role, sentence: words, speed_mps, stops }) {
   const date = new Date(at);
   const time = Number.isNaN(date.getTime()) ? at : date.toLocaleTimeString();
@@ -153,7 +149,7 @@ export function incidentInWords({ at, role, sentence: words, speed_mps, stops })
   return `${time} ${role ? ROLE_WORDS[role] : "Both"}${speed}: ${sentence(words)}${ends.join("")}`;
 }
 
-/** @param {import("./types.js").StopFigures} figures @returns {string} as in "zero after 220 ms, stood after 610 ms and 0.12 m" */
+/** @param {StopMeasured} figures @returns {string} as in "zero after 220 ms, stood after 610 ms and 0.12 m" */
 export function stopInWords({ zero_ms, stood_ms, distance_m, separation_m }) {
   const way = distance_m === null ? "" : ` and ${fixed(distance_m, 2)} m`;
   return [

@@ -1,12 +1,22 @@
 /** Both robots: how they are, who drives them, and driving the chosen one. */
 
-import { request } from "../api.js";
-import { button, details, field, fillList, h, setAttribute, setText } from "../dom.js";
-import { fillFigures } from "../figure-list.js";
-import { passFocus } from "../focus-place.js";
-import { oneAtATime } from "../notice.js";
-import { Part } from "../part.js";
-import { sentence } from "../words.js";
+import {
+  button,
+  details,
+  field,
+  fillList,
+  h,
+  input,
+  setAttribute,
+  setText,
+  stateChip,
+} from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
+import { passFocus } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { oneAtATime } from "../shell/notice.js";
 import { DrivePad } from "./drive-pad.js";
 import { PortForm } from "./port-form.js";
 import {
@@ -14,21 +24,22 @@ import {
   driverInWords,
   figuresOf,
   incidentInWords,
-  ROLE_WORDS,
   standsBecause,
   stateInWords,
 } from "./robot-words.js";
-import { isArmed, ROLES } from "./types.js";
+import { isArmed, ROLE_WORDS, ROLES } from "./roles.js";
 
-/** @typedef {import("./types.js").Role} Role */
+/** @import { } from "../contract" */
+/** @import { Hub } from "../shell/hub.js" */
+/** @import { Role } from "./roles.js" */
 
 class RobotsPanel extends Part {
   #cards = new Map(ROLES.map((role) => [role, makeCard(role)]));
   #why = h("p.robot-why", { role: "status" });
-  #arm = button("Arm", null, { class: "button primary" });
-  #disarm = button("Disarm", null);
-  #takeOver = button("Take over", null);
-  #giveBack = button("Give back", null, {
+  #arm = this.#act("Arm", ({ driver }) => driver.arm(driver.role), { class: "button primary" });
+  #disarm = this.#act("Disarm", ({ driver }) => request("POST", `/robots/${driver.role}/disarm`));
+  #takeOver = this.#act("Take over", ({ driver }) => driver.take(driver.role, true));
+  #giveBack = button("Give back", () => this.hub.driver.link.release(this.hub.driver.role), {
     title: "It is stopped and disarmed; others may drive it",
   });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
@@ -36,20 +47,10 @@ class RobotsPanel extends Part {
   #figures = h("dl.figures");
   #pad = new DrivePad();
   #incidents = h("ul.plain-list");
-  #happened = h(
-    "details",
-    { hidden: true },
-    h("summary", "What stopped robots lately"),
-    this.#incidents,
-  );
+  #happened = details("What stopped robots lately", this.#incidents);
   #port = new PortForm();
   #place = details("Port and model", this.#port);
-  #name = h("input", {
-    type: "text",
-    id: "operator-name",
-    maxlength: "40",
-    autocomplete: "nickname",
-  });
+  #name = input("text", "operator-name", { maxlength: "40", autocomplete: "nickname" });
   #do = oneAtATime(() => this.#render());
   #placed = false;
 
@@ -83,27 +84,21 @@ class RobotsPanel extends Part {
         if (input.checked) driver.role = role;
       });
     }
-    this.#arm.addEventListener("click", () => void this.#do(() => driver.arm(driver.role)));
-    this.#disarm.addEventListener(
-      "click",
-      () => void this.#do(() => request("POST", `/robots/${driver.role}/disarm`)),
-    );
-    this.#takeOver.addEventListener(
-      "click",
-      () => void this.#do(() => driver.take(driver.role, true)),
-    );
-    this.#giveBack.addEventListener("click", () => driver.link.release(driver.role));
     this.#name.value = driver.link.name;
     this.#name.addEventListener("change", () => {
       driver.link.name = this.#name.value;
     });
     this.#pad.attach(this.hub);
     this.#port.attach(this.hub);
-    this.hear("robots", () => this.#render());
+    this.hear("robots connection", () => this.#render());
     this.whenShown(() => this.#render());
-    this.hear("connection", () => this.#render());
     this.hear("change", () => this.#render(), driver);
     this.#render();
+  }
+
+  /** @param {string} words @param {(hub: Hub) => unknown} act @param {Record<string, unknown>} [more] */
+  #act(words, act, more) {
+    return button(words, () => this.#do(() => act(this.hub)), more);
   }
 
   #render() {
@@ -158,7 +153,7 @@ class RobotsPanel extends Part {
       button.hidden = true;
     }
     this.#arm.disabled = !armable;
-    this.#renderFigures(robot);
+    fillFigures(this.#figures, robot ? figuresOf(robot) : []);
     const incidents = [...(robots?.incidents ?? [])].reverse();
     this.#happened.hidden = incidents.length === 0;
     fillList(this.#incidents, incidents.map(incidentInWords));
@@ -167,22 +162,13 @@ class RobotsPanel extends Part {
       this.#place.open = !robot;
     }
   }
-
-  /** @param {import("./types.js").RobotFacts | null} robot */
-  #renderFigures(robot) {
-    const figures = robot ? figuresOf(robot) : [];
-    fillFigures(
-      this.#figures,
-      figures.map(([term, text, help]) => ({ term, text, help })),
-    );
-  }
 }
 
 /** @param {Role} role */
 function makeCard(role) {
   const input = h("input", { type: "radio", name: "drive-role", value: role });
   const name = h("span.role-name");
-  const state = h("span.state-chip");
+  const state = stateChip("none", "");
   const facts = h("span.hint.figure");
   const element = h(
     "label.role-card",

@@ -1,9 +1,8 @@
 /** The robot from above: its outline, the guard's zones and what its sonar hears. */
 
-import { setAttribute, svg } from "../dom.js";
+import { setAttribute, svg } from "../elements/dom.js";
 
-/** @typedef {import("./types.js").RobotFacts} RobotFacts */
-/** @typedef {import("./types.js").SonarReading} SonarReading */
+/** @import { RobotNow, SonarReading } from "../contract" */
 
 const REACH_M = 3;
 const RINGS_M = [1, 2, 3];
@@ -36,7 +35,7 @@ export class SonarRing {
     );
   }
 
-  /** @param {RobotFacts | null} robot */
+  /** @param {RobotNow | null} robot */
   show(robot) {
     const { report, guard } = robot ?? {};
     this.#zone(this.#slow, guard?.slow_zone, guard?.level);
@@ -64,7 +63,7 @@ export class SonarRing {
     setAttribute(this.element, "aria-label", `The robot from above. ${sonarInWords(robot)}`);
   }
 
-  /** @param {RobotFacts | null} robot */
+  /** @param {RobotNow | null} robot */
   #showBody(robot) {
     const { width_m, length_m, radius_m } = robot?.report ?? {};
     const key = `${width_m} ${length_m} ${radius_m} ${robot?.state}`;
@@ -100,7 +99,7 @@ export class SonarRing {
 /**
  * Say how near the nearest echo is.
  *
- * @param {RobotFacts | null} robot
+ * @param {RobotNow | null} robot
  */
 export function sonarInWords(robot) {
   const sonars = robot?.report.sonars ?? [];

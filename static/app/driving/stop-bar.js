@@ -1,10 +1,9 @@
 /** The stop button, in sight wherever one is on the page, and what it did. */
 
-import { request } from "../api.js";
-import { button, h, icon, setAttribute, setText } from "../dom.js";
-import { attempt, notify } from "../notice.js";
-import { Part } from "../part.js";
-import { listenForStop } from "./stop-keys.js";
+import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { request } from "../shell/api.js";
+import { attempt, notify } from "../shell/notice.js";
 
 const WHAT_IT_IS = "Software stop, no emergency stop: keep the hardware switch in reach";
 // It is answered within a tenth of this, or something is wrong.
@@ -34,7 +33,7 @@ class StopBar extends Part {
     const { driver } = this.hub;
     this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
     this.append(this.#latched, h("div.stop-words", this.#what, this.#keys), this.#stop);
-    listenForStop(window, driver);
+    driver.listenForStop(window);
     this.hear("stopping", () => this.#begin(), driver);
     this.hear(
       "stop-failed",

@@ -1,16 +1,25 @@
 /** Laying truth over a run: with which file, how well, and which track is which body. */
 
-import { ApiError, request } from "../api.js";
-import { button, details, field, fillList, h, setAttribute, setText } from "../dom.js";
-import { Part } from "../part.js";
-import { fixed, sentence } from "../words.js";
+import {
+  button,
+  details,
+  field,
+  fillList,
+  h,
+  offer,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attemptIn } from "../shell/notice.js";
 import { CameraOnBody, placeInWords } from "./camera-on-body.js";
 import { MatchTable } from "./match-table.js";
 import { TruthPicker } from "./truth-picker.js";
 
-/** @typedef {import("./types.js").Alignment} Alignment */
-/** @typedef {import("./types.js").Chart} Chart */
-/** @typedef {import("./types.js").TruthFile} TruthFile */
+/** @import { AlignmentFacts, RunChart, TruthEntry as TruthFile } from "../contract" */
 
 export class AlignmentPanel extends Part {
   /** Called once a run is aligned anew. @type {() => void} */
@@ -31,7 +40,7 @@ export class AlignmentPanel extends Part {
   #state = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert" });
   #another = details("Lay truth over this run");
-  /** @type {Chart | null} */
+  /** @type {RunChart | null} */
   #chart = null;
   #busy = false;
 
@@ -64,7 +73,7 @@ export class AlignmentPanel extends Part {
     this.hidden = true;
   }
 
-  /** @param {Chart} chart */
+  /** @param {RunChart} chart */
   show(chart) {
     const other = chart.run.id !== this.#chart?.run.id;
     this.#chart = chart;
@@ -86,7 +95,7 @@ export class AlignmentPanel extends Part {
     setAttribute(this.#sentence, "class", chart.aligned ? "" : "hint");
     const { alignment } = chart;
     this.#camera.found = alignment?.camera_on_body ?? null;
-    this.#figures.replaceChildren(...(alignment ? figuresOf(alignment) : []));
+    fillFigures(this.#figures, alignment ? figuresOf(alignment) : []);
     fillList(this.#notes, (alignment?.notes ?? []).map(sentence));
     this.#showMatches();
   }
@@ -106,11 +115,9 @@ export class AlignmentPanel extends Part {
     const names = live ? Object.keys(roles) : (file?.info.bodies.map(({ name }) => name) ?? []);
     this.#bodies.hidden = names.length === 0;
     setAttribute(this.#align, "aria-disabled", file || live ? null : "true");
-    this.#observer.replaceChildren(
-      h("option", { value: "" }, "found out by its motion"),
-      ...names.map((name) => h("option", { value: name }, name)),
-    );
-    this.#observer.value = names.find((name) => roles[name] === "observer") ?? "";
+    const observer = names.find((name) => roles[name] === "observer");
+    const choices = names.map((name) => [name, name]);
+    offer(this.#observer, [["", "found out by its motion"], ...choices], observer);
     this.#compared.replaceChildren(
       ...names.map((name) => {
         const box = h("input", { type: "checkbox", value: name });
@@ -122,7 +129,7 @@ export class AlignmentPanel extends Part {
 
   /** With all else as it was, and with what a person said of other tracks before. */
   async #correct(/** @type {string} */ key, /** @type {string | null} */ body) {
-    const { run, alignment, choices } = /** @type {Chart} */ (this.#chart);
+    const { run, alignment, choices } = /** @type {RunChart} */ (this.#chart);
     const said = Object.entries(alignment?.matches ?? {}).flatMap(([each, match]) =>
       match.by === "person" ? [[each, match.body]] : [],
     );
@@ -186,35 +193,30 @@ export class AlignmentPanel extends Part {
   async #ask(wanted) {
     const run = this.#chart?.run;
     if (!run || this.#busy) return this.#showMatches();
-    setText(this.#error, "");
     this.#setBusy(true);
     setText(this.#state, "Aligning: the speeds of the whole run are compared…");
-    try {
+    const done = await attemptIn(this.#error, async () => {
       await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
       setText(this.#state, "Aligned; the errors are computed anew…");
       this.hub.tell("runs");
       this.aligned();
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#state, "");
-      this.#showMatches();
-      setText(
-        this.#error,
-        `${error.message} ${this.#chart?.aligned ? "The alignment stays as it was." : ""}`.trim(),
-      );
-    } finally {
-      this.#setBusy(false);
-    }
+    });
+    this.#setBusy(false);
+    if (done) return;
+    setText(this.#state, "");
+    this.#showMatches();
+    if (this.#chart?.aligned)
+      setText(this.#error, `${this.#error.textContent} The alignment stays as it was.`);
   }
 }
 
-/** @param {Alignment} alignment how well it fits, in figures */
+/** @param {AlignmentFacts} alignment how well it fits, in figures */
 function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time }) {
   const drift =
     time.drift_sigma_ppm === null
       ? "not told apart"
       : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
-  /** @type {[string, string][]} */
+  /** @type {import("../elements/figure-list.js").Figure[]} */
   const figures = [
     ["Time offset", `${fixed(1000 * time.offset_s, 1)} ± ${fixed(1000 * time.sigma_s, 1)} ms`],
     ["Clock drift", drift],
@@ -224,7 +226,7 @@ function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time })
     ["Positions apart", apart === null ? "not compared" : `${fixed(apart, 2)} m`],
   ];
   if (camera) figures.push(["Camera on its body", placeInWords(camera)]);
-  return figures.map(([words, value]) => h("div", h("dt", words), h("dd", value)));
+  return figures;
 }
 
 customElements.define("observer-alignment", AlignmentPanel);

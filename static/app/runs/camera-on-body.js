@@ -1,11 +1,11 @@
 /** Camera extrinsics on the observer's motion-capture body: typed in, or left to be found out. */
 
-import { button, details, h, textInput } from "../dom.js";
-import { fixed } from "../words.js";
+import { button, details, field, h, input } from "../elements/dom.js";
+import { fixed } from "../elements/words.js";
 
-/** @typedef {import("./types.js").CameraPlace} CameraPlace */
+/** @import { CameraOnBodyFacts } from "../contract" */
 
-/** Key, words, unit, help. @type {[keyof CameraPlace, string, string, string][]} */
+/** Key, words, unit, help. @type {[keyof CameraOnBodyFacts, string, string, string][]} */
 const NUMBERS = [
   ["x_m", "x", "m", "along the body's x"],
   ["y_m", "y", "m", "along the body's y"],
@@ -19,17 +19,13 @@ export class CameraOnBody extends HTMLElement {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
-      textInput(`camera-on-body-${key}`, {
-        inputmode: "decimal",
-        placeholder: "found out",
-        "aria-describedby": `camera-on-body-help-${key}`,
-      }),
+      input("text", `camera-on-body-${key}`, { inputmode: "decimal", placeholder: "found out" }),
     ]),
   );
   #fill = button("Fill in what was found", () => this.#write(this.#found));
   #empty = button("Leave it to be found out", () => this.#write(null));
   #details = details("Where the camera sits on that body");
-  /** @type {CameraPlace | null} */
+  /** @type {CameraOnBodyFacts | null} */
   #found = null;
 
   connectedCallback() {
@@ -44,12 +40,7 @@ export class CameraOnBody extends HTMLElement {
         h(
           "div.rig-fields",
           ...NUMBERS.map(([key, words, unit, help]) =>
-            h(
-              "div.field",
-              h("label", { for: `camera-on-body-${key}` }, `${words}, ${unit}`),
-              this.#inputs.get(key),
-              h("p.hint", { id: `camera-on-body-help-${key}` }, help),
-            ),
+            field(`${words}, ${unit}`, /** @type {HTMLElement} */ (this.#inputs.get(key)), help),
           ),
         ),
         h("div.row", this.#fill, this.#empty),
@@ -58,20 +49,20 @@ export class CameraOnBody extends HTMLElement {
     this.append(this.#details);
   }
 
-  /** Another run is shown. @param {CameraPlace | null} said what a person typed in for its alignment */
+  /** Another run is shown. @param {CameraOnBodyFacts | null} said what a person typed in for its alignment */
   show(said) {
     this.#details.open = said !== null;
     this.#write(said);
   }
 
-  /** Offer what was found; typed values stay. @param {CameraPlace | null} found */
+  /** Offer what was found; typed values stay. @param {CameraOnBodyFacts | null} found */
   set found(found) {
     this.#found = found;
     this.#fill.hidden = found === null;
   }
 
   /**
-   * @returns {CameraPlace | null} null: nothing was typed in
+   * @returns {CameraOnBodyFacts | null} null: nothing was typed in
    * @throws {RangeError} some of it is missing or no number; one sentence
    */
   get place() {
@@ -91,19 +82,19 @@ export class CameraOnBody extends HTMLElement {
           `${words} of the camera on its body must be a number, not ${text.slice(0, 40)}.`,
         );
     }
-    return /** @type {CameraPlace} */ (
+    return /** @type {CameraOnBodyFacts} */ (
       Object.fromEntries(texts.map(({ key, text }) => [key, Number(text)]))
     );
   }
 
-  /** @param {CameraPlace | null} place */
+  /** @param {CameraOnBodyFacts | null} place */
   #write(place) {
     for (const [key, input] of this.#inputs)
       input.value = place ? String(Number(place[key].toFixed(key.endsWith("_m") ? 4 : 2))) : "";
   }
 }
 
-/** @param {CameraPlace} place */
+/** @param {CameraOnBodyFacts} place */
 export function placeInWords({ x_m, y_m, z_m, pan_deg, tilt_deg, roll_deg }) {
   return `${fixed(x_m, 2)}, ${fixed(y_m, 2)}, ${fixed(z_m, 2)} m; pan ${fixed(pan_deg, 1)}°, tilt ${fixed(tilt_deg, 1)}°, roll ${fixed(roll_deg, 1)}°`;
 }

@@ -1,14 +1,13 @@
 /** Several runs side by side: their speeds, their errors, and what was set otherwise. */
 
-import { ApiError, request } from "../api.js";
-import { h, setText, table, tableRow } from "../dom.js";
-import { Part } from "../part.js";
-import { duration, when } from "../words.js";
+import { h, setText, table, tableRow } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { duration, when } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
 import { RunChart } from "./run-chart.js";
 import { runHref } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
-/** @typedef {import("./types.js").Chart} Chart */
+/** @import { RunChart as Chart } from "../contract" */
 
 // Truth is laid over a re-run once it has ended; until then it is asked again.
 const AGAIN_MS = 4000;
@@ -20,7 +19,7 @@ export class CompareView extends Part {
 
   #chart = new RunChart();
   #waiting = h("p.empty", { role: "status" });
-  #table = h("div.scroll-x");
+  #table = h("div");
   #error = h("p.field-error", { role: "alert" });
   /** @type {string[]} */
   #ids = [];
@@ -30,7 +29,7 @@ export class CompareView extends Part {
 
   build() {
     this.append(this.#error, this.#waiting, this.#chart, this.#table);
-    this.hear("reconnected", () => void this.#load());
+    this.hear("reconnected", () => this.#load());
   }
 
   /** @param {string[]} ids none: another view is shown */

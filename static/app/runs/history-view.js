@@ -1,13 +1,13 @@
 /** The history: runs found again, looked at, compared. It takes the place of the live parts. */
 
-import { button, h, setAttribute } from "../dom.js";
-import { giveBackFocus } from "../focus-place.js";
-import { Part } from "../part.js";
+import { button, h, setAttribute } from "../elements/dom.js";
+import { giveBackFocus } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
 import { CompareView } from "./compare-view.js";
-import { SavedClipList } from "./saved-clip-list.js";
 import { RunSearch } from "./run-search.js";
 import { RunView } from "./run-view.js";
 import { placeOf } from "./run-words.js";
+import { SavedClipList } from "./saved-clip-list.js";
 
 /** Shows what the page's address names, so that it is kept, linked to and gone back from. */
 class HistoryView extends Part {

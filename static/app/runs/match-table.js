@@ -1,10 +1,9 @@
 /** Table of the body that each track is, corrected by a click. */
 
-import { h, setAttribute, table } from "../dom.js";
-import { fixed, trackColour } from "../words.js";
+import { h, select, setAttribute, table, tint } from "../elements/dom.js";
+import { fixed, trackColour } from "../elements/words.js";
 
-/** @typedef {import("./types.js").Alignment} Alignment */
-/** @typedef {import("./types.js").Curve} Curve */
+/** @import { AlignmentFacts, ChartCurve } from "../contract" */
 
 /** Ways in which a track's body was found. @type {Record<string, string>} */
 const BY = { position: "by position", speed: "by speed", person: "as you said" };
@@ -16,8 +15,8 @@ export class MatchTable extends HTMLElement {
   corrected = () => {};
 
   /**
-   * @param {Alignment | null} alignment
-   * @param {Curve[]} curves
+   * @param {AlignmentFacts | null} alignment
+   * @param {ChartCurve[]} curves
    */
   show(alignment, curves) {
     const keys = Object.keys(alignment?.matches ?? {});
@@ -30,14 +29,11 @@ export class MatchTable extends HTMLElement {
       ? activeElement?.getAttribute("data-choice")
       : null;
     this.replaceChildren(
-      h(
-        "div.scroll-x",
-        table(
-          "matches",
-          ["Track", "Seen", "Body", "Found"],
-          keys.map((key) => this.#row(key, alignment, bodies, curves)),
-          "Which body each track is; choose another to correct it.",
-        ),
+      table(
+        "matches",
+        ["Track", "Seen", "Body", "Found"],
+        keys.map((key) => this.#row(key, alignment, bodies, curves)),
+        "Which body each track is; choose another to correct it.",
       ),
     );
     if (focused)
@@ -54,9 +50,9 @@ export class MatchTable extends HTMLElement {
 
   /**
    * @param {string} key of the track, its segment first
-   * @param {Alignment} alignment
+   * @param {AlignmentFacts} alignment
    * @param {string[]} bodies
-   * @param {Curve[]} curves
+   * @param {ChartCurve[]} curves
    */
   #row(key, alignment, bodies, curves) {
     const [segment = 0, track = 0] = key.split(":").map(Number);
@@ -76,7 +72,7 @@ export class MatchTable extends HTMLElement {
       : "–";
     return h(
       "tr",
-      h("th", { scope: "row", "data-track": trackColour(track) }, h("span.swatch"), name),
+      h("th", { scope: "row" }, tint(h("span.swatch"), trackColour(track)), name),
       h("td", seen),
       h(
         "td",
@@ -116,12 +112,8 @@ export class MatchTable extends HTMLElement {
    * @param {string | null} now
    */
   #list(key, label, bodies, now) {
-    const list = h(
-      "select",
-      { "aria-label": label, "data-choice": key },
-      h("option", { value: "" }, NONE),
-      ...bodies.map((body) => h("option", { value: body }, body)),
-    );
+    const choices = [["", NONE], ...bodies.map((body) => [body, body])];
+    const list = select({ "aria-label": label, "data-choice": key }, choices);
     list.value = now ?? "";
     list.addEventListener("change", () => this.corrected(key, list.value || null));
     return list;

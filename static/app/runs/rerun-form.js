@@ -1,20 +1,29 @@
 /** Observing a run's recording once more with other parameters. */
 
-import { request } from "../api.js";
-import { details, field, fillList, h, onSubmit, setAttribute, setText, textInput } from "../dom.js";
-import { attemptIn } from "../notice.js";
-import { ParameterGroups } from "../parameter-groups.js";
-import { Part } from "../part.js";
-import { counted } from "../words.js";
+import {
+  details,
+  field,
+  fillList,
+  h,
+  input,
+  offer,
+  onSubmit,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { counted } from "../elements/words.js";
+import { ParameterGroups } from "../parameters/parameter-groups.js";
+import { request } from "../shell/api.js";
+import { oneAtATime } from "../shell/notice.js";
+import { Teller } from "../shell/teller.js";
 import { compareHref, hasImages, runHref } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
-/** @typedef {import("../types.js").ParameterEntry} ParameterEntry */
-/** @typedef {import("../types.js").Preset} Preset */
-/** @typedef {Record<string, import("../types.js").ParameterValue>} Values */
+/** @import { Run } from "../contract" */
+/** @import { ParameterEntry, Preset, Values } from "../parameters/parameter-store.js" */
 
 /** Values that are not in force yet. Event: `values`. */
-class Draft extends EventTarget {
+class Draft extends Teller {
   /** @type {Values} */
   values = {};
   /** Values that reset goes to. @type {Values} */
@@ -23,7 +32,7 @@ class Draft extends EventTarget {
   /** @param {Values} changes */
   async change(changes) {
     this.values = { ...this.values, ...changes };
-    this.dispatchEvent(new Event("values"));
+    this.tell("values");
     return true;
   }
 
@@ -43,14 +52,9 @@ class Draft extends EventTarget {
 export class RerunForm extends Part {
   #draft = new Draft();
   #groups = new ParameterGroups("rerun");
-  #name = textInput("rerun-name", { maxlength: 100, placeholder: "optional" });
+  #name = input("text", "rerun-name", { maxlength: 100, placeholder: "optional" });
   #preset = h("select", { id: "rerun-preset" });
-  #search = h("input", {
-    type: "search",
-    id: "rerun-search",
-    placeholder: "Find a parameter",
-    autocomplete: "off",
-  });
+  #search = input("search", "rerun-search", { placeholder: "Find a parameter" });
   #differing = h("ul.plain-list");
   #differs = h("p.hint", { role: "status" });
   #start = h("button.button.primary", { type: "submit" }, "Observe again");
@@ -66,7 +70,10 @@ export class RerunForm extends Part {
   #run = null;
   /** The newest re-run that was begun here. @type {Run | null} */
   #begun = null;
-  #busy = false;
+  #do = oneAtATime(
+    (busy) => setAttribute(this.#start, "aria-disabled", busy ? "true" : null),
+    this.#error,
+  );
 
   build() {
     this.#form.append(
@@ -128,10 +135,8 @@ export class RerunForm extends Part {
     }
     this.#presets = await request("GET", "/presets").catch(() => []);
     this.#groups.make(this.#schema, this.#draft);
-    this.#preset.replaceChildren(
-      h("option", { value: "" }, "the values of this run"),
-      ...this.#presets.map(({ name }) => h("option", { value: name }, `preset ${name}`)),
-    );
+    const presets = this.#presets.map(({ name }) => [name, `preset ${name}`]);
+    offer(this.#preset, [["", "the values of this run"], ...presets], "");
     const declared = Object.fromEntries(this.#schema.map((entry) => [entry.name, entry.default]));
     this.#draft.values = {};
     const own = /** @type {typeof declared | undefined} */ (this.#run?.parameters);
@@ -166,30 +171,22 @@ export class RerunForm extends Part {
 
   async #begin() {
     const run = this.#run;
-    if (!run || this.#busy) return;
-    this.#busy = true;
-    setAttribute(this.#start, "aria-disabled", "true");
-    setText(this.#error, "");
+    if (!run) return;
     const name = this.#name.value.trim();
     const preset = this.#preset.value;
     const begin = this.#startingValues();
     const parameters = Object.fromEntries(
       Object.entries(this.#draft.values).filter(([each, value]) => begin[each] !== value),
     );
-    try {
-      await attemptIn(this.#error, async () => {
-        this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
-          ...(name ? { name } : {}),
-          ...(preset ? { preset } : {}),
-          parameters,
-        });
-        this.hub.tell("runs");
-        this.#renderProgress();
+    await this.#do(async () => {
+      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
+        ...(name ? { name } : {}),
+        ...(preset ? { preset } : {}),
+        parameters,
       });
-    } finally {
-      this.#busy = false;
-      setAttribute(this.#start, "aria-disabled", null);
-    }
+      this.hub.tell("runs");
+      this.#renderProgress();
+    });
   }
 
   #renderProgress() {

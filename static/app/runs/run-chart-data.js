@@ -1,12 +1,11 @@
 /** The curves of stored runs, prepared for one chart or several. Pure functions. */
 
-import { gapsIn, speedAt } from "../speed-curves.js";
-import { trackColour } from "../words.js";
+import { gapsIn, speedAt } from "../chart/speed-curves.js";
+import { trackColour } from "../elements/words.js";
 
-/** @typedef {import("../speed-curves.js").Curve} Curve */
+/** @import { ChartCurve, RunChart } from "../contract" */
 
-/** @typedef {import("./types.js").Curve} StoredCurve */
-/** @typedef {import("./types.js").Chart} StoredChart */
+/** @import { Curve } from "../chart/speed-curves.js" */
 
 /** @typedef {"matched" | "band" | "truth" | "commanded" | "encoder" | "stray" | "own"} Choice what can be shown or hidden */
 
@@ -18,7 +17,7 @@ import { trackColour } from "../words.js";
 /**
  * @typedef {object} Panel one chart
  * @property {string} title
- * @property {StoredChart[]} charts
+ * @property {RunChart[]} charts
  * @property {ChosenCurve[]} curves
  * @property {{time: number, speed: number, words: string, colour: string, choice: Choice}[]} starts
  * @property {{time: number, words: string, colour: string, body: string, run: string}[]} changes
@@ -33,7 +32,7 @@ const NAMED_FROM = 5;
 const ORDER = ["truth", "commanded", "encoder", "matched", "stray", "own"];
 
 /**
- * @param {StoredChart[]} charts
+ * @param {RunChart[]} charts
  * @param {boolean} overlaid all in one, coloured by run; else a chart for each, coloured by track
  * @returns {Panel[]}
  */
@@ -55,7 +54,7 @@ export function panelsOf(charts, overlaid) {
   // What a run and its re-run have in common is drawn once.
   const shared = sameRecording(charts);
   const curves = charts.flatMap((chart, run) =>
-    curvesOf(chart, run, Number(origins[run]), { colour: runColour(run), shared }).filter(
+    curvesOf(chart, run, Number(origins[run]), { colour: trackColour(run), shared }).filter(
       (curve) => !shared || run === 0 || isTrack(curve),
     ),
   );
@@ -66,23 +65,18 @@ export function panelsOf(charts, overlaid) {
       curves: inOrder(inLanes(curves)),
       starts: [],
       changes: charts.flatMap((chart, run) =>
-        changesOf(chart, Number(origins[run]), runColour(run)),
+        changesOf(chart, Number(origins[run]), trackColour(run)),
       ),
       gaps: gapsOf(curves),
     },
   ];
 }
 
-/** @param {number} run its place @returns {string} a colour's name in tokens.css */
-export function runColour(run) {
-  return `--track-${trackColour(run)}`;
-}
-
 /**
  * Return the origin of each chart on its source's clock: zero, unless runs of several
  * recordings stand beside each other; their clocks have nothing to do with each other.
  *
- * @param {StoredChart[]} charts
+ * @param {RunChart[]} charts
  * @returns {number[]}
  */
 export function originsOf(charts) {
@@ -90,7 +84,7 @@ export function originsOf(charts) {
   return charts.map(({ curves }) => least(curves.map(({ times }) => times[0])) ?? 0);
 }
 
-/** Say whether all are of one recording: a run and its re-runs. @param {StoredChart[]} charts */
+/** Say whether all are of one recording: a run and its re-runs. @param {RunChart[]} charts */
 export function sameRecording(charts) {
   const origin = new Map(charts.map(({ run }) => [run.id, run.rerun_of ?? null]));
   const roots = charts.map(({ run }) => {
@@ -133,7 +127,7 @@ export function trackInWords(track) {
 }
 
 /**
- * @param {StoredChart} chart
+ * @param {RunChart} chart
  * @param {number} run its place
  * @param {number} origin
  * @param {{colour: string, shared: boolean} | null} overlay its colour among other runs; shared: they have their recording in common
@@ -172,21 +166,21 @@ function curvesOf(chart, run, origin, overlay) {
     });
 }
 
-/** @param {StoredCurve} curve @param {boolean} known whether any track has a body @returns {Choice} */
+/** @param {ChartCurve} curve @param {boolean} known whether any track has a body @returns {Choice} */
 function choiceOf({ kind, role, body }, known) {
   if (kind === "estimate") return known && !body ? "stray" : "matched";
   return role === "observer" ? "own" : kind;
 }
 
-/** Name a curve as the live chart does. @param {StoredCurve} curve */
+/** Name a curve as the live chart does. @param {ChartCurve} curve */
 function labelOf({ kind, label, track_id }) {
   if (kind === "estimate") return track_id === null ? label : `Obstacle ${track_id}`;
   return kind === "truth" ? `Truth ${label}` : label;
 }
 
-/** @param {StoredCurve} curve @param {Choice} choice */
+/** @param {ChartCurve} curve @param {Choice} choice */
 function colourOf({ kind, track_id }, choice) {
-  if (choice === "matched") return `--track-${trackColour(track_id ?? 0)}`;
+  if (choice === "matched") return trackColour(track_id ?? 0);
   if (choice === "own") return "--accent";
   if (kind === "truth") return "--text";
   return kind === "encoder" ? "--warn" : "--muted";
@@ -229,7 +223,7 @@ function isTrack({ choice }) {
 /**
  * With a null in every stretch that is too long, so that no line is drawn over it.
  *
- * @param {StoredCurve} curve
+ * @param {ChartCurve} curve
  */
 function withGaps({ times, speeds, stds }) {
   const steps = times.slice(1).map((time, i) => time - Number(times[i]));
@@ -266,7 +260,7 @@ function startsOf(curves) {
     .sort((a, b) => a.time - b.time);
 }
 
-/** @param {StoredChart} chart @param {number} origin @param {string} colour */
+/** @param {RunChart} chart @param {number} origin @param {string} colour */
 function changesOf({ run, changes }, origin, colour) {
   return changes.map(({ time, body, before, after }) => ({
     time: time - origin,

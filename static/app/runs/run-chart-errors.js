@@ -1,33 +1,18 @@
 /** The table of a run's speed errors, or of several runs beside each other. */
 
-import { details, h, swatch } from "../dom.js";
-import { fixed } from "../words.js";
-import { runColour } from "./run-chart-data.js";
+import { details, h, swatch, table } from "../elements/dom.js";
+import { fixed, trackColour } from "../elements/words.js";
 
-/** @typedef {import("./run-chart-data.js").StoredChart} StoredChart */
-
-/**
- * @typedef {object} SpeedErrors as observer.evaluation.speed_errors defines them
- * @property {"all" | "direction" | "way" | "body" | "track"} group
- * @property {string} label
- * @property {string | null} body
- * @property {number} samples
- * @property {number | null} bias_mps
- * @property {number | null} rmse_mps
- * @property {number | null} maximum_mps
- * @property {number | null} coverage 0 to 1
- * @property {number} covered_of
- * @property {number | null} seen_share 0 to 1
- */
+/** @import { RunChart, SpeedErrorsEntry } from "../contract" */
 
 const COLUMNS = ["samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % band", "seen"];
 const WHAT = `An error is the speed by the observer less the true one at the instant to which it belongs,
   over the whole run. Seen is the share of the time in which the body moved in sight and was measured.`;
 
-/** @param {StoredChart[]} charts @param {boolean} coloured by run, as the chart is @returns {HTMLElement} */
+/** @param {RunChart[]} charts @param {boolean} coloured by run, as the chart is @returns {HTMLElement} */
 export function errorSection(charts, coloured) {
   const several = charts.length > 1;
-  const known = charts.some((chart) => errorsOf(chart).some(({ samples }) => samples > 0));
+  const known = charts.some((chart) => chart.errors.some(({ samples }) => samples > 0));
   return h(
     "section.chart-errors",
     { "aria-label": "Errors of speed" },
@@ -38,45 +23,43 @@ export function errorSection(charts, coloured) {
     known
       ? several
         ? comparison(charts, coloured)
-        : ofOne(charts[0] ? errorsOf(charts[0]) : [])
+        : ofOne(charts[0] ? charts[0].errors : [])
       : null,
   );
 }
 
-/** @param {StoredChart} chart @returns {SpeedErrors[]} */
-function errorsOf({ errors }) {
-  return /** @type {SpeedErrors[]} */ (errors);
+/** @param {string[]} more headings @param {HTMLElement[]} rows or bodies of rows */
+function errorTable(more, rows) {
+  const of = h("span.visually-hidden", "of");
+  const scrolled = { tabindex: 0, role: "group", "aria-label": "Table of errors" };
+  return table("", [of, ...more, ...COLUMNS], rows, undefined, scrolled);
 }
 
-/** @param {SpeedErrors[]} errors */
+/** @param {SpeedErrorsEntry[]} errors */
 function ofOne(errors) {
   const tracks = errors.filter(({ group }) => group === "track");
-  const rows = (/** @type {SpeedErrors[]} */ some) =>
+  const rows = (/** @type {SpeedErrorsEntry[]} */ some) =>
     some.map((each) => h("tr", h("th", { scope: "row" }, inWords(each)), ...cells(each, false)));
   return h(
     "div.stack",
-    table(["", ...COLUMNS], rows(errors.filter(({ group }) => group !== "track"))),
+    errorTable([], rows(errors.filter(({ group }) => group !== "track"))),
     tracks.length
       ? details(
           tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`,
-          table(["", ...COLUMNS], rows(tracks)),
+          errorTable([], rows(tracks)),
         )
       : null,
   );
 }
 
-/** Each group once, with a line for every run; tracks have nothing to do with each other. @param {StoredChart[]} charts @param {boolean} coloured */
+/** Each group once, with a line for every run; tracks have nothing to do with each other. @param {RunChart[]} charts @param {boolean} coloured */
 function comparison(charts, coloured) {
   const groups = new Set(
-    charts.flatMap((chart) =>
-      errorsOf(chart)
-        .filter(({ group }) => group !== "track")
-        .map(inWords),
-    ),
+    charts.flatMap((chart) => chart.errors.filter(({ group }) => group !== "track").map(inWords)),
   );
   const bodies = [...groups].map((words) => {
     const found = charts.map((chart) =>
-      errorsOf(chart).find((each) => each.group !== "track" && inWords(each) === words),
+      chart.errors.find((each) => each.group !== "track" && inWords(each) === words),
     );
     const best = Math.min(...found.map((each) => each?.rmse_mps ?? Infinity));
     return h(
@@ -89,41 +72,23 @@ function comparison(charts, coloured) {
           h(
             "th",
             { scope: "row" },
-            h("span.of-run", coloured ? swatch("estimate", runColour(at)) : null, run.name),
+            h("span.of-run", coloured ? swatch("estimate", trackColour(at)) : null, run.name),
           ),
           ...(each
             ? cells(each, charts.length > 1 && each.rmse_mps === best)
-            : COLUMNS.map(() => h("td.number", "–"))),
+            : COLUMNS.map(() => h("td", "–"))),
         );
       }),
     );
   });
-  return table(["", "run", ...COLUMNS], bodies);
+  return errorTable(["run"], bodies);
 }
 
-/** @param {string[]} header @param {HTMLElement[]} content rows, or bodies of rows */
-function table(header, content) {
-  const rows = content.some((each) => each.localName === "tbody")
-    ? content
-    : [h("tbody", ...content)];
-  const of = (/** @type {string} */ words) =>
-    h(
-      "th",
-      { scope: "col", class: COLUMNS.includes(words) ? "number" : null },
-      words || h("span.visually-hidden", "of"),
-    );
-  return h(
-    "div.scroll-x",
-    { tabindex: 0, role: "group", "aria-label": "Table of errors" },
-    h("table", h("thead", h("tr", ...header.map(of))), ...rows),
-  );
-}
-
-/** @param {SpeedErrors} each @param {boolean} best */
+/** @param {SpeedErrorsEntry} each @param {boolean} best */
 function cells(each, best) {
   const covered = each.coverage === null ? null : `of ${each.covered_of} that state a band`;
   const number = (/** @type {string} */ words, /** @type {Record<string, unknown>} */ more = {}) =>
-    h("td.number", { ...more }, words);
+    h("td", { ...more }, words);
   return [
     number(String(each.samples)),
     number(fixed(each.bias_mps, 3)),
@@ -142,7 +107,7 @@ function percent(share) {
   return share === null ? "–" : `${(100 * share).toFixed(0)} %`;
 }
 
-/** @param {SpeedErrors} errors @returns {string} */
+/** @param {SpeedErrorsEntry} errors @returns {string} */
 function inWords({ group, label, body }) {
   if (group === "all") return "Whole run";
   if (group === "direction")

@@ -1,14 +1,13 @@
 /** One chart of stored runs: its curves, what the pointer or the keys read of them, and in words. */
 
-import { h, setAttribute, setText, swatch } from "../dom.js";
-import { withBand } from "../speed-curves.js";
-import { SpeedPlot } from "../speed-plot.js";
-import { fixed, sentence } from "../words.js";
+import { withBand } from "../chart/speed-curves.js";
+import { SpeedPlot } from "../chart/speed-plot.js";
+import { h, setAttribute, setText, swatch } from "../elements/dom.js";
+import { fixed, sentence } from "../elements/words.js";
 import { readingsAt } from "./run-chart-data.js";
 
-/** @typedef {import("./run-chart-data.js").Panel} Panel */
-/** @typedef {import("./run-chart-data.js").Choice} Choice */
-/** @typedef {import("./run-chart-data.js").StoredChart} StoredChart */
+/** @import { RunChart } from "../contract" */
+/** @import { Choice, ChosenCurve, Panel } from "./run-chart-data.js" */
 
 /**
  * State shared by all panels of a comparison; seconds as in their curves.
@@ -44,7 +43,7 @@ export class ChartPanel {
   #said = h("p.visually-hidden", { role: "status" });
   /** @type {number | null} */
   #time = null;
-  /** @type {import("./run-chart-data.js").ChosenCurve[]} */
+  /** @type {ChosenCurve[]} */
   #shown = [];
   #plot;
 
@@ -176,7 +175,7 @@ export class ChartPanel {
   }
 }
 
-/** Say why there is no truth to compare with. @param {StoredChart} chart @param {boolean} named */
+/** Say why there is no truth to compare with. @param {RunChart} chart @param {boolean} named */
 function noteOf({ run, aligned, sentence: told }, named) {
   if (aligned || !told) return null;
   return h("p.chart-note", named ? `${run.name}: ${sentence(told)}` : sentence(told));

@@ -5,15 +5,15 @@
  * stand beside each other is the element's own.
  */
 
-import { button, h, setText, swatch } from "../dom.js";
-import { fixed } from "../words.js";
-import { extentOf, originsOf, panelsOf, runColour, sameRecording } from "./run-chart-data.js";
+import { ChartExport, ofRun } from "../chart/chart-export.js";
+import { button, h, setText, swatch } from "../elements/dom.js";
+import { fixed, trackColour } from "../elements/words.js";
+import { extentOf, originsOf, panelsOf, sameRecording } from "./run-chart-data.js";
 import { errorSection } from "./run-chart-errors.js";
-import { ChartExport, ofRun } from "./run-chart-export.js";
 import { ChartPanel } from "./run-chart-panel.js";
 
-/** @typedef {import("./run-chart-data.js").StoredChart} StoredChart */
-/** @typedef {import("./run-chart-data.js").Choice} Choice */
+/** @import { RunChart as StoredChart } from "../contract" */
+/** @import { Choice } from "./run-chart-data.js" */
 
 // Less than this is not zoomed into.
 const LEAST_SPAN_S = 0.2;
@@ -227,7 +227,7 @@ export class RunChart extends HTMLElement {
     );
     const runs = several
       ? this.#charts.map(({ run }, at) =>
-          h("span.of-run", swatch("estimate", runColour(at)), run.name),
+          h("span.of-run", swatch("estimate", trackColour(at)), run.name),
         )
       : [];
     this.#legend.replaceChildren(h("legend.visually-hidden", "Curves"), ...runs, ...entries);

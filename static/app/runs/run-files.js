@@ -1,11 +1,21 @@
 /** A run as files: the report, and what other tools read. */
 
-import { ApiError, requestImage } from "../api.js";
-import { button, download, field, h, icon, select, setAttribute, setText } from "../dom.js";
-import { Part } from "../part.js";
+import {
+  button,
+  download,
+  downloadLink,
+  field,
+  h,
+  icon,
+  select,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { ApiError, requestImage } from "../shell/api.js";
 import { size } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
+/** @import { Run } from "../contract" */
 
 /** Path below the run's, ending of the file, words, help. @type {[string, string, string, string][]} */
 const FILES = [
@@ -47,8 +57,8 @@ export class RunFiles extends Part {
   #cancel = button("Cancel", () => this.#making?.abort(), { hidden: true });
   #error = h("p.field-error", { role: "alert" });
   #without = h("p.hint");
-  #recording = h("a.button", { download: true }, icon("download"), "Recording, MCAP");
-  #speeds = h("a.button", { download: true }, icon("download"), "Speeds, CSV");
+  #recording = downloadLink("Recording, MCAP", {});
+  #speeds = downloadLink("Speeds, CSV", {});
   #more = h("div.stack");
   /** @type {Run | null} */
   #run = null;

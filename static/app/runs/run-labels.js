@@ -1,17 +1,18 @@
 /** A run's name, tags and notes, by which it is found again; kept as they are changed. */
 
-import { ApiError, request } from "../api.js";
-import { button, field, h, icon, onSubmit, setText, textInput } from "../dom.js";
-import { KeptList } from "../focus-place.js";
-import { Part } from "../part.js";
+import { button, field, h, icon, input, onSubmit, setText } from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { request } from "../shell/api.js";
+import { attemptIn } from "../shell/notice.js";
 
-/** @typedef {import("./types.js").Run} Run */
+/** @import { History, Run } from "../contract" */
 
 export class RunLabels extends Part {
   /** Called with the run as it is kept now. @type {(run: Run) => void} */
   changed = () => {};
 
-  #name = textInput("run-label-name", { maxlength: 100 });
+  #name = input("text", "run-label-name", { maxlength: 100 });
   #notes = h("textarea", { id: "run-label-notes", rows: 4, maxlength: 20000 });
   #list = h("ul.tag-list", { "aria-label": "Tags" });
   #tags = new KeptList(
@@ -19,7 +20,7 @@ export class RunLabels extends Part {
     (/** @type {string} */ tag) => this.#tag(tag),
     () => this.#add,
   );
-  #add = textInput("run-label-tag", {
+  #add = input("text", "run-label-tag", {
     list: "run-label-tags",
     maxlength: 300,
     placeholder: "Add a tag",
@@ -97,7 +98,7 @@ export class RunLabels extends Part {
   }
 
   async #suggest() {
-    /** @type {import("./types.js").History | null} */
+    /** @type {History | null} */
     const found = await request("GET", "/history?limit=1&offset=0").catch(() => null);
     this.#known.replaceChildren(
       ...Object.keys(found?.tags ?? {}).map((tag) => h("option", { value: tag })),
@@ -108,24 +109,18 @@ export class RunLabels extends Part {
   async #keep(change) {
     const run = this.#run;
     if (!run) return false;
-    setText(this.#error, "");
     setText(this.#state, "Saving…");
-    try {
+    const done = await attemptIn(this.#error, async () => {
       /** @type {Run} */
       const kept = await request("PATCH", `/runs/${encodeURIComponent(run.id)}`, change);
-      setText(this.#state, "Saved.");
       if (this.#run?.id === kept.id) {
         this.show(kept);
         this.changed(kept);
       }
       this.hub.tell("runs");
-      return true;
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      setText(this.#state, "");
-      setText(this.#error, error.message);
-      return false;
-    }
+    });
+    setText(this.#state, done ? "Saved." : "");
+    return done;
   }
 }
 

@@ -1,15 +1,23 @@
 /** Finding runs: by words, by tags; choosing some to compare; deleting and bringing back. */
 
-import { request } from "../api.js";
-import { button, h, icon, iconButton, setAttribute, setText } from "../dom.js";
-import { KeptList } from "../focus-place.js";
-import { attempt, attemptIn, notify, notifyError } from "../notice.js";
-import { Part } from "../part.js";
-import { counted, sentence, when } from "../words.js";
+import {
+  button,
+  h,
+  icon,
+  iconButton,
+  input,
+  setAttribute,
+  setText,
+  stateChip,
+} from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { counted, sentence, when } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attempt, attemptIn, notify } from "../shell/notice.js";
 import { compareHref, facts, runHref, size } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
-/** @typedef {import("./types.js").History} History */
+/** @import { History, Run } from "../contract" */
 
 const PAGE = 50;
 const ASK_AFTER_MS = 200;
@@ -17,19 +25,14 @@ const ASK_AFTER_MS = 200;
 const MOST_COMPARED = 4;
 
 export class RunSearch extends Part {
-  #words = h("input", {
-    type: "search",
-    id: "history-words",
-    placeholder: "Name, note or tag",
-    autocomplete: "off",
-  });
+  #words = input("search", "history-words", { placeholder: "Name, note or tag" });
   #tags = h("div.chips", { role: "group", "aria-label": "Only runs with these tags" });
   #chips = new KeptList(
     this.#tags,
     (/** @type {[string, number]} */ tag) => this.#tag(...tag),
     () => this.#words,
   );
-  #deleted = h("input", { type: "checkbox", id: "history-deleted" });
+  #deleted = input("checkbox", "history-deleted");
   #found = h("p.hint", { role: "status" });
   #disk = h("p.hint");
   #compare = button("Compare", () => this.#goCompare());
@@ -73,8 +76,7 @@ export class RunSearch extends Part {
     );
     this.#words.addEventListener("input", () => this.#soon());
     this.#deleted.addEventListener("change", () => void this.#load());
-    this.hear("runs", () => void this.#load());
-    this.hear("reconnected", () => void this.#load());
+    this.hear("runs reconnected", () => this.#load());
     this.hear("status", () => {
       const id = this.hub.status?.run?.id ?? null;
       if (id === this.#running) return;
@@ -182,7 +184,7 @@ export class RunSearch extends Part {
         h(
           "p.run-line",
           run.deleted_at ? h("b", run.name) : h("a", { href: runHref(run.id) }, run.name),
-          h("span.state-chip", { "data-state": run.state }, run.state),
+          stateChip(run.state),
           run.aligned ? h("span.mark-chip", "aligned with truth") : null,
           run.rerun_of ? h("span.mark-chip", "re-run") : null,
           ...run.tags.map((tag) => h("span.tag-chip.plain", tag)),
@@ -197,23 +199,15 @@ export class RunSearch extends Part {
             )
           : null,
       ),
-      run.deleted_at ? this.#bringBack(run) : this.#remover(run),
+      run.deleted_at
+        ? button([icon("undo"), "Bring back"], () => recover(this.hub, run), {
+            "aria-label": `Bring back run ${run.name}`,
+          })
+        : iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
+            disabled: run.state === "running",
+            title: "Delete",
+          }),
     );
-  }
-
-  /** @param {Run} run */
-  #remover(run) {
-    return iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
-      disabled: run.state === "running",
-      title: "Delete",
-    });
-  }
-
-  /** @param {Run} run */
-  #bringBack(run) {
-    return button([icon("undo"), "Bring back"], () => recover(this.hub, run), {
-      "aria-label": `Bring back run ${run.name}`,
-    });
   }
 
   /** @param {Run} run */
@@ -247,24 +241,20 @@ export class RunSearch extends Part {
 /**
  * Hide a run, with the way back.
  *
- * @param {import("../hub.js").Hub} hub
+ * @param {import("../shell/hub.js").Hub} hub
  * @param {Run} run
  * @returns {Promise<boolean>} whether it was
  */
 export async function removeRun(hub, run) {
-  try {
-    await request("DELETE", `/runs/${encodeURIComponent(run.id)}`);
-  } catch (error) {
-    notifyError(error);
+  if (!(await attempt(() => request("DELETE", `/runs/${encodeURIComponent(run.id)}`))))
     return false;
-  }
   notify(`Run ${run.name} deleted.`, "done", { words: "Undo", act: () => void recover(hub, run) });
   hub.tell("runs");
   return true;
 }
 
 /**
- * @param {import("../hub.js").Hub} hub
+ * @param {import("../shell/hub.js").Hub} hub
  * @param {Run} run
  */
 async function recover(hub, run) {

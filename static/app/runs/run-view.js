@@ -1,10 +1,10 @@
 /** One run: its speeds against truth, what is known of it, and what can be made of it. */
 
-import { ApiError, request } from "../api.js";
-import { button, details, h, icon, setText, table, tableRow } from "../dom.js";
-import { attempt, notify } from "../notice.js";
-import { Part } from "../part.js";
-import { sentence } from "../words.js";
+import { button, details, h, icon, setText, table, tableRow } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { sentence } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
+import { attempt, notify } from "../shell/notice.js";
 import { AlignmentPanel } from "./alignment-panel.js";
 import { RerunForm } from "./rerun-form.js";
 import { RunChart } from "./run-chart.js";
@@ -13,8 +13,7 @@ import { RunLabels } from "./run-labels.js";
 import { removeRun } from "./run-search.js";
 import { compareHref, facts, hasImages } from "./run-words.js";
 
-/** @typedef {import("./types.js").Run} Run */
-/** @typedef {import("./types.js").Chart} Chart */
+/** @import { Run, RunChart as Chart } from "../contract" */
 
 const AGAIN_MS = 5000;
 
@@ -73,7 +72,7 @@ export class RunView extends Part {
     for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
     this.#labels.changed = (run) => this.#takeRun(run);
     this.#truth.aligned = () => void this.#load();
-    this.hear("reconnected", () => void this.#load());
+    this.hear("reconnected", () => this.#load());
     this.hear("status", () => {
       const id = this.hub.status?.run?.id ?? null;
       const ended = this.#running === this.#id && id !== this.#id;
@@ -179,13 +178,10 @@ function settingsOf(run) {
     ...Object.entries(versions),
   ];
   const listed = (/** @type {[string, unknown][]} */ rows) =>
-    h(
-      "div.scroll-x",
-      table(
-        "settings",
-        [],
-        rows.map(([name, value]) => tableRow(name, String(value))),
-      ),
+    table(
+      "settings",
+      [],
+      rows.map(([name, value]) => tableRow(name, String(value))),
     );
   return details("Settings of this run", listed(lines), listed(Object.entries(parameters)));
 }

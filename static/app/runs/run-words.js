@@ -1,8 +1,8 @@
 /** Runs in words. Pure functions. */
 
-import { counted, duration, when } from "../words.js";
+import { counted, duration, when } from "../elements/words.js";
 
-/** @typedef {import("./types.js").Run} Run */
+/** @import { Run } from "../contract" */
 
 const UNITS = ["B", "kB", "MB", "GB", "TB"];
 

@@ -1,14 +1,14 @@
 /** Saved half minutes: played as a source, downloaded, deleted. */
 
-import { request } from "../api.js";
-import { button, h, icon, iconButton } from "../dom.js";
-import { KeptList } from "../focus-place.js";
-import { attempt, confirmed, notify } from "../notice.js";
-import { Part } from "../part.js";
-import { when } from "../words.js";
+import { button, downloadLink, h, icon, iconButton, item } from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { when } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attempt, confirmed, notify } from "../shell/notice.js";
 import { runHref, size } from "./run-words.js";
 
-/** @typedef {import("../contract").RingEntry} Clip */
+/** @import { RingEntry } from "../contract" */
 
 export class SavedClipList extends Part {
   /** Called once one of them is open as a source. @type {() => void} */
@@ -18,7 +18,7 @@ export class SavedClipList extends Part {
   #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
-    (/** @type {Clip} */ clip) => this.#item(clip),
+    (/** @type {RingEntry} */ clip) => this.#item(clip),
     () => this.#heading,
   );
   #shown = false;
@@ -26,9 +26,7 @@ export class SavedClipList extends Part {
   build() {
     this.hidden = true;
     this.append(this.#heading, this.#list);
-    this.hear("saved clips", () => void this.#load());
-    this.hear("runs", () => void this.#load());
-    this.hear("reconnected", () => void this.#load());
+    this.hear("saved-clips runs reconnected", () => this.#load());
   }
 
   /** @param {boolean} shown */
@@ -40,14 +38,14 @@ export class SavedClipList extends Part {
 
   async #load() {
     if (!this.#shown) return;
-    /** @type {Clip[] | null} */
+    /** @type {RingEntry[] | null} */
     const clips = await request("GET", "/recording/rings").catch(() => null);
     if (!clips) return;
     this.hidden = !this.#shown || (clips.length === 0 && !this.contains(document.activeElement));
     this.#items.show(clips, ({ name }) => name);
   }
 
-  /** @param {Clip} clip */
+  /** @param {RingEntry} clip */
   #item(clip) {
     const { name, run_id: run, bytes } = clip;
     const at = when(clip.saved_at);
@@ -60,37 +58,22 @@ export class SavedClipList extends Part {
       () => this.#delete(clip),
       { title: "Delete" },
     );
-    return h(
-      "li",
-      h(
-        "div.item-words",
+    return item(
+      [
         h("p", `Until ${at}`),
-        h(
-          "p.hint",
-          size(bytes),
-          run ? ", " : null,
-          run ? h("a", { href: runHref(run) }, "of this run") : null,
-        ),
-      ),
-      h(
-        "div.row",
-        play,
-        h(
-          "a.button",
-          {
-            href: `/api/recording/rings/${encodeURIComponent(name)}`,
-            download: `${name}.mcap`,
-            "aria-label": `Download the half minute until ${at}`,
-          },
-          icon("download"),
-          "MCAP",
-        ),
-        remove,
-      ),
+        h("p.hint", size(bytes), run && ", ", run && h("a", { href: runHref(run) }, "of this run")),
+      ],
+      play,
+      downloadLink("MCAP", {
+        href: `/api/recording/rings/${encodeURIComponent(name)}`,
+        download: `${name}.mcap`,
+        "aria-label": `Download the half minute until ${at}`,
+      }),
+      remove,
     );
   }
 
-  /** @param {Clip} clip */
+  /** @param {RingEntry} clip */
   async #open(clip) {
     await attempt(async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: clip.source }));
@@ -99,16 +82,14 @@ export class SavedClipList extends Part {
     });
   }
 
-  /** @param {Clip} clip */
+  /** @param {RingEntry} clip */
   async #delete(clip) {
-    if (
-      !(await confirmed(
-        `Delete the half minute until ${when(clip.saved_at)}?`,
-        "It cannot be had back.",
-        "Delete half minute",
-      ))
-    )
-      return;
+    const sure = await confirmed(
+      `Delete the half minute until ${when(clip.saved_at)}?`,
+      "It cannot be had back.",
+      "Delete half minute",
+    );
+    if (!sure) return;
     await attempt(() => request("DELETE", `/recording/rings/${encodeURIComponent(clip.name)}`));
     await this.#load();
   }

@@ -1,23 +1,24 @@
 /** Files of motion capture: send one in, see what was understood of it, choose one. */
 
-import { ApiError, request } from "../api.js";
 import {
   button,
   details,
+  dropZone,
   field,
   h,
-  icon,
   iconButton,
-  onDrop,
+  input,
+  offer,
   setText,
   table,
   tableRow,
-} from "../dom.js";
-import { attempt, confirmed } from "../notice.js";
-import { Part } from "../part.js";
-import { counted, fixed, sentence, when } from "../words.js";
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { counted, fixed, sentence, when } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
+import { attempt, confirmed, oneAtATime } from "../shell/notice.js";
 
-/** @typedef {import("./types.js").TruthFile} TruthFile */
+/** @import { TruthEntry as TruthFile } from "../contract" */
 
 // No file's id.
 const LIVE = "live";
@@ -26,21 +27,16 @@ export class TruthPicker extends Part {
   /** Called when something else is chosen; null: no file. @type {(file: TruthFile | null) => void} */
   chosen = () => {};
 
-  #file = h("input", {
-    type: "file",
-    id: "truth-file",
+  #file = input("file", "truth-file", {
     accept: ".csv,.c3d,.txt,.tum,.tsv",
-    "aria-describedby": "truth-help truth-error",
+    "aria-describedby": "truth-file-help truth-error",
   });
-  #rate = h("input", {
-    type: "number",
-    id: "truth-rate",
+  #rate = input("number", "truth-rate", {
     min: 1,
     max: 10000,
     step: "any",
     placeholder: "as the file says",
   });
-  #drop = h("div.drop");
   #select = h("select", { id: "truth-select" });
   #remove = iconButton("trash", "Delete this truth file", () => this.#delete());
   #choice = h("div.field");
@@ -56,7 +52,7 @@ export class TruthPicker extends Part {
   #all = [];
   /** The file whose angles were not clear. @type {File | null} */
   #unclear = null;
-  #busy = false;
+  #do = oneAtATime(undefined, this.#error);
 
   build() {
     this.#choice.append(
@@ -68,28 +64,18 @@ export class TruthPicker extends Part {
     );
     const euler = button("Euler angles XYZ", () => this.#send(this.#unclear, "euler_xyz"));
     this.#angles.append(helical, euler);
-    this.#drop.append(
-      h(
-        "label",
-        { for: "truth-file" },
-        icon("upload"),
-        "Choose a file of motion capture, or drop it here",
-      ),
+    const drop = dropZone(
       this.#file,
-      h(
-        "p.hint",
-        { id: "truth-help" },
-        "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content.",
-      ),
+      "Choose a file of motion capture, or drop it here",
+      "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content.",
+      ([file]) => this.#send(file ?? null),
       details("Where the file tells no rate", field("Rate, Hz", this.#rate)),
       this.#error,
       this.#angles,
       this.#sending,
     );
-    this.append(this.#choice, this.#understood, this.#drop);
-    this.#file.addEventListener("change", () => void this.#send(this.#file.files?.[0] ?? null));
+    this.append(this.#choice, this.#understood, drop);
     this.#select.addEventListener("change", () => this.#tell());
-    onDrop(this.#drop, ([file]) => this.#send(file ?? null));
   }
 
   /** @returns {TruthFile | null} */
@@ -109,28 +95,20 @@ export class TruthPicker extends Part {
 
   /** Read what there is, and choose this one where it is there. @param {string | null} id */
   async load(id) {
-    await this.#load(id ?? "");
-  }
-
-  /** @param {string | null} id */
-  #choose(id) {
-    this.#select.value = id === LIVE || this.find(id) ? (id ?? "") : "";
-    this.#tell();
-  }
-
-  async #load(chosen = this.#select.value) {
     /** @type {TruthFile[] | null} */
     const all = await request("GET", "/truth").catch(() => null);
     if (!all) return;
     this.#all = all;
-    this.#select.replaceChildren(
-      h("option", { value: "" }, "Choose one, or send one in below"),
-      h("option", { value: LIVE }, "What was received live with the run"),
-      ...all.map((file) =>
-        h("option", { value: file.id }, `${file.name} (${when(file.created_at)})`),
-      ),
+    offer(
+      this.#select,
+      [
+        ["", "Choose one, or send one in below"],
+        [LIVE, "What was received live with the run"],
+        ...all.map((file) => [file.id, `${file.name} (${when(file.created_at)})`]),
+      ],
+      id,
     );
-    this.#choose(chosen);
+    this.#tell();
   }
 
   #tell() {
@@ -145,32 +123,28 @@ export class TruthPicker extends Part {
    * @param {"helical" | "euler_xyz"} [angles] what a person said of them
    */
   async #send(file, angles) {
-    if (!file || this.#busy) return;
-    this.#busy = true;
-    this.#unclear = null;
-    this.#angles.hidden = true;
-    setText(this.#error, "");
-    setText(this.#sending, `Reading ${file.name}…`);
+    if (!file) return;
     const form = new FormData();
     form.append("file", file);
     if (this.#rate.value) form.append("rate_hz", this.#rate.value);
     if (angles) form.append("angles", angles);
-    try {
-      /** @type {TruthFile} */
-      const taken = await request("POST", "/truth", form);
-      await this.#load(taken.id);
-    } catch (error) {
-      if (!(error instanceof ApiError)) throw error;
-      // The one thing that only a person can tell.
-      this.#unclear = "angles" in error.fields ? file : null;
-      this.#angles.hidden = this.#unclear === null;
-      setText(this.#error, naming(error.message, file.name));
-    } finally {
-      this.#busy = false;
-      setText(this.#sending, "");
-      // The same file, corrected, can be chosen again.
-      this.#file.value = "";
-    }
+    const send = async () => {
+      this.#unclear = null;
+      this.#angles.hidden = true;
+      try {
+        /** @type {TruthFile} */
+        const taken = await request("POST", "/truth", form);
+        await this.load(taken.id);
+      } catch (error) {
+        // The one thing that only a person can tell.
+        if (error instanceof ApiError && "angles" in error.fields) this.#unclear = file;
+        this.#angles.hidden = this.#unclear === null;
+        throw error;
+      }
+    };
+    await this.#do(send, this.#sending, `Reading ${file.name}…`);
+    const why = this.#error.textContent;
+    if (why) setText(this.#error, naming(why, file.name));
   }
 
   async #delete() {
@@ -186,7 +160,7 @@ export class TruthPicker extends Part {
       return;
     await attempt(() => request("DELETE", `/truth/${encodeURIComponent(file.id)}`));
     this.#select.focus();
-    await this.#load("");
+    await this.load(null);
   }
 }
 
@@ -214,23 +188,21 @@ function understood({ format, info }) {
   ];
   return [
     h("p", "Understood as ", h("b", facts.filter(Boolean).join(", ")), "."),
-    h(
-      "div.scroll-x",
-      { role: "region", "aria-label": "What the file holds", tabindex: "0" },
-      table(
-        "",
-        ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"],
-        bodies.map((body) =>
-          tableRow(
-            body.name,
-            body.has_orientation ? "known" : "not known",
-            body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
-            body.gaps,
-            body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
-            fixed(body.highest_speed_mps, 2),
-          ),
+    table(
+      "",
+      ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"],
+      bodies.map((body) =>
+        tableRow(
+          body.name,
+          body.has_orientation ? "known" : "not known",
+          body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
+          body.gaps,
+          body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
+          fixed(body.highest_speed_mps, 2),
         ),
       ),
+      undefined,
+      { role: "region", "aria-label": "What the file holds", tabindex: "0" },
     ),
     ...(notes.length > 0
       ? [h("ul.plain-list", ...notes.map((note) => h("li", sentence(note))))]

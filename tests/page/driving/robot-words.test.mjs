@@ -5,9 +5,9 @@ import * as words from "../../../static/app/driving/robot-words.js";
 import { sonarInWords } from "../../../static/app/driving/sonar-ring.js";
 import { report, robot } from "../made.mjs";
 
-/** @typedef {import("../../../static/app/driving/types.js").DrivingFacts} DrivingFacts */
+/** @import { RobotsMessage } from "../../../static/app/contract" */
 
-/** @param {Partial<DrivingFacts>} [changes] @returns {DrivingFacts} */
+/** @param {Partial<RobotsMessage>} [changes] @returns {RobotsMessage} */
 function facts(changes) {
   return {
     type: "robots",
@@ -29,7 +29,7 @@ function facts(changes) {
 
 test("a stop comes before every other reason for which a robot stands", () => {
   const faulty = robot({ why: "it is far", report: report({ fault: "a wheel stalls" }) });
-  const because = (/** @type {DrivingFacts} */ known) =>
+  const because = (/** @type {RobotsMessage} */ known) =>
     words.standsBecause("observer", faulty, known, true);
   assert.match(because(facts({ stopped: { by: "Ann", since: 0 } })), /^Stopped by Ann: reset it/);
   assert.equal(because(facts()), "A wheel stalls.");
@@ -52,7 +52,7 @@ test("who is armed waits for whoever drives it", () => {
 });
 
 test("where there is no robot the reason is told", () => {
-  const because = (/** @type {DrivingFacts | null} */ known) =>
+  const because = (/** @type {RobotsMessage | null} */ known) =>
     words.standsBecause("obstacle", null, known, false);
   assert.equal(because(null), "Waiting for word of the robots.");
   const ports = { observer: null, obstacle: { port: "/dev/ttyUSB0", model: null } };

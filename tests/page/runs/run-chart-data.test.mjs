@@ -4,10 +4,9 @@ import { test } from "node:test";
 import * as data from "../../../static/app/runs/run-chart-data.js";
 import { run } from "../made.mjs";
 
-/** @typedef {import("../../../static/app/runs/types.js").Chart} Chart */
-/** @typedef {import("../../../static/app/runs/types.js").Curve} StoredCurve */
+/** @import { ChartCurve, RunChart } from "../../../static/app/contract" */
 
-/** @param {number[]} times @param {Partial<StoredCurve>} [changes] @returns {StoredCurve} */
+/** @param {number[]} times @param {Partial<ChartCurve>} [changes] @returns {ChartCurve} */
 function track(times, changes) {
   return {
     kind: "estimate",
@@ -23,11 +22,11 @@ function track(times, changes) {
   };
 }
 
-/** @param {number[]} times @param {Partial<StoredCurve>} [changes] */
+/** @param {number[]} times @param {Partial<ChartCurve>} [changes] */
 const truth = (times, changes) =>
   track(times, { kind: "truth", label: "cart", track_id: null, stds: null, ...changes });
 
-/** @param {StoredCurve[]} curves @param {Partial<Chart>} [changes] @returns {Chart} */
+/** @param {ChartCurve[]} curves @param {Partial<RunChart>} [changes] @returns {RunChart} */
 function chart(curves, changes) {
   return {
     run: run(),
@@ -42,7 +41,7 @@ function chart(curves, changes) {
   };
 }
 
-/** @param {Chart[]} charts @param {boolean} overlaid */
+/** @param {RunChart[]} charts @param {boolean} overlaid */
 function onlyPanel(charts, overlaid) {
   const [panel, ...others] = data.panelsOf(charts, overlaid);
   assert.equal(others.length, 0);

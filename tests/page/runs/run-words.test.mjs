@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import * as words from "../../../static/app/runs/run-words.js";
-import { counted } from "../../../static/app/words.js";
+import { counted } from "../../../static/app/elements/words.js";
 import { run } from "../made.mjs";
 
 test("sizes have two or three digits and the next unit in time", () => {

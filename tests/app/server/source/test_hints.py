@@ -19,7 +19,7 @@ def test_every_kind_can_be_chosen_and_is_named_in_every_hint() -> None:
     specs = [entry.spec for entry in source_entries()]
     with pytest.raises(FieldError) as refused:
         check_spec("")
-    page = Path(__file__).resolve().parents[4] / "static" / "app" / "source-picker.js"
+    page = Path(__file__).resolve().parents[4] / "static" / "app" / "sources" / "source-picker.js"
     for kind in KINDS:
         assert any(spec.startswith(kind) for spec in specs), kind
         assert kind in str(refused.value), kind

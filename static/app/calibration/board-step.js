@@ -1,0 +1,299 @@
+/** The first step: which board, printed how large, before which cameras. */
+
+import {
+  button,
+  download,
+  field,
+  h,
+  icon,
+  input,
+  onSubmit,
+  select,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { counted, fixed } from "../elements/words.js";
+import { request, requestImage } from "../shell/api.js";
+import { attemptIn, confirmed } from "../shell/notice.js";
+
+/** @import { CalibratingFacts } from "../contract" */
+
+const BAR_MM = 100;
+const KEY = "dynamic-observer.board";
+
+/** @typedef {{kind: string, columns: number, rows: number, square_mm: number, paper: string, bar_mm: number}} BoardChoice */
+
+/** A board that fits on A4 with the white margin that detection needs. @type {BoardChoice} */
+const USUAL = {
+  kind: "chessboard",
+  columns: 9,
+  rows: 6,
+  square_mm: 21,
+  paper: "A4",
+  bar_mm: BAR_MM,
+};
+
+export class BoardStep extends Part {
+  /**
+   * Called once the cameras are looked through, or images were sent in.
+   *
+   * @type {(calibrating: CalibratingFacts) => void}
+   */
+  begun = () => {};
+
+  #kind = select({ id: "board-kind" }, [
+    ["chessboard", "Chessboard"],
+    ["charuco", "ChArUco (may be seen in part)"],
+  ]);
+  #columns = number("board-columns", 3, 30, 1);
+  #rows = number("board-rows", 3, 30, 1);
+  #square = number("board-square", 2, 500, "any");
+  #paper = select({ id: "board-paper" }, [
+    ["A4", "A4"],
+    ["A3", "A3"],
+    ["Letter", "US Letter"],
+  ]);
+  #bar = number("board-bar", 20, 300, "any");
+  #lens = select({ id: "board-lens" }, [
+    ["radtan", "Usual lens"],
+    ["equidistant", "Fisheye lens"],
+  ]);
+  #source = input("text", "board-source", { spellcheck: "false" });
+  #svg = button([icon("download"), "Board as SVG"], () => this.#download("svg"));
+  #pdf = button([icon("download"), "Board as PDF"], () => this.#download("pdf"));
+  #printing = h("p.field-error", { role: "alert" });
+  #scaled = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert", id: "board-error" });
+  #start = h("button.button.primary", { type: "submit" }, "Begin with these cameras");
+  #zip = input("file", "board-zip", {
+    accept: ".zip",
+    "aria-describedby": "board-zip-help board-zip-error",
+  });
+  #sending = h("p", { role: "status" });
+  #unsent = h("p.field-error", { role: "alert", id: "board-zip-error" });
+  #busy = false;
+  #suggested = "";
+
+  build() {
+    const form = h(
+      "form.wizard-form",
+      { novalidate: true },
+      h(
+        "fieldset.wizard-block",
+        h("legend", "Print a board"),
+        h(
+          "p.hint",
+          "Count the inner corners, where four squares meet, not the squares. More columns than rows, one of them even, keeps left and right apart.",
+        ),
+        h(
+          "div.wizard-fields",
+          field("Kind", this.#kind),
+          field("Columns", this.#columns),
+          field("Rows", this.#rows),
+          field("Square, mm", this.#square),
+          field("Paper", this.#paper),
+        ),
+        h("div.row", this.#pdf, this.#svg),
+        this.#printing,
+        h(
+          "p.hint",
+          "Print at 100 %, not fitted to the page, and glue it onto something flat and stiff: glass, a door, a clipboard.",
+        ),
+      ),
+      h(
+        "fieldset.wizard-block",
+        h("legend", "Measure it"),
+        h(
+          "div.wizard-fields.single",
+          field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar),
+        ),
+        this.#scaled,
+      ),
+      h(
+        "fieldset.wizard-block",
+        h("legend", "Which cameras"),
+        h("div.wizard-fields.wide", field("Cameras", this.#source), field("Lenses", this.#lens)),
+        h(
+          "p.hint",
+          "camera:0,1 for two webcams, camera:sbs:0 for one that shows both images, or two rtsp:// or http:// addresses with a comma between them. The tab Source lists what is plugged in.",
+        ),
+        this.#error,
+        h("div.row", this.#start),
+      ),
+      h(
+        "fieldset.wizard-block",
+        h("legend", "Or send in images"),
+        h(
+          "label",
+          { for: "board-zip" },
+          "A ZIP archive with left/ and right/, equal file names in both",
+        ),
+        this.#zip,
+        this.#sending,
+        this.#unsent,
+        h(
+          "p.hint",
+          { id: "board-zip-help" },
+          "The board above is looked for in every pair; 15 to 30 pairs are enough.",
+        ),
+      ),
+    );
+    this.append(form);
+    this.#fill();
+    form.addEventListener("input", () => this.#changed());
+    onSubmit(form, () => this.#begin());
+    this.#zip.addEventListener("change", () => void this.#sendImages());
+    this.hear("status", () => this.#suggest());
+    this.hear("calibrate", () => {
+      if (this.hub.uncalibrated) this.#source.value = this.hub.uncalibrated;
+    });
+    this.#changed();
+  }
+
+  /** Return the choices made here that the computation needs. */
+  computation() {
+    return { distortion_model: this.#lens.value };
+  }
+
+  #fill() {
+    const choice = { ...USUAL, ...remembered() };
+    this.#kind.value = choice.kind;
+    this.#columns.value = String(choice.columns);
+    this.#rows.value = String(choice.rows);
+    this.#square.value = String(choice.square_mm);
+    this.#paper.value = choice.paper;
+    this.#bar.value = String(choice.bar_mm);
+  }
+
+  /** Suggest the open source until something else is typed. */
+  #suggest() {
+    const open = this.hub.status?.source?.spec ?? "";
+    if (open === this.#suggested || document.activeElement === this.#source) return;
+    if (this.#source.value === this.#suggested) this.#source.value = open;
+    this.#suggested = open;
+  }
+
+  #changed() {
+    const c = this.#choice();
+    localStorage.setItem(KEY, JSON.stringify(c));
+    setText(this.#printing, "");
+    const same = Math.abs(c.bar_mm - BAR_MM) < 0.05;
+    setText(
+      this.#scaled,
+      same
+        ? "The squares measure what is written on the board."
+        : `So a square measures ${fixed(squareOf(c), 2)} mm; that is used.`,
+    );
+  }
+
+  /** @returns {BoardChoice} */
+  #choice() {
+    return {
+      kind: this.#kind.value,
+      columns: Number(this.#columns.value),
+      rows: Number(this.#rows.value),
+      square_mm: Number(this.#square.value),
+      paper: this.#paper.value,
+      bar_mm: Number(this.#bar.value),
+    };
+  }
+
+  /** @param {"svg" | "pdf"} format a board that does not fit the paper is refused in words */
+  async #download(format) {
+    const c = this.#choice();
+    const query = new URLSearchParams({
+      columns: String(c.columns),
+      rows: String(c.rows),
+      square_mm: String(c.square_mm),
+      paper: c.paper,
+    });
+    setText(this.#printing, "");
+    await attemptIn(this.#printing, async () => {
+      const { blob } = await requestImage(`/boards/${c.kind}.${format}?${query}`);
+      download(blob, `board-${c.kind}-${c.columns}x${c.rows}-${c.square_mm}mm.${format}`);
+    });
+  }
+
+  async #begin() {
+    const { kind, columns, rows, ...rest } = this.#choice();
+    const square_mm = squareOf({ kind, columns, rows, ...rest });
+    const source = this.#source.value.trim() || null;
+    const views = this.hub.status?.calibrating?.views.length ?? 0;
+    const consequence = `${counted(views, "captured view")} would be forgotten.`;
+    if (views > 0 && !(await confirmed("Begin anew?", consequence, "Begin anew"))) return;
+    await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
+      /** @type {{calibrating: CalibratingFacts}} */
+      const begun = await request("POST", "/calibrating", {
+        source,
+        kind,
+        columns,
+        rows,
+        square_mm,
+      });
+      this.hub.uncalibrated = "";
+      return begun;
+    });
+  }
+
+  async #sendImages() {
+    const file = this.#zip.files?.[0];
+    if (!file) return;
+    const choice = this.#choice();
+    const form = new FormData();
+    form.append("file", file);
+    for (const name of /** @type {const} */ (["kind", "columns", "rows"]))
+      form.append(name, String(choice[name]));
+    form.append("square_mm", String(squareOf(choice)));
+    await this.#ask(this.#sending, "Looking for the board in every image…", this.#unsent, () =>
+      request("POST", "/calibrating/images", form),
+    );
+    this.#zip.value = "";
+  }
+
+  /**
+   * @param {HTMLElement} place says what goes on
+   * @param {string} words
+   * @param {HTMLElement} error says why it did not go
+   * @param {() => Promise<{calibrating: CalibratingFacts}>} action
+   */
+  async #ask(place, words, error, action) {
+    if (this.#busy) return;
+    this.#busy = true;
+    setText(error, "");
+    const before = place.textContent ?? "";
+    setText(place, words);
+    // Not disabled: that would take the focus away.
+    setAttribute(this.#start, "aria-disabled", "true");
+    try {
+      await attemptIn(error, async () => {
+        this.begun((await action()).calibrating);
+      });
+    } finally {
+      this.#busy = false;
+      setAttribute(this.#start, "aria-disabled", null);
+      setText(place, before);
+    }
+  }
+}
+
+/** @param {BoardChoice} choice @returns {number} the printed square's side, mm */
+function squareOf({ square_mm, bar_mm }) {
+  return (square_mm * bar_mm) / BAR_MM;
+}
+
+/** @returns {Partial<BoardChoice>} */
+function remembered() {
+  try {
+    return JSON.parse(localStorage.getItem(KEY) ?? "{}");
+  } catch {
+    return {};
+  }
+}
+
+/** @param {string} id @param {number} min @param {number} max @param {number | "any"} step */
+function number(id, min, max, step) {
+  return input("number", id, { min, max, step, required: true });
+}
+
+customElements.define("observer-board-step", BoardStep);

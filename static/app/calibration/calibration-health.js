@@ -1,0 +1,117 @@
+/** Ageing of the calibration in use: epipolar error over time, vergence, and a click to refine. */
+
+import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { notify, oneAtATime } from "../shell/notice.js";
+import { previewed } from "./calibration-preview.js";
+
+/** @import { Calibration } from "./report-parts.js" */
+/** @import { RowDriftStatus } from "../contract" */
+
+const ALLOWED_PX = 0.5;
+const WIDTH = 240;
+const HEIGHT = 48;
+
+class CalibrationHealth extends Part {
+  #words = h("p.verdict");
+  // The number changes all the time; only a warning is spoken.
+  #spoken = h("p.visually-hidden", { role: "status" });
+  #trend = h("p.hint");
+  #chart = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "drift-chart", role: "img" });
+  #vergence = h("p.hint");
+  #refine = button("Refine from the scene", () =>
+    this.#do(() => this.#refineRows(), this.#refine, "Refining…"),
+  );
+  #drawn = "";
+  #do = oneAtATime();
+
+  build() {
+    this.append(
+      h("h3", "How it holds"),
+      this.#words,
+      this.#spoken,
+      this.#chart,
+      this.#trend,
+      this.#vergence,
+      h(
+        "p.hint",
+        "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay.",
+      ),
+      h("div.row", this.#refine),
+    );
+    this.hear("status", () => this.#render());
+  }
+
+  #render() {
+    const ageing = this.hub.status?.ageing ?? null;
+    this.hidden = ageing === null;
+    if (!ageing) return;
+    const { rows, vergence } = ageing;
+    const { now_px } = rows;
+    this.#words.dataset.tone =
+      now_px === null ? "" : rows.warning ? "bad" : now_px < ALLOWED_PX ? "good" : "poor";
+    setText(
+      this.#words,
+      now_px !== null
+        ? `The rows of left and right are ${fixed(now_px, 2)} px apart; ${ALLOWED_PX} px are allowed.`
+        : "How far the rows of left and right are apart shows after some seconds with texture in view.",
+    );
+    setText(this.#trend, rows.warning ? sentence(rows.warning) : trend(rows));
+    setText(this.#spoken, rows.warning ? sentence(rows.warning) : "");
+    setText(this.#vergence, sentence(vergence.sentence));
+    this.#refine.disabled = this.hub.status?.run !== null;
+    setAttribute(this.#refine, "title", this.#refine.disabled ? "Stop the run first" : null);
+    this.#draw(rows);
+  }
+
+  /** @param {RowDriftStatus} rows */
+  #draw(rows) {
+    const history = rows.history;
+    this.#chart.toggleAttribute("hidden", history.length < 2);
+    const key = JSON.stringify(history.at(-1) ?? null) + history.length;
+    if (history.length < 2 || key === this.#drawn) return;
+    this.#drawn = key;
+    const first = history[0]?.[0] ?? 0;
+    const last = history.at(-1)?.[0] ?? 1;
+    const most = Math.max(2 * ALLOWED_PX, ...history.map(([, px]) => px));
+    /** @param {number} px */
+    const y = (px) => HEIGHT - (px / most) * (HEIGHT - 4) - 2;
+    const points = history.map(
+      ([time, px]) =>
+        `${(((time - first) / Math.max(1, last - first)) * WIDTH).toFixed(1)},${y(px).toFixed(1)}`,
+    );
+    const limit = y(ALLOWED_PX);
+    this.#chart.replaceChildren(
+      svg("line", { x1: 0, x2: WIDTH, y1: limit, y2: limit, class: "allowed" }),
+      svg("polyline", { points: points.join(" ") }),
+    );
+    this.#chart.setAttribute(
+      "aria-label",
+      `Row error over ${fixed((last - first) / 60, 0)} minutes, now ${fixed(history.at(-1)?.[1], 2)} px, ${ALLOWED_PX} px allowed`,
+    );
+  }
+
+  async #refineRows() {
+    /** @type {Calibration} */
+    const refined = await request("POST", "/calibrations/refine");
+    this.hub.tell("calibrations");
+    const use = await previewed(refined, false);
+    if (!use) return notify(`${refined.name} is kept beside the others and not in use.`);
+    this.hub.takeStatus(
+      await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),
+    );
+    notify(`${refined.name} is in use.`);
+    this.hub.tell("calibrations");
+  }
+}
+
+/** @param {RowDriftStatus} rows */
+function trend(rows) {
+  if (rows.trend_px_per_min === null) return "No trend is to be seen.";
+  const course = rows.trend_px_per_min > 0 ? "growing" : "shrinking";
+  return `It is ${course} by ${fixed(60 * Math.abs(rows.trend_px_per_min), 2)} px an hour.`;
+}
+
+customElements.define("observer-calibration-health", CalibrationHealth);

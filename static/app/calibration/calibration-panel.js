@@ -1,0 +1,230 @@
+/** Calibrations: send one in, see the rectified pair, then use it. */
+
+import {
+  button,
+  details,
+  dropZone,
+  field,
+  h,
+  iconButton,
+  input,
+  item,
+  select,
+  setText,
+  stateChip,
+} from "../elements/dom.js";
+import { KeptList, passFocus } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { request } from "../shell/api.js";
+import { answered, attempt, attemptIn, confirmed, notify } from "../shell/notice.js";
+import { compared, describe, previewed } from "./calibration-preview.js";
+
+/** @import { Calibration } from "./report-parts.js" */
+/** @import { Status } from "../contract" */
+
+/** @type {[string, string][]} */
+const UNITS = [
+  ["", "The format's own"],
+  ["m", "metres"],
+  ["cm", "centimetres"],
+  ["mm", "millimetres"],
+  ["in", "inches"],
+];
+/** @type {[string, string][]} */
+const CAMERAS = [
+  ["", "As the images are"],
+  ["grey", "KITTI's grey cameras"],
+  ["colour", "KITTI's colour cameras"],
+];
+
+class CalibrationPanel extends Part {
+  #file = input("file", "calibration-file", {
+    multiple: true,
+    accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat",
+    "aria-describedby": "calibration-file-help calibration-error",
+  });
+  #size = input("text", "calibration-size", { placeholder: "as in 1280x720" });
+  #unit = select({ id: "calibration-unit" }, UNITS);
+  #cameras = select({ id: "calibration-cameras" }, CAMERAS);
+  #error = h("p.field-error", { id: "calibration-error", role: "alert" });
+  #list = h("ul.item-list");
+  #items = new KeptList(
+    this.#list,
+    (/** @type {Calibration} */ calibration) => this.#item(calibration),
+    () => this.#make,
+  );
+  #make = button("Calibrate cameras", () => this.hub.tell("calibrate"), {
+    class: "button primary",
+  });
+  #empty = h("p.empty", "None yet; the source's own calibration is in use.");
+  #compare = button("Compare", () => compared(this.#all.slice(0, 4)), { hidden: true });
+  #own = button("Back to the source's own", () => this.#deactivate());
+  /** @type {Calibration[]} */
+  #all = [];
+  #active = "";
+
+  build() {
+    const drop = dropZone(
+      this.#file,
+      "Choose a calibration file, or drop it here",
+      "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
+      (files) => this.#send(files),
+      details(
+        "Where the files leave something open",
+        h(
+          "div.stack",
+          field("Image size, where no file tells it", this.#size),
+          field("Lengths are in", this.#unit),
+          field("Cameras", this.#cameras),
+        ),
+      ),
+      this.#error,
+    );
+    this.append(
+      h("h2", "Calibration"),
+      h("p.hint", "With a printed board it takes about five minutes."),
+      h("div.row", this.#make),
+      h("h3", "Bring your own"),
+      drop,
+      h("h3", "Kept calibrations"),
+      this.#empty,
+      this.#list,
+      h("div.row", this.#compare, this.#own),
+    );
+    this.hear("reconnected calibrations", () => this.#load());
+    this.hear("status", () => {
+      const active = this.hub.status?.calibration?.id ?? "";
+      if (active === this.#active) return;
+      this.#active = active;
+      this.#renderList();
+    });
+    void this.#load();
+  }
+
+  async #load() {
+    /** @type {Calibration[] | null} */
+    const all = await request("GET", "/calibrations").catch(() => null);
+    if (!all) return;
+    this.#all = all;
+    this.#renderList();
+  }
+
+  #renderList() {
+    this.#empty.hidden = this.#all.length > 0;
+    this.#items.show(
+      this.#all,
+      ({ id }) => id,
+      (calibration) => JSON.stringify([calibration, calibration.id === this.#active]),
+    );
+    for (const [button, unused] of /** @type {const} */ ([
+      [this.#own, this.#active === ""],
+      [this.#compare, this.#all.length < 2],
+    ])) {
+      if (unused) passFocus(button, this.#list.querySelector("button"), this.#make);
+      button.hidden = unused;
+    }
+  }
+
+  /** @param {Calibration} calibration */
+  #item(calibration) {
+    const active = calibration.id === this.#active;
+    const remove = iconButton(
+      "trash",
+      `Delete calibration ${calibration.name}`,
+      () => this.#remove(calibration),
+      { disabled: active, title: active ? "In use" : "Delete" },
+    );
+    const name = button("Rename", () => this.#rename(calibration), {
+      "aria-label": `Rename calibration ${calibration.name}`,
+    });
+    const look = button("Look", () => this.#look(calibration), {
+      "aria-label": `Look at calibration ${calibration.name}`,
+    });
+    return item(
+      [
+        h("p", h("b", calibration.name), " ", active && stateChip("running", "in use")),
+        h("p.hint", describe(calibration)),
+      ],
+      look,
+      name,
+      remove,
+    );
+  }
+
+  /** @param {File[]} files */
+  async #send(files) {
+    if (files.length === 0) return;
+    const form = new FormData();
+    for (const file of files) form.append("file", file);
+    for (const [name, { value }] of /** @type {const} */ ([
+      ["size", this.#size],
+      ["unit", this.#unit],
+      ["cameras", this.#cameras],
+    ])) {
+      if (value.trim()) form.append(name, value.trim());
+    }
+    const taken = await attemptIn(this.#error, async () => {
+      /** @type {Calibration} */
+      const calibration = await request("POST", "/calibrations", form);
+      this.hub.tell("calibrations");
+      // Looked at after the files can be chosen again.
+      void this.#look(calibration);
+    });
+    if (taken) return;
+    const names = files.map((file) => file.name).join(" and ");
+    setText(this.#error, `${names} was not taken: ${this.#error.textContent}`);
+  }
+
+  /** @param {Calibration} calibration */
+  async #look(calibration) {
+    const use = await previewed(calibration, calibration.id === this.#active);
+    if (!use) return;
+    const path = `/calibrations/${encodeURIComponent(calibration.id)}/activate`;
+    await this.#change(path, `${calibration.name} is in use.`);
+  }
+
+  /** @param {Calibration} calibration */
+  async #rename(calibration) {
+    const name = await answered("What shall this calibration be called?", "Name", calibration.name);
+    if (!name || name === calibration.name) return;
+    await attempt(() =>
+      request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name }),
+    );
+    this.hub.tell("calibrations");
+  }
+
+  async #deactivate() {
+    await this.#change("/calibrations/deactivate", "The source's own calibration is in use.");
+  }
+
+  /**
+   * @param {string} path
+   * @param {string} done
+   */
+  async #change(path, done) {
+    await attempt(async () => {
+      /** @type {Status} */
+      const status = await request("POST", path);
+      this.hub.takeStatus(status);
+      notify(done);
+      this.hub.tell("calibrations");
+    });
+  }
+
+  /** @param {Calibration} calibration */
+  async #remove(calibration) {
+    const sure = await confirmed(
+      `Delete calibration ${calibration.name}?`,
+      "Runs that used it keep their results.",
+      "Delete calibration",
+    );
+    if (!sure) return;
+    await attempt(async () => {
+      await request("DELETE", `/calibrations/${encodeURIComponent(calibration.id)}`);
+      notify(`Calibration ${calibration.name} deleted.`);
+    });
+    this.hub.tell("calibrations");
+  }
+}
+
+customElements.define("observer-calibration", CalibrationPanel);

@@ -1,0 +1,233 @@
+/** A calibration before it is used: what was understood, and the newest pair rectified by it. */
+
+import { details, h, paint, setText, table, tableRow } from "../elements/dom.js";
+import { figureList } from "../elements/figure-list.js";
+import { fixed, sentence } from "../elements/words.js";
+import { requestImage } from "../shell/api.js";
+import { showModal } from "../shell/modal.js";
+import { verdictTable, viewChart } from "./report-parts.js";
+import { TapeCheck } from "./tape-check.js";
+
+/** @import { Calibration } from "./report-parts.js" */
+
+const GOOD_PX = 0.5;
+const POOR_PX = 1.5;
+
+/**
+ * Show it over the page until it is closed.
+ *
+ * @param {Calibration} calibration
+ * @param {boolean} active whether it is in use already
+ * @returns {Promise<boolean>} whether to use it
+ */
+export async function previewed(calibration, active) {
+  const canvas = h("canvas", {
+    width: 4,
+    height: 1,
+    role: "img",
+    "aria-label": "The rectified pair, left and right, with level lines across both",
+  });
+  const verdict = h("p.verdict", { role: "status" }, "Rectifying the newest pair…");
+  const use = h(
+    "button.button.primary",
+    { value: "use", disabled: active },
+    active ? "In use" : "Use this calibration",
+  );
+  const tape = new TapeCheck(calibration, canvas);
+  const report = calibration.report;
+  const closed = showModal(
+    "preview",
+    calibration.name,
+    [
+      calibration.origin && h("p", sentence(calibration.origin)),
+      notes(calibration.notes),
+      figureList(understood(calibration)),
+      report?.verdict && h("p.verdict", report.verdict.sentence),
+      report &&
+        details(
+          "How good it is",
+          report.verdict ? verdictTable(report.verdict) : null,
+          viewChart(report.views),
+        ),
+      canvas,
+      h("p.hint", "A point of the left image must lie on the same level line in the right one."),
+      verdict,
+      tape.element,
+      h("div.row", ...exports(calibration)),
+    ],
+    h("button.button", { value: "close" }, "Close"),
+    use,
+  );
+  void paintPreview(
+    `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
+    canvas,
+    verdict,
+    report,
+  );
+  return (await closed) === "use";
+}
+
+/** @param {Calibration} c @returns {string} its facts in one line */
+export function describe(c) {
+  return `${c.width} × ${c.height} · baseline ${fixed(c.baseline_m, 3)} m · ${fixed(c.hfov_deg, 1)}° wide`;
+}
+
+/**
+ * Draw a rectified pair and judge its rows.
+ *
+ * @param {string} path below /api
+ * @param {HTMLCanvasElement} canvas
+ * @param {HTMLElement} verdict
+ * @param {Record<string, any> | null} report of the calibration, where there is one
+ */
+export async function paintPreview(path, canvas, verdict, report) {
+  try {
+    const { blob, headers } = await requestImage(path);
+    paint(canvas, await createImageBitmap(blob));
+    canvas.hidden = false;
+    const text = headers.get("x-vertical-error-px");
+    judge(verdict, text === null ? null : Number(text), report?.held_out?.p95_px ?? null);
+  } catch (error) {
+    canvas.hidden = true;
+    verdict.dataset.tone = "bad";
+    setText(verdict, `No preview: ${error instanceof Error ? error.message : String(error)}`);
+  }
+}
+
+/**
+ * Two or more calibrations beside each other, over the page until it is closed.
+ *
+ * @param {Calibration[]} calibrations
+ */
+export function compared(calibrations) {
+  const now = new Map(calibrations.map((calibration) => [calibration, h("span", "…")]));
+  /** @type {[string, (c: Calibration) => string | HTMLElement | undefined][]} */
+  const rows = [
+    ["From", (c) => c.origin ?? "uploaded"],
+    ["Made", (c) => c.created_at.slice(0, 10)],
+    ["Image size", (c) => `${c.width} × ${c.height} px`],
+    ["Baseline", (c) => `${fixed(1000 * c.baseline_m, 1)} mm`],
+    ["Field of view", (c) => `${fixed(c.hfov_deg, 1)}°`],
+    ["Stereo, RMS", (c) => (c.report ? `${fixed(c.report.rms_stereo_px, 2)} px` : "–")],
+    [
+      "Rows, views held out",
+      (c) =>
+        c.report?.held_out
+          ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ${fixed(c.report.held_out.p95_px, 2)} px`
+          : "–",
+    ],
+    ["Depth error at 3 m", depthAt3m],
+    ["Rows now", (c) => now.get(c)],
+    [
+      "Tape checks",
+      (c) =>
+        c.tape_checks
+          .map((check) => `${fixed(check.measured_m, 2)} m: ${check.agrees ? "agrees" : "differs"}`)
+          .join(", ") || "–",
+    ],
+  ];
+  void showModal(
+    "preview",
+    "Calibrations compared",
+    [
+      table(
+        "verdict-table",
+        [null, ...calibrations.map(({ name }) => name)],
+        rows.map(([term, value]) => tableRow(term, ...calibrations.map(value))),
+      ),
+      h("p.hint", "“Rows now” is measured in the newest pair of the open source."),
+    ],
+    h("button.button", { value: "close" }, "Close"),
+  );
+  for (const [calibration, place] of now)
+    void rowsNow(calibration).then((text) => setText(place, text));
+}
+
+/** @param {Calibration} calibration */
+async function rowsNow(calibration) {
+  try {
+    const { headers } = await requestImage(
+      `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
+    );
+    const px = headers.get("x-vertical-error-px");
+    return px === null ? "too few matches" : `${fixed(Number(px), 2)} px`;
+  } catch {
+    return "does not fit the open source";
+  }
+}
+
+/** @param {Calibration} c */
+function depthAt3m(c) {
+  const row = c.report?.verdict?.rows.find(
+    (/** @type {{distance_m: number}} */ each) => each.distance_m === 3,
+  );
+  return row ? `${fixed(100 * row.depth_m, 1)} cm` : "–";
+}
+
+/** @param {string[]} list */
+function notes(list) {
+  if (list.length === 0) return null;
+  const opened = details(
+    "What was understood",
+    h("ul.plain-list", ...list.map((note) => h("li", sentence(note)))),
+  );
+  opened.open = true;
+  return opened;
+}
+
+/** @param {Calibration} c */
+function exports(c) {
+  const path = `/api/calibrations/${encodeURIComponent(c.id)}`;
+  /** @type {[string, string][]} */
+  const kinds = [
+    ["opencv", "OpenCV"],
+    ["ros", "ROS"],
+    ["kalibr", "Kalibr"],
+  ];
+  return kinds.map(([kind, words]) =>
+    h("a.button", { href: `${path}/export/${kind}`, download: "" }, `Download for ${words}`),
+  );
+}
+
+/** @param {Calibration} c */
+function understood(c) {
+  /** @type {import("../elements/figure-list.js").Figure[]} */
+  const facts = [
+    ["Image size", `${c.width} × ${c.height} px`],
+    ["Baseline", `${fixed(c.baseline_m, 4)} m`],
+    ["Field of view", `${fixed(c.hfov_deg, 1)}° wide`],
+    ["Images", c.rectified ? "rectified already" : "rectified by it"],
+  ];
+  if (c.devices.length) facts.push(["Cameras", c.devices.join(", ")]);
+  return facts;
+}
+
+/**
+ * @param {HTMLElement} verdict
+ * @param {number | null} px median vertical distance of matching points in the two images
+ * @param {number | null} heldOut what 95 % of the corners of views that were held out stay within
+ */
+function judge(verdict, px, heldOut) {
+  if (px === null || !Number.isFinite(px)) {
+    verdict.dataset.tone = "poor";
+    return setText(
+      verdict,
+      "The vertical error could not be measured: too few matches between left and right.",
+    );
+  }
+  if (px >= GOOD_PX && heldOut !== null && heldOut < GOOD_PX) {
+    verdict.dataset.tone = "poor";
+    return setText(
+      verdict,
+      `In this pair the rows seem ${px.toFixed(1)} px apart, in the board's views ${heldOut.toFixed(2)} px. The squares of a board look alike: take it out of the picture and look at a newer pair; if it stays so, a camera was moved.`,
+    );
+  }
+  const tone = px < GOOD_PX ? "good" : px < POOR_PX ? "poor" : "bad";
+  const words = {
+    good: "the same point lies on the same line in both images",
+    poor: "depth will be noisy; a better calibration is worth the while",
+    bad: "this calibration does not fit these cameras",
+  }[tone];
+  verdict.dataset.tone = tone;
+  setText(verdict, `Vertical error ${px.toFixed(2)} px: ${words}.`);
+}

@@ -1,0 +1,207 @@
+/** The third step: what came of the views, how good it is, and keeping it. */
+
+import { button, field, fillList, h, input, onSubmit, setText } from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
+import { passFocus } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { counted, fixed } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attempt, notify, oneAtATime } from "../shell/notice.js";
+import { paintPreview } from "./calibration-preview.js";
+import { verdictTable, viewChart } from "./report-parts.js";
+
+/** @import { Calibration } from "./report-parts.js" */
+
+export class ResultStep extends Part {
+  /** Called when more views shall be captured. */
+  again = () => {};
+  /** Called when the views that are left shall be computed. */
+  compute = () => {};
+  /** Called once it is saved and in use. */
+  saved = () => {};
+
+  #sentence = h("p.verdict.big", { role: "status" });
+  #warnings = h("ul.plain-list.warnings");
+  #verdict = h("div");
+  #figures = h("dl.figures");
+  #chart = h("div");
+  #refused = h("ul.plain-list");
+  #canvas = h("canvas", {
+    width: 4,
+    height: 1,
+    role: "img",
+    "aria-label": "The rectified pair, left and right, with level lines across both",
+  });
+  #rows = h("p.verdict", { role: "status" });
+  #name = input("text", "result-name", { maxlength: 100, required: true });
+  #error = h("p.field-error", { role: "alert" });
+  #use = h("button.button.primary", { type: "submit" }, "Save and use");
+  #keep = button("Save for later", () => this.#save(false));
+  #again = button("Capture more", () => this.again());
+  #recompute = button("Compute again", () => this.compute(), { hidden: true });
+  #refresh = button("Newest pair", () => this.#paint());
+  #rectified = h(
+    "div.stack",
+    h("h3", "Rectified"),
+    this.#canvas,
+    h("p.hint", "A point of the left image must lie on the same level line in the right one."),
+    this.#rows,
+    h("div.row", this.#refresh),
+  );
+  #do = oneAtATime(undefined, this.#error);
+  #shown = false;
+  #read = "";
+  /** @type {Record<string, any> | null} */
+  #report = null;
+
+  build() {
+    const form = h(
+      "form.stack",
+      field("Name", this.#name),
+      this.#error,
+      h("div.row", this.#use, this.#keep, this.#again),
+    );
+    this.append(
+      this.#sentence,
+      this.#warnings,
+      h(
+        "div.result-columns",
+        h("div.stack", h("h3", "What to expect"), this.#verdict, this.#figures),
+        h(
+          "div.stack",
+          h("h3", "Error of each view"),
+          this.#chart,
+          this.#refused,
+          h("div.row", this.#recompute),
+        ),
+      ),
+      this.#rectified,
+      h("h3", "Keep it"),
+      form,
+    );
+    onSubmit(form, () => this.#save(true));
+    this.hear("status", () => this.#load());
+  }
+
+  /** @param {boolean} shown whether this step is to be seen */
+  show(shown) {
+    this.hidden = !shown;
+    this.#shown = shown;
+    if (shown) void this.#load();
+  }
+
+  /** Another result is there, even if it rests on the same views. */
+  renew() {
+    this.#read = "";
+  }
+
+  async #load() {
+    const now = this.hub.status?.calibrating;
+    const names = now?.result?.join("|") ?? "";
+    const same = !now || names === now.views.map((view) => view.name).join("|");
+    if (same) passFocus(this.#recompute, this.#again);
+    this.#recompute.hidden = same || !now.views.length;
+    if (!same) setText(this.#recompute, `Compute again with ${counted(now.views.length, "view")}`);
+    if (!this.#shown || !names || names === this.#read) return;
+    this.#read = names;
+    const { report } = /** @type {{report: Record<string, any>}} */ (
+      await request("GET", "/calibrating/result")
+    );
+    if (!this.#name.value) this.#name.value = suggestedName(now?.source ?? null);
+    this.#show(report, new Set(now?.views.map((view) => view.name)));
+    void this.#paint();
+  }
+
+  /** @param {Record<string, any>} report @param {Set<string>} present names of views that are still there */
+  #show(report, present) {
+    const { verdict, held_out: heldOut, uncertainty } = report;
+    this.#report = report;
+    this.#sentence.dataset.tone = verdict?.warnings.length ? "poor" : "good";
+    setText(this.#sentence, verdict?.sentence ?? "");
+    fillList(this.#warnings, verdict?.warnings ?? []);
+    this.#verdict.replaceChildren(verdict ? verdictTable(verdict) : "");
+    const [wide, high] = report.field_of_view_deg;
+    fillFigures(this.#figures, [
+      ["Stereo, RMS", `${fixed(report.rms_stereo_px, 2)} px`],
+      [
+        "Left / right, RMS",
+        `${fixed(report.rms_left_px, 2)} / ${fixed(report.rms_right_px, 2)} px`,
+      ],
+      [
+        "Rows, views held out",
+        heldOut
+          ? `${fixed(heldOut.median_px, 2)} px, 95 % within ${fixed(heldOut.p95_px, 2)} px`
+          : "too few views",
+      ],
+      [
+        "Baseline",
+        `${fixed(report.baseline_m * 1000, 2)} ± ${fixed(uncertainty.baseline_m * 1000, 2)} mm`,
+      ],
+      ["Field of view", `${fixed(wide, 1)}° × ${fixed(high, 1)}°`],
+      [
+        "Focal length",
+        `${fixed(report.focal_px[0], 1)} ± ${fixed(uncertainty.focal_left_px, 1)} px`,
+      ],
+      ["Vergence", `± ${fixed(uncertainty.vergence_deg, 3)}°`],
+      ["Views", `${report.pairs} pairs`],
+    ]);
+    this.#chart.replaceChildren(viewChart(report.views));
+    const bad = report.views.filter((/** @type {{used: boolean}} */ view) => !view.used);
+    this.#refused.replaceChildren(
+      ...bad.map((/** @type {{name: string, reason: string}} */ view) =>
+        this.#badView(view, present),
+      ),
+    );
+  }
+
+  /** @param {{name: string, reason: string | null}} view @param {Set<string>} present */
+  #badView(view, present) {
+    const remove = button(`Remove view ${view.name}`, async () => {
+      await attempt(async () => {
+        await request("PATCH", "/calibrating", { remove: view.name });
+        passFocus(remove, this.#again);
+        remove.replaceWith("Removed.");
+      });
+    });
+    return h(
+      "li.row",
+      h("span", `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`),
+      present.has(view.name) ? remove : null,
+    );
+  }
+
+  async #paint() {
+    const live = this.hub.status?.calibrating?.source !== null;
+    this.#rectified.hidden = false;
+    setText(this.#again, live ? "Capture more" : "Back to the views");
+    await paintPreview("/calibrating/preview", this.#canvas, this.#rows, this.#report);
+    // Images that were sent in need not be of the cameras that are open.
+    if (!live && this.#canvas.hidden) this.#rectified.hidden = true;
+  }
+
+  /** @param {boolean} activate */
+  async #save(activate) {
+    const button = activate ? this.#use : this.#keep;
+    const save = async () => {
+      /** @type {Calibration} */
+      const saved = await request("POST", "/calibrating/save", {
+        name: this.#name.value.trim(),
+        activate,
+      });
+      notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
+      this.hub.tell("calibrations");
+      if (!activate) return;
+      this.#read = this.#name.value = "";
+      this.saved();
+    };
+    await this.#do(save, button, activate ? "Saving and opening…" : "Saving…");
+  }
+}
+
+/** @param {string | null} source */
+function suggestedName(source) {
+  const day = new Date().toISOString().slice(0, 10);
+  return `${source ?? "Images"}, ${day}`.slice(0, 100);
+}
+
+customElements.define("observer-result-step", ResultStep);

@@ -1,0 +1,240 @@
+/** Camera extrinsics on the robot: typed in, or estimated from the ground. */
+
+import { button, field, h, input, onSubmit, setAttribute, setText } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
+import { attempt, notify, oneAtATime } from "../shell/notice.js";
+
+/** @import { DriveNow, FloorEstimate, RigNow, RigNumber } from "../contract" */
+
+/** Key, words, unit, digits, help. @type {[string, string, string, number, string][]} */
+const NUMBERS = [
+  ["height_m", "Height", "m", 3, "of the left camera's lens above the floor"],
+  ["tilt_deg", "Tilt", "°", 2, "by which it looks down"],
+  ["roll_deg", "Roll", "°", 2, "right side down"],
+  ["pan_deg", "Pan", "°", 2, "to the left of where the robot drives"],
+  ["forward_m", "Forward", "m", 3, "of the middle of the axle"],
+  ["left_m", "Left", "m", 3, "of the middle of the axle"],
+];
+
+const DRIVE_ASKED_MS = 2000;
+
+class RigPanel extends Part {
+  #inputs = new Map(
+    NUMBERS.map(([key]) => [
+      key,
+      input("text", `rig-${key}`, {
+        inputmode: "decimal",
+        placeholder: "unknown",
+        "aria-describedby": "rig-error",
+      }),
+    ]),
+  );
+  #notes = new Map(NUMBERS.map(([key]) => [key, h("span.hint")]));
+  #simulated = input("checkbox", "rig-simulated");
+  #inUse = h("p.hint", { role: "status" });
+  #error = h("p.field-error", { role: "alert", id: "rig-error" });
+  #floor = button("Estimate from the floor", () => this.#estimate());
+  #drive = button("Estimate from a drive", () => this.#toggleDrive(), { "aria-pressed": "false" });
+  #words = h("p", { role: "status" });
+  /** Asks how far the drive is, while one is noted. */
+  #asking = 0;
+  /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
+  #estimated = new Map();
+  #do = oneAtATime();
+  /** True while the form holds something that is not in use yet. */
+  #changed = false;
+  /** Keys that a drive filled in. @type {Set<string>} */
+  #driven = new Set();
+
+  build() {
+    const form = h(
+      "form.stack",
+      { novalidate: true },
+      h(
+        "div.rig-fields",
+        ...NUMBERS.map(([key, words, unit, , help]) => {
+          const [input, note] = [this.#inputs.get(key), this.#notes.get(key)];
+          return input && note ? field(`${words}, ${unit}`, input, help, note) : null;
+        }),
+      ),
+      h(
+        "label.check",
+        { for: "rig-simulated" },
+        this.#simulated,
+        "Use it for simulated sources too",
+      ),
+      this.#error,
+      h(
+        "div.row",
+        h("button.button.primary", { type: "submit" }, "Use this rig"),
+        this.#floor,
+        this.#drive,
+        h("a.button", { href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml"),
+      ),
+      this.#words,
+    );
+    this.append(
+      h("h3", "The rig"),
+      h(
+        "p.hint",
+        "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is.",
+      ),
+      this.#inUse,
+      form,
+    );
+    for (const [key, input] of this.#inputs) {
+      input.addEventListener("input", () => {
+        this.#estimated.delete(key);
+        this.#note(key, null);
+      });
+    }
+    form.addEventListener("input", () => {
+      this.#changed = true;
+    });
+    onSubmit(form, () => this.#save());
+    this.hear("reconnected", () => this.#load());
+    this.hear("status", () => this.#renderInUse());
+    void this.#load();
+  }
+
+  disconnectedCallback() {
+    super.disconnectedCallback();
+    clearInterval(this.#asking);
+  }
+
+  /** A drive is noted from the first press to the second; its figures are shown meanwhile. */
+  async #toggleDrive() {
+    const ending = this.#asking !== 0;
+    clearInterval(this.#asking);
+    this.#asking = 0;
+    await attempt(async () => {
+      await this.#showDrive(ending ? "DELETE" : "POST");
+      if (!ending)
+        this.#asking = setInterval(
+          () => void this.#showDrive("GET").catch(() => {}),
+          DRIVE_ASKED_MS,
+        );
+    });
+    const noting = this.#asking !== 0;
+    setAttribute(this.#drive, "aria-pressed", String(noting));
+    setText(this.#drive, noting ? "End the drive" : "Estimate from a drive");
+  }
+
+  /** @param {"GET" | "POST" | "DELETE"} method */
+  async #showDrive(method) {
+    /** @type {DriveNow} */
+    const found = await request(method, "/rig/drive");
+    for (const [key, , , digits] of NUMBERS) {
+      const number = found.values[key];
+      // What was typed or estimated from the floor is better known than by a drive.
+      const known = this.#inputs.get(key)?.value !== "" && !this.#driven.has(key);
+      if (!number || known) continue;
+      this.#driven.add(key);
+      this.#fill(key, number, digits);
+    }
+    setText(this.#words, sentence(found.sentence));
+  }
+
+  async #load() {
+    /** @type {RigNow | null} */
+    const rig = await request("GET", "/rig").catch(() => null);
+    // What was typed or estimated meanwhile is not lost.
+    if (rig && !this.#changed) this.#show(rig);
+  }
+
+  /** @param {RigNow} rig */
+  #show(rig) {
+    this.#estimated.clear();
+    this.#driven.clear();
+    for (const [key, , , digits] of NUMBERS) this.#fill(key, rig.mount[key] ?? null, digits);
+    this.#simulated.checked = rig.for_simulated;
+    this.#changed = false;
+  }
+
+  /** @param {string} key @param {RigNumber | null} number @param {number} digits */
+  #fill(key, number, digits) {
+    const input = this.#inputs.get(key);
+    if (!input) return;
+    this.#changed = true;
+    input.value = number === null ? "" : String(Number(number.value.toFixed(digits)));
+    if (number?.sigma) this.#estimated.set(key, number);
+    this.#note(key, number);
+  }
+
+  /** @param {string} key @param {RigNumber | null} number */
+  #note(key, number) {
+    const note = this.#notes.get(key);
+    const digits = NUMBERS.find(([each]) => each === key)?.[3] ?? 2;
+    if (note) setText(note, number?.sigma ? `estimated, ± ${fixed(number.sigma, digits)}` : "");
+  }
+
+  #renderInUse() {
+    const mount = this.hub.status?.mount;
+    setText(
+      this.#inUse,
+      mount
+        ? `In use: ${fixed(mount.height_m, 2)} m above the floor, looking down by ${fixed((mount.tilt_rad * 180) / Math.PI, 1)}°.`
+        : "Unknown for the open source: the 3D scene is not levelled.",
+    );
+  }
+
+  async #save() {
+    setText(this.#error, "");
+    /** @type {Record<string, RigNumber | null>} */
+    const mount = {};
+    for (const [key, words] of NUMBERS) {
+      const input = this.#inputs.get(key);
+      const text = input?.value.trim().replace(",", ".") ?? "";
+      const value = Number(text);
+      const wrong = text !== "" && !Number.isFinite(value);
+      if (input) setAttribute(input, "aria-invalid", wrong ? "true" : null);
+      if (wrong)
+        return this.#refuse(key, `${words} must be a number, or empty where it is not known.`);
+      mount[key] = text === "" ? null : (this.#estimated.get(key) ?? { value, sigma: null });
+    }
+    try {
+      /** @type {RigNow} */
+      const rig = await request("PUT", "/rig", { mount, for_simulated: this.#simulated.checked });
+      this.#show(rig);
+      notify("The rig is in use.");
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      const key = Object.keys(error.fields).find((each) => this.#inputs.has(each));
+      const words = NUMBERS.find(([each]) => each === key)?.[1];
+      // The sentence begins with the name that the file has for it.
+      this.#refuse(
+        key,
+        words && key ? error.message.replace(new RegExp(`^${key}`, "i"), words) : error.message,
+      );
+    }
+  }
+
+  /** @param {string | undefined} key the number that is wrong @param {string} why one sentence */
+  #refuse(key, why) {
+    setText(this.#error, why);
+    const input = this.#inputs.get(key ?? "");
+    if (!input) return;
+    setAttribute(input, "aria-invalid", "true");
+    input.focus();
+  }
+
+  async #estimate() {
+    let words = "";
+    await this.#do(
+      async () => {
+        /** @type {FloorEstimate & Record<string, any>} */
+        const found = await request("POST", "/rig/floor");
+        for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
+        const said = sentence(found.sentence).replaceAll("+-", "±");
+        words = `${said} Press “Use this rig” to take it over.`;
+      },
+      this.#words,
+      "Looking at the floor…",
+    );
+    setText(this.#words, words);
+  }
+}
+
+customElements.define("observer-rig", RigPanel);

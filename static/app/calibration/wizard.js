@@ -1,0 +1,159 @@
+/** Making a calibration, step by step: a board, its views, what came of them. */
+
+import { button, h, setAttribute, setText } from "../elements/dom.js";
+import { giveBackFocus } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { counted } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attempt, confirmed, notify } from "../shell/notice.js";
+import { BoardStep } from "./board-step.js";
+import { CaptureStep } from "./capture-step.js";
+import { ResultStep } from "./result-step.js";
+
+/** @import { Status } from "../contract" */
+
+/** @typedef {"board" | "views" | "result"} Step */
+
+/** @type {[Step, string][]} */
+const STEPS = [
+  ["board", "1 Board"],
+  ["views", "2 Views"],
+  ["result", "3 Result"],
+];
+
+/** Takes the place of the scene and the live views while something is calibrated. */
+class CalibrationWizard extends Part {
+  #steps = new Map(
+    STEPS.map(([step, text]) => [step, button(text, null, { class: "wizard-step" })]),
+  );
+  #close = button("Leave", () => this.#leave());
+  #title = h("h2", { tabindex: "-1", id: "wizard-title" }, "Calibrate");
+  #board = new BoardStep();
+  #views = new CaptureStep();
+  #result = new ResultStep();
+  /** @type {Step | null} null: nothing is calibrated and nobody wants to */
+  #step = null;
+  #computed = "";
+  #computing = false;
+  /** The element that had the focus when the wizard was called. @type {Element | null} */
+  #caller = null;
+
+  build() {
+    this.#board.begun = (calibrating) => {
+      // An older status, still on its way, must not close what was just begun.
+      const { status } = this.hub;
+      if (status) this.hub.takeStatus({ ...status, calibrating });
+      this.#go("views");
+    };
+    this.#views.compute = () => void this.#compute();
+    this.#result.again = () => this.#go("views");
+    this.#result.compute = () => {
+      this.#go("views");
+      void this.#compute();
+    };
+    this.#result.saved = () => void this.#saved();
+    for (const [step, button] of this.#steps)
+      button.addEventListener("click", () => this.#go(step));
+    for (const part of [this.#board, this.#views, this.#result]) part.attach(this.hub);
+    setAttribute(this, "role", "region");
+    setAttribute(this, "aria-labelledby", "wizard-title");
+    const steps = h(
+      "ol.wizard-steps",
+      ...[...this.#steps.values()].map((button) => h("li", button)),
+    );
+    this.append(
+      h("header.wizard-head", this.#title, steps, this.#close),
+      this.#board,
+      this.#views,
+      this.#result,
+    );
+    this.hear("status", () => this.#follow());
+    this.hear("calibrate", () => {
+      this.#caller = document.activeElement;
+      this.#go(this.hub.status?.calibrating ? "views" : "board");
+    });
+    this.#render();
+  }
+
+  /** Follow a calibration that another page may have begun or ended. */
+  #follow() {
+    const { calibrating } = this.hub.status ?? {};
+    if (calibrating && this.#step === null) this.#go("views", false);
+    if (!calibrating && (this.#step === "views" || this.#step === "result"))
+      return this.#go(null, false);
+    const computed = calibrating?.result?.join("|") ?? "";
+    const computing = Boolean(calibrating?.computing);
+    // The same views with other lenses are another result, though of the same names.
+    const done = this.#computing && !computing && !calibrating?.trouble && !this.#views.cancelled;
+    const other = computed !== this.#computed || done;
+    this.#computed = computed;
+    this.#computing = computing;
+    if (other && computed) {
+      this.#result.renew();
+      this.#go("result", false);
+    }
+    this.#render();
+  }
+
+  /**
+   * @param {Step | null} step
+   * @param {boolean} asked whether the person at this page asked for it
+   */
+  #go(step, asked = true) {
+    const moved = step !== this.#step;
+    // Whoever types in the side panel is not to be called away by what another page does.
+    const away = !asked && document.activeElement?.closest("aside, .top, dialog");
+    this.#step = step;
+    this.#render();
+    if (!moved || away) return;
+    // The keyboard goes on where the eye does.
+    if (step !== null) this.#title.focus();
+    else giveBackFocus(this.#caller);
+  }
+
+  async #saved() {
+    // What was calibrated is in use now; an older status would show its views again.
+    const status = await request("GET", "/status").catch(() => null);
+    if (status) this.hub.takeStatus(/** @type {Status} */ (status));
+    this.#go(null);
+  }
+
+  #render() {
+    this.hidden = this.#step === null;
+    setAttribute(document.body, "data-mode", this.#step === null ? null : "calibrating");
+    this.#board.hidden = this.#step !== "board";
+    this.#views.show(this.#step === "views");
+    this.#result.show(this.#step === "result");
+    const { calibrating } = this.hub.status ?? {};
+    const words = STEPS.find(([step]) => step === this.#step)?.[1].slice(2) ?? "";
+    setText(this.#title, words ? `Calibrate: ${words}` : "Calibrate");
+    for (const [step, button] of this.#steps) {
+      const possible =
+        step === "board" ||
+        (step === "views" ? Boolean(calibrating) : Boolean(calibrating?.result));
+      setAttribute(button, "aria-current", step === this.#step ? "step" : null);
+      button.disabled = !possible;
+    }
+  }
+
+  async #compute() {
+    this.#views.cancelled = false;
+    await attempt(() => request("POST", "/calibrating/compute", this.#board.computation()));
+  }
+
+  async #leave() {
+    const { calibrating } = this.hub.status ?? {};
+    if (!calibrating) return this.#go(null);
+    const views = calibrating.views.length;
+    const question = "Leave without saving?";
+    const consequence = `${counted(views, "captured view")} and what was computed of them would be forgotten.`;
+    if (views > 0 && !(await confirmed(question, consequence, "Leave"))) return;
+    await attempt(async () => {
+      this.hub.takeStatus(await request("DELETE", "/calibrating"));
+      notify("Calibrating ended; nothing was changed.");
+      this.#go(null);
+    });
+  }
+}
+
+customElements.define("observer-calibration-wizard", CalibrationWizard);

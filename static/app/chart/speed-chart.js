@@ -1,0 +1,212 @@
+/** Speed over the last minute: estimate with its band, truth, and what robots are told and do. */
+
+import { h, setAttribute, setText, tint } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { ChartExport, ofRun } from "./chart-export.js";
+import { asPicture, speedsAsCsv } from "./live-speed-files.js";
+import { gapsIn, speedAt, withBand } from "./speed-curves.js";
+import { SpeedHistory } from "./speed-history.js";
+import { DASHES, SpeedPlot } from "./speed-plot.js";
+
+/** @import { Run } from "../contract" */
+
+/** @import { Curve } from "./speed-curves.js" */
+
+const SPAN_S = 60;
+const DRAW_EVERY_MS = 200;
+const HEIGHT_PX = 194;
+const TOP_AT_LEAST_MPS = 0.5;
+// What was measured longer ago than this is no value of now.
+const NOW_REACH_S = 0.3;
+const ORDER = { estimate: 0, stray: 0, truth: 1, commanded: 2, sent: 3, encoder: 4 };
+
+class SpeedChart extends Part {
+  #history = new SpeedHistory(SPAN_S);
+  #host = h("div.chart", { role: "img" });
+  #legend = h("ul.legend");
+  #note = h("p.chart-note", { role: "status", hidden: true });
+  #empty = h(
+    "p.empty",
+    "No speed yet. Curves appear as soon as an obstacle moves or truth is known.",
+  );
+  #export = new ChartExport(() => this.#offers());
+  #plot = new SpeedPlot(this.#host, {
+    height: HEIGHT_PX,
+    topAtLeast: TOP_AT_LEAST_MPS,
+    range: () => [-SPAN_S, 0],
+    xWords: (seconds) => (seconds === 0 ? "now" : `${seconds} s`),
+    xSpace: 50,
+    read: (time) => {
+      this.#at = time;
+      this.#renderLegend();
+    },
+  });
+  /** Curves as drawn: seconds before the newest observation. @type {Curve[]} */
+  #curves = [];
+  /** @type {number | null} */
+  #at = null;
+  #drawnAt = 0;
+  /** The newest run, where none is kept now. @type {Run | null} */
+  #last = null;
+
+  build() {
+    this.append(
+      h(
+        "div.pane-head",
+        h("h2", "Speed"),
+        h("span.hint", "m/s over the last 60 s of the source's time; bands of 95 %"),
+        this.#export,
+      ),
+      this.#note,
+      this.#empty,
+      this.#host,
+      this.#legend,
+    );
+    this.hear("observation", () => this.#observed());
+    this.hear("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
+    this.hear("status", () => this.#renderStatus());
+    this.hear("runs", () => this.#findLastRun());
+    void this.#findLastRun();
+    this.#draw();
+  }
+
+  #observed() {
+    if (this.hub.observation) this.#history.add(this.hub.observation);
+    const now = performance.now();
+    if (now - this.#drawnAt < DRAW_EVERY_MS) return;
+    this.#drawnAt = now;
+    this.#draw();
+  }
+
+  #draw() {
+    const { curves, newest, starts, changes } = this.#history;
+    const ago = (/** @type {number} */ time) => time - newest;
+    this.#curves = [...curves.values()]
+      .sort((a, b) => ORDER[a.kind] - ORDER[b.kind])
+      .map((curve) => ({ ...curve, times: curve.times.map(ago) }));
+    this.#empty.hidden = this.#curves.length > 0;
+    this.#renderExport();
+    this.#host.hidden = this.#curves.length === 0;
+    this.#plot.draw(this.#curves, {
+      starts: starts.map((start) => ({ ...start, time: ago(start.time) })),
+      changes: changes.map((change) => ({ ...change, time: ago(change.time) })),
+      gaps: this.#curves.filter(({ kind }) => kind === "truth").flatMap(gapsUntilNow),
+    });
+    this.#renderLegend();
+  }
+
+  /** Newest values, or those under the pointer. */
+  #renderLegend() {
+    const shown = this.#curves.filter(
+      (curve) => curve.kind !== "estimate" || this.#measured(curve, this.#at),
+    );
+    while (this.#legend.childElementCount > shown.length) this.#legend.lastElementChild?.remove();
+    shown.forEach((curve, index) => {
+      const item = this.#legend.children[index] ?? this.#legend.appendChild(makeLegendItem());
+      const [swatch, words] = item.children;
+      if (!swatch || !words) return;
+      setAttribute(swatch, "data-kind", curve.kind);
+      if (swatch instanceof HTMLElement) tint(swatch, curve.colour);
+      setText(words, `${curve.label} ${withBand(this.#measured(curve, this.#at))}`);
+    });
+    const now = shown.map((curve) => `${curve.label} ${withBand(this.#measured(curve, null))}`);
+    setAttribute(this.#host, "aria-label", `Speed over the last minute. Now: ${now.join(", ")}`);
+  }
+
+  /** @param {Curve} curve @param {number | null} at seconds; null is now */
+  #measured(curve, at) {
+    return speedAt(curve, at ?? 0, NOW_REACH_S);
+  }
+
+  #renderStatus() {
+    const truth = this.hub.status?.truth ?? null;
+    const words = [truth?.sentence, truth?.trouble]
+      .flatMap((text) => (text ? [sentence(text)] : []))
+      .join(" ");
+    this.#note.hidden = words === "";
+    setAttribute(this.#note, "data-tone", truth?.aligned && !truth.trouble ? "calm" : "open");
+    setText(this.#note, words);
+    this.#renderExport();
+  }
+
+  #renderExport() {
+    this.#export.hidden = this.#curves.length === 0 && !this.#last;
+  }
+
+  /** Offer the curves seen now, made in the page, and all of the newest run once it has ended. */
+  #offers() {
+    const { status } = this.hub;
+    const last = status?.run || this.#last?.state === "running" ? null : this.#last;
+    const seen =
+      this.#curves.length > 0
+        ? [
+            {
+              words: `What is seen now${status?.run ? "; figures for a paper once the run is stopped" : ""}`,
+              files: [
+                {
+                  format: "csv",
+                  title: "Curves as a table",
+                  make: async () =>
+                    this.#file(
+                      "csv",
+                      speedsAsCsv(this.#history.curves.values(), this.#history.playing),
+                    ),
+                },
+                {
+                  format: "png",
+                  title: "Chart as an image",
+                  make: async () => this.#file("png", await this.#picture()),
+                },
+              ],
+            },
+          ]
+        : [];
+    return last ? [...seen, ofRun(last, null)] : seen;
+  }
+
+  #picture() {
+    const { canvas } = this.#plot;
+    if (!canvas) throw new Error("Nothing is drawn yet.");
+    const entries = this.#curves.map(({ kind, label, colour }) => ({
+      label,
+      colour: this.#plot.resolved(colour),
+      dash: DASHES[kind] ?? [],
+    }));
+    return asPicture(canvas, entries, {
+      ground: this.#plot.resolved("--surface"),
+      text: this.#plot.resolved("--text"),
+    });
+  }
+
+  /** @param {string} format @param {Blob} blob */
+  #file(format, blob) {
+    return { blob, name: `${this.hub.status?.run?.name ?? "speeds"}.${format}` };
+  }
+
+  async #findLastRun() {
+    /** @type {Run[]} */
+    const runs = await request("GET", "/runs").catch(() => []);
+    this.#last = runs.reduce(
+      (best, run) => (best && best.started_at > run.started_at ? best : run),
+      /** @type {Run | null} */ (null),
+    );
+    this.#renderStatus();
+  }
+}
+
+function makeLegendItem() {
+  return h("li", h("span.swatch.line", { "aria-hidden": "true" }), h("span.figure"));
+}
+
+/** Truth that is missing now is seen to be, before it comes back. @param {Curve} curve */
+function gapsUntilNow(curve) {
+  const gaps = gapsIn(curve);
+  const last = curve.speeds.findLastIndex((speed) => speed !== null);
+  if (last >= 0 && last < curve.speeds.length - 1)
+    gaps.push({ begin: Number(curve.times[last]), end: 0 });
+  return gaps;
+}
+
+customElements.define("observer-speed-chart", SpeedChart);

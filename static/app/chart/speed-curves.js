@@ -1,0 +1,131 @@
+/** Curves of speed over time, and how several stand together in one chart. Pure functions. */
+
+import { fixed } from "../elements/words.js";
+
+/** @typedef {"estimate" | "stray" | "truth" | "commanded" | "sent" | "encoder"} Kind */
+
+/**
+ * @typedef {object} Curve
+ * @property {string} key tells it from all others of its chart
+ * @property {Kind} kind stray: a track of no known body beside others that have one
+ * @property {string} label
+ * @property {string} colour its name in tokens.css, as in "--track-3"
+ * @property {boolean} banded whether its band of 95 % is drawn
+ * @property {number[]} times seconds, rising
+ * @property {(number | null)[]} speeds m/s; null breaks the curve: nothing was measured here
+ * @property {(number | null)[]} stds m/s, one standard deviation; null where none is known
+ */
+
+/** @typedef {(number | null | undefined)[]} Row null breaks the curve, undefined is passed over */
+
+/** Half of a normal distribution's middle 95 %, in standard deviations. */
+export const BAND_95 = 1.96;
+
+/**
+ * All curves over the same times: a row for each, and for one with a band the upper and the lower
+ * edge before it.
+ *
+ * @param {Curve[]} curves
+ * @returns {[number[], ...Row[]]}
+ */
+export function joined(curves) {
+  const times = [...Float64Array.from(new Set(curves.flatMap((curve) => curve.times))).sort()];
+  const rows = curves.flatMap((curve) => {
+    const own = rowOf(curve.times, curve.speeds, times);
+    if (!curve.banded) return [own];
+    return [
+      rowOf(curve.times, edge(curve, 1), times),
+      rowOf(curve.times, edge(curve, -1), times),
+      own,
+    ];
+  });
+  return [times, ...rows];
+}
+
+/** @param {Curve} curve @param {1 | -1} side */
+function edge({ speeds, stds }, side) {
+  return speeds.map((speed, i) => {
+    const std = stds[i];
+    return speed === null || std === null || std === undefined
+      ? null
+      : Math.max(0, speed + side * BAND_95 * std);
+  });
+}
+
+/**
+ * @param {number[]} own rising
+ * @param {(number | null)[]} values at these
+ * @param {number[]} times of all curves, rising, the own among them
+ * @returns {Row}
+ */
+function rowOf(own, values, times) {
+  /** @type {Row} */
+  const row = new Array(times.length).fill(undefined);
+  let at = 0;
+  own.forEach((time, i) => {
+    // Times of other curves lie within the gap as well.
+    const broken = i > 0 && (values[i] === null || values[i - 1] === null);
+    for (; at < times.length && Number(times[at]) < time; at += 1)
+      if (broken && row[at] === undefined) row[at] = null;
+    row[at] = values[i];
+  });
+  return row;
+}
+
+/**
+ * The speed that was measured nearest to a time; never one across a gap.
+ *
+ * @param {Pick<Curve, "times" | "speeds" | "stds">} curve
+ * @param {number} time
+ * @param {number} reach seconds, how far from it the curve may have begun or ended
+ * @returns {{speed: number, std: number | null} | null}
+ */
+export function speedAt({ times, speeds, stds }, time, reach) {
+  const later = firstFrom(times, time);
+  const near = [later - 1, later].filter((i) => typeof speeds[i] === "number");
+  // Between two samples either speaks; beside a gap only what is near.
+  const known = near.filter((i) => near.length === 2 || Math.abs(Number(times[i]) - time) <= reach);
+  const [best] = known.sort(
+    (a, b) => Math.abs(Number(times[a]) - time) - Math.abs(Number(times[b]) - time),
+  );
+  const speed = best === undefined ? null : speeds[best];
+  if (best === undefined || typeof speed !== "number") return null;
+  return { speed, std: stds[best] ?? null };
+}
+
+/**
+ * From the last sample before each gap to the first behind it.
+ *
+ * @param {Pick<Curve, "times" | "speeds">} curve
+ * @returns {{begin: number, end: number}[]}
+ */
+export function gapsIn({ times, speeds }) {
+  const gaps = [];
+  let last = -1;
+  for (const [i, speed] of speeds.entries()) {
+    if (speed === null) continue;
+    if (last >= 0 && i > last + 1) gaps.push({ begin: Number(times[last]), end: Number(times[i]) });
+    last = i;
+  }
+  return gaps;
+}
+
+/** @param {{speed: number, std: number | null} | null} measured @returns {string} with its band, without unit */
+export function withBand(measured) {
+  if (!measured) return "–";
+  const { speed, std } = measured;
+  if (std === null) return fixed(speed, 2);
+  return `${fixed(speed, 2)} (${fixed(Math.max(0, speed - BAND_95 * std), 2)}–${fixed(speed + BAND_95 * std, 2)})`;
+}
+
+/** Index of the first that is not below. @param {number[]} rising @param {number} value */
+export function firstFrom(rising, value) {
+  let low = 0;
+  let high = rising.length;
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    if (Number(rising[middle]) < value) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}

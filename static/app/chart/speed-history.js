@@ -1,0 +1,220 @@
+/** The last minute of speeds as curves, and where identities change. No drawing here. */
+
+import { trackColour } from "../elements/words.js";
+
+/** @import { ObservationMessage, TrueBodyEntry, WheelSpeed } from "../contract" */
+
+/** @import { Curve, Kind } from "./speed-curves.js" */
+
+// Where nothing came for longer than this there is a gap in the curves.
+const JUMP_S = 1;
+// Between the end of one playing and the start of the next.
+const GAP_S = 0.5;
+// A curve breaks right behind its last sample: the next may belong to before the newest frame.
+const BROKEN_AFTER_S = 1e-4;
+// Curves are shortened at once by so many samples: moving a thousand numbers is dearer than keeping a few too many.
+const FORGET_FROM = 50;
+const ROBOT_COLOURS = { observer: "--accent", obstacle: "--warn" };
+
+export class SpeedHistory {
+  /** Seconds of the newest observation, rising also where the source was restarted. */
+  newest = 0;
+  /** @type {Map<string, Curve>} */
+  curves = new Map();
+  /** Identity switches: another track took a body's place. @type {{time: number, words: string, colour: string}[]} */
+  changes = [];
+  /** First measurement of each track. @type {{time: number, speed: number, words: string, colour: string}[]} */
+  starts = [];
+
+  #began = false;
+  #playedFrom = 0;
+  #offset = 0;
+  #epoch = 0;
+  #lastTime = 0;
+  #lastSegment = 0;
+  #lastSequence = -1;
+  /** The track that a body was last taken for. @type {Map<number, number>} */
+  #identity = new Map();
+
+  /** @param {number} span_s how much is kept */
+  constructor(span_s) {
+    this.span_s = span_s;
+  }
+
+  /**
+   * What is kept of the source as it plays now, in the curves' seconds; offset is what these are
+   * ahead of its own clock.
+   */
+  get playing() {
+    return {
+      begin: Math.max(this.newest - this.span_s, this.#playedFrom),
+      end: this.newest,
+      offset: this.#offset,
+    };
+  }
+
+  /** @param {ObservationMessage} message */
+  add({ sequence, line, truth }) {
+    this.#continue(line.time, line.segment, sequence);
+    const now = this.newest;
+    /** @type {Set<string>} */
+    const told = new Set();
+    for (const obstacle of line.obstacles) {
+      // While a track coasts nothing is measured: a gap, not a guess.
+      if (obstacle.state === "coasting") continue;
+      const key = `${this.#epoch}/${line.segment}/${obstacle.id}`;
+      const colour = trackColour(obstacle.id);
+      // A speed belongs to the middle of its displacement; at the frame's time it would come late.
+      const time = Math.min(now, obstacle.velocity_time + this.#offset);
+      if (!this.curves.has(key))
+        this.starts.push({ time, speed: obstacle.speed, words: String(obstacle.id), colour });
+      const curve = this.#curve(key, "estimate", `Obstacle ${obstacle.id}`, colour);
+      put(curve, time, obstacle.speed, obstacle.speed_std);
+      told.add(key);
+    }
+    for (const body of truth) {
+      this.#identify(body, now);
+      if (body.role === "observer") continue;
+      const truth = this.#curve(`truth/${body.id}`, "truth", `Truth ${body.name}`, "--text");
+      put(truth, now, body.speed);
+      told.add(truth.key);
+      const { commanded_speed: ordered } = body;
+      if (ordered === null || ordered === undefined) continue;
+      const commanded = this.#curve(
+        `commanded/${body.id}`,
+        "commanded",
+        `Commanded ${body.name}`,
+        "--muted",
+      );
+      put(commanded, now, Math.abs(ordered));
+      told.add(commanded.key);
+    }
+    for (const [key, curve] of this.curves) {
+      if (!told.has(key) && !isOfRobot(curve)) breakOff(curve);
+    }
+    this.#forget();
+  }
+
+  /**
+   * What robots were told and what their wheels did; sizes only, as of obstacles.
+   *
+   * @param {WheelSpeed[]} samples since the last time
+   */
+  addWheels(samples) {
+    if (!this.#began) return;
+    for (const { role, time, sent_mps, encoder_mps } of samples) {
+      const at = time + this.#offset;
+      // Of another source's clock, or of before it was restarted.
+      if (Math.abs(at - this.newest) > JUMP_S) continue;
+      const colour = ROBOT_COLOURS[role];
+      put(this.#curve(`sent/${role}`, "sent", `Sent to ${role}`, colour), at, Math.abs(sent_mps));
+      if (encoder_mps === null) continue;
+      const wheels = this.#curve(`encoder/${role}`, "encoder", `Wheels of ${role}`, colour);
+      put(wheels, at, Math.abs(encoder_mps));
+    }
+  }
+
+  /**
+   * @param {number} time
+   * @param {number} segment
+   * @param {number} sequence
+   */
+  #continue(time, segment, sequence) {
+    const ahead = time - this.#lastTime;
+    const anew = segment !== this.#lastSegment || sequence <= this.#lastSequence || ahead <= 0;
+    if (!this.#began) {
+      this.#playedFrom = time;
+    } else if (anew) {
+      for (const curve of this.curves.values()) breakOff(curve);
+      this.#identity.clear();
+      this.#epoch += 1;
+      this.#offset = this.newest + GAP_S - time;
+      this.#playedFrom = this.newest + GAP_S;
+    }
+    this.#began = true;
+    this.newest = time + this.#offset;
+    this.#lastTime = time;
+    this.#lastSegment = segment;
+    this.#lastSequence = sequence;
+  }
+
+  /**
+   * @param {TrueBodyEntry} body
+   * @param {number} now
+   */
+  #identify({ id, track_id }, now) {
+    if (track_id === null) return;
+    const before = this.#identity.get(id);
+    if (before !== undefined && before !== track_id) {
+      this.changes.push({ time: now, words: `${before} → ${track_id}`, colour: "--muted" });
+    }
+    this.#identity.set(id, track_id);
+  }
+
+  /**
+   * Return a curve, made where it is not there yet.
+   *
+   * @param {string} key
+   * @param {Kind} kind
+   * @param {string} label
+   * @param {string} colour
+   */
+  #curve(key, kind, label, colour) {
+    const banded = kind === "estimate";
+    /** @type {Curve} */
+    const made = { key, kind, label, colour, banded, times: [], speeds: [], stds: [] };
+    const curve = this.curves.get(key) ?? made;
+    this.curves.set(key, curve);
+    return curve;
+  }
+
+  #forget() {
+    const oldest = this.newest - this.span_s;
+    for (const [key, curve] of this.curves) {
+      const last = curve.times.at(-1);
+      if (last === undefined || last < oldest) {
+        this.curves.delete(key);
+      } else if (Number(curve.times[FORGET_FROM]) < oldest) {
+        for (const list of [curve.times, curve.speeds, curve.stds]) list.splice(0, FORGET_FROM);
+      }
+    }
+    while (this.changes[0] && this.changes[0].time < oldest) this.changes.shift();
+    while (this.starts[0] && this.starts[0].time < oldest) this.starts.shift();
+  }
+}
+
+/** Their samples come by themselves. @param {Curve} curve */
+function isOfRobot({ kind }) {
+  return kind === "sent" || kind === "encoder";
+}
+
+/** Nothing was measured: a gap from the last sample to the next. @param {Curve} curve */
+function breakOff(curve) {
+  const last = curve.times.at(-1);
+  if (last !== undefined && curve.speeds.at(-1) !== null)
+    append(curve, last + BROKEN_AFTER_S, null, null);
+}
+
+/**
+ * Go on with a curve; where too long nothing came, behind a gap.
+ *
+ * @param {Curve} curve
+ * @param {number} time
+ * @param {number} speed
+ * @param {number | null} [std]
+ */
+function put(curve, time, speed, std = null) {
+  const last = curve.times.at(-1);
+  if (last !== undefined) {
+    if (time <= last) return;
+    if (time - last > JUMP_S) append(curve, (last + time) / 2, null, null);
+  }
+  append(curve, time, speed, std);
+}
+
+/** @param {Curve} curve @param {number} time @param {number | null} speed @param {number | null} std */
+function append(curve, time, speed, std) {
+  curve.times.push(time);
+  curve.speeds.push(speed);
+  curve.stds.push(std);
+}

@@ -1,0 +1,15 @@
+/** The two robots that there may be. */
+
+/** @import { RobotNow, WheelSpeed } from "../contract" */
+/** @typedef {WheelSpeed["role"]} Role */
+
+/** @type {Role[]} */
+export const ROLES = ["observer", "obstacle"];
+
+/** @type {Record<Role, string>} */
+export const ROLE_WORDS = { observer: "Observer", obstacle: "Obstacle" };
+
+/** Say whether its motors are on, by the newest that is known. @param {RobotNow | null} robot */
+export function isArmed(robot) {
+  return robot?.state === "armed" || robot?.state === "moving";
+}

@@ -1,0 +1,70 @@
+/** Figures with their names and units, as a list that is made once and filled again. */
+
+import { h, setText } from "./dom.js";
+import { fixed } from "./words.js";
+
+/** @typedef {[term: string, text: string, help?: string]} Figure the text has its unit */
+
+/** Server's name of a figure -> name for people, unit, digits after the point. */
+/** @type {Record<string, [string, string, number]>} */
+const NAMES = {
+  residual_px: ["Residual motion", " px", 2],
+  threshold_px: ["Counts above", " px", 2],
+  significance: ["Stands out by", " σ", 1],
+  threshold: ["Counts above", " σ", 1],
+  min_significance: ["Needed", " σ", 1],
+  speed_mps: ["Speed", " m/s", 2],
+  speed_std_mps: ["Speed ±", " m/s", 3],
+  least_speed_mps: ["Slowest to be seen", " m/s", 2],
+  depth_m: ["Depth", " m", 2],
+  age_s: ["Followed for", " s", 2],
+  group_points: ["Points of the group", "", 0],
+  neighbours: ["Features pooled", "", 0],
+  features_near: ["Features near", "", 0],
+  nearest_feature_px: ["Nearest feature", " px", 1],
+  texture_grey_per_px: ["Texture", " grey levels/px", 2],
+  inliers: ["Matches of the background", "", 0],
+  matches: ["Matches", "", 0],
+  min_inliers: ["Fewest needed", "", 0],
+};
+
+/**
+ * @param {Record<string, number | null>} numbers
+ * @returns {Figure[]} in the order of importance; what is not known is said so
+ */
+export function figuresOf(numbers) {
+  const order = Object.keys(NAMES);
+  // What has no place in the order comes last.
+  const place = (/** @type {string} */ name) =>
+    order.includes(name) ? order.indexOf(name) : order.length;
+  return Object.entries(numbers)
+    .sort(([a], [b]) => place(a) - place(b))
+    .map(([name, value]) => {
+      const [term, unit, digits] = NAMES[name] ?? [name.replaceAll("_", " "), "", 2];
+      return [term, value === null ? "not known" : `${fixed(value, digits)}${unit}`];
+    });
+}
+
+/** @param {Figure[]} figures */
+export function figureList(figures) {
+  const list = h("dl.figures");
+  fillFigures(list, figures);
+  return list;
+}
+
+/**
+ * Show these figures in a definition list; its elements stay while their number does.
+ *
+ * @param {HTMLDListElement} list
+ * @param {Figure[]} figures
+ */
+export function fillFigures(list, figures) {
+  if (list.childElementCount !== figures.length) {
+    list.replaceChildren(
+      ...figures.map(([, , title]) => h("div", { title }, h("dt"), h("dd.figure"))),
+    );
+  }
+  figures.forEach((texts, index) => {
+    [...(list.children[index]?.children ?? [])].forEach((node, i) => setText(node, texts[i] ?? ""));
+  });
+}

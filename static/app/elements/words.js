@@ -1,0 +1,170 @@
+/** Numbers and observations in words. Pure functions. */
+
+/** @import { ObservationLine, ObstacleEntry, TrueBodyEntry } from "../contract" */
+
+const STRAIGHT_RAD = (8 * Math.PI) / 180;
+// A true body slower than this stands; one less visible than this is not expected to be seen.
+const STANDS_BELOW_MPS = 0.02;
+const HIDDEN_BELOW = 0.2;
+
+/**
+ * @param {number | null | undefined} value
+ * @param {number} digits after the point
+ */
+export function fixed(value, digits) {
+  return value === null || value === undefined || !Number.isFinite(value)
+    ? "–"
+    : value.toFixed(digits);
+}
+
+/** @param {Pick<ObstacleEntry, "speed" | "speed_std">} obstacle @returns {string} without unit */
+export function speedWithBand({ speed, speed_std }) {
+  return speed_std === null ? fixed(speed, 2) : `${fixed(speed, 2)} ± ${fixed(speed_std, 2)}`;
+}
+
+/** @param {number} bearing radians, positive to the right @returns {string} as in "ahead" */
+export function bearingInWords(bearing) {
+  const side = bearing > 0 ? "right" : "left";
+  const size = Math.abs(bearing);
+  if (size < STRAIGHT_RAD) return "ahead";
+  return size < 3 * STRAIGHT_RAD ? `ahead to the ${side}` : `off to the ${side}`;
+}
+
+/**
+ * Say where an obstacle goes, as the camera sees it.
+ *
+ * @param {ObstacleEntry} obstacle
+ * @param {ObservationLine["pose"]} pose of the camera in the world
+ * @returns {string} as in "to the left and towards us", empty where it is not known
+ */
+export function headingInWords(obstacle, pose) {
+  if (!obstacle.velocity || !pose) return "";
+  const [x = 0, , z = 0] = rotateInverse(pose.orientation_wxyz, obstacle.velocity);
+  const length = Math.hypot(x, z);
+  if (length < STANDS_BELOW_MPS) return "";
+  const parts = [];
+  // Either component is named while it is at least tan(22.5 degrees) of the other.
+  if (Math.abs(x) > 0.414 * Math.abs(z)) parts.push(x > 0 ? "to the right" : "to the left");
+  if (Math.abs(z) > 0.414 * Math.abs(x)) parts.push(z > 0 ? "away from us" : "towards us");
+  return parts.join(" and ");
+}
+
+/**
+ * The first line of the page.
+ *
+ * @param {ObservationLine} line
+ * @param {TrueBodyEntry[]} truth
+ * @returns {{text: string, id: number | null, tone: "moving" | "calm" | "lost"}}
+ */
+export function firstLine(line, truth) {
+  if (line.status === "lost") {
+    const why = line.reasons[0] ? `: ${line.reasons[0]}` : "";
+    return { text: `Camera motion lost${why}.`, id: null, tone: "lost" };
+  }
+  const moving = line.obstacles.filter((o) => o.motion === "moving");
+  const nearest = [...moving].sort((a, b) => a.range - b.range)[0];
+  if (nearest) {
+    return {
+      text: movingLine(nearest, moving.length - 1, line, truth),
+      id: nearest.id,
+      tone: "moving",
+    };
+  }
+  const standing = line.obstacles[0];
+  const missed = truth.find(
+    (body) =>
+      body.role !== "observer" &&
+      body.speed > STANDS_BELOW_MPS &&
+      (body.visible === null || body.visible > HIDDEN_BELOW),
+  );
+  let text = standing ? `Nothing moves; obstacle ${standing.id} has stopped.` : "Nothing moves.";
+  if (missed) {
+    text = `Nothing is seen to move — truth: ${missed.name} moves at ${fixed(missed.speed, 2)} m/s.`;
+  }
+  return { text, id: null, tone: "calm" };
+}
+
+/**
+ * @param {ObstacleEntry} obstacle
+ * @param {number} others how many more move
+ * @param {ObservationLine} line
+ * @param {TrueBodyEntry[]} truth
+ */
+function movingLine(obstacle, others, line, truth) {
+  const heading = headingInWords(obstacle, line.pose);
+  const body = truth.find((b) => b.track_id === obstacle.id);
+  return [
+    `Obstacle ${obstacle.id} moves at ${speedWithBand(obstacle)} m/s`,
+    heading && ` ${heading}`,
+    `, ${fixed(obstacle.range, 1)} m ${bearingInWords(obstacle.bearing)}`,
+    body && ` — truth ${fixed(body.speed, 2)} m/s`,
+    others > 0 && `; ${others === 1 ? "one more moves" : `${others} more move`}`,
+  ]
+    .filter(Boolean)
+    .join("");
+}
+
+/**
+ * @param {string | null} from ISO 8601
+ * @param {string | null} to ISO 8601; null means now
+ * @returns {string} as in "1 min 12 s"
+ */
+export function duration(from, to) {
+  if (!from) return "–";
+  const seconds = ((to ? Date.parse(to) : Date.now()) - Date.parse(from)) / 1000;
+  if (!Number.isFinite(seconds) || seconds < 0) return "–";
+  if (seconds < 60) return `${seconds.toFixed(0)} s`;
+  const minutes = Math.floor(seconds / 60);
+  if (minutes < 60) return `${minutes} min ${Math.floor(seconds % 60)} s`;
+  return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+}
+
+/**
+ * @param {number} count
+ * @param {string} one as in "run"
+ */
+export function counted(count, one) {
+  return `${count} ${one}${count === 1 ? "" : "s"}`;
+}
+
+/** @param {string} iso @returns {string} in the reader's language, short */
+export function when(iso) {
+  const date = new Date(iso);
+  return Number.isNaN(date.getTime())
+    ? iso
+    : date.toLocaleString(undefined, { dateStyle: "short", timeStyle: "medium" });
+}
+
+/** @param {number} id @returns {string} name of one of the eight colours of tracks in tokens.css */
+export function trackColour(id) {
+  return `--track-${((id % 8) + 8) % 8}`;
+}
+
+/**
+ * A vector of world axes in the axes of a body whose attitude in the world is `q`.
+ *
+ * @param {number[]} q w, x, y, z
+ * @param {number[]} v
+ */
+function rotateInverse(q, v) {
+  const [w = 1, x = 0, y = 0, z = 0] = q;
+  const [a = 0, b = 0, c = 0] = v;
+  // v + 2 u x (u x v + w v) with u = -(x, y, z)
+  const t = [2 * (b * z - c * y), 2 * (c * x - a * z), 2 * (a * y - b * x)];
+  const [tx = 0, ty = 0, tz = 0] = t;
+  return [
+    a + w * tx + (ty * z - tz * y),
+    b + w * ty + (tz * x - tx * z),
+    c + w * tz + (tx * y - ty * x),
+  ];
+}
+
+/**
+ * Make a sentence of the server's words, which begin small and mostly end without a stop.
+ *
+ * @param {string} text
+ */
+export function sentence(text) {
+  const words = text.trimEnd();
+  return `${words.charAt(0).toUpperCase()}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
+}

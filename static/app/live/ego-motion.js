@@ -1,0 +1,76 @@
+/** Ego-motion: taken out of the images before anything counts as moving. */
+
+import { h, setText } from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
+import { Part } from "../elements/part.js";
+import { fixed } from "../elements/words.js";
+
+/** @import { EgoMotionStatus } from "../contract" */
+
+/** @import { Figure } from "../elements/figure-list.js" */
+
+const DEG = 180 / Math.PI;
+
+class EgoMotionPanel extends Part {
+  #about = h("p.hint");
+  #imageFigures = h("dl.figures");
+  #image = h("div.stack", h("h4", "Of the image"), this.#imageFigures);
+  #cameraFigures = h("dl.figures");
+  #camera = h("div.stack", h("h4", "Of the camera: right, down, forward"), this.#cameraFigures);
+
+  build() {
+    this.append(h("h3", "Camera motion"), this.#about, this.#image, this.#camera);
+    this.hear("status", () => this.#render());
+    this.#render();
+  }
+
+  #render() {
+    const ego = this.hub.status?.ego_motion ?? null;
+    const parts = ego?.decomposition ?? null;
+    const motion = ego?.motion ?? null;
+    setText(this.#about, ego ? about(ego) : "Not known: no frame was compared with another yet.");
+    this.#image.hidden = !parts;
+    this.#camera.hidden = !motion;
+    if (parts) fillFigures(this.#imageFigures, ofImage(parts));
+    if (motion) fillFigures(this.#cameraFigures, ofCamera(motion));
+  }
+}
+
+/** @param {EgoMotionStatus} ego */
+function about({ model, status, matches, inliers, dt }) {
+  const since = dt === null ? "" : ` over ${fixed(1000 * dt, 0)} ms`;
+  if (status === "lost")
+    return `The ${model} model lost it${since}: ${matches} matches follow no one motion.`;
+  return `The ${model} model${since}: ${inliers} of ${matches} matches follow it${status === "ok" ? "" : ", weakly"}.`;
+}
+
+/** @param {NonNullable<EgoMotionStatus["decomposition"]>} parts @returns {Figure[]} */
+function ofImage({ translation_px, rotation_rad, shear, scale }) {
+  return [
+    ["Translation", `${listed(translation_px, 2)} px`],
+    ["Rotation", `${fixed(DEG * rotation_rad, 3)}°`],
+    ["Shear", fixed(shear, 4)],
+    ["Scale", listed(scale, 4)],
+  ];
+}
+
+/** @param {NonNullable<EgoMotionStatus["motion"]>} motion @returns {Figure[]} */
+function ofCamera({ translation_m, rotation_rad }) {
+  const millimetres = translation_m.map((m) => 1000 * m);
+  const degrees = rotation_rad.map((a) => DEG * a);
+  return [
+    ["Translation", `${listed(millimetres, 1)} mm`],
+    ["Rotation", `${listed(degrees, 2)}°`],
+  ];
+}
+
+/**
+ * @param {number[]} values
+ * @param {number} digits
+ */
+function listed(values, digits) {
+  // No -0.00: the sign of what is not shown says nothing.
+  return values.map((value) => fixed(value, digits).replace(/^-(0\.0*)$/, "$1")).join(", ");
+}
+
+customElements.define("observer-ego-motion", EgoMotionPanel);

@@ -1,0 +1,132 @@
+/** All obstacles of the newest observation, one line each. */
+
+import { button, h, setAttribute, setText, tint } from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
+import { Part } from "../elements/part.js";
+import {
+  bearingInWords,
+  fixed,
+  sentence as asSentence,
+  speedWithBand,
+  trackColour,
+} from "../elements/words.js";
+
+/** @import { ObstacleEntry } from "../contract" */
+
+const COLUMNS = ["Id", "Speed, m/s", "Truth", "Where"];
+
+/** @type {Record<string, string>} */
+const STATES = { moving: "Moving", stopped: "Stopped" };
+
+class ObstacleTable extends Part {
+  #body = h("tbody");
+  #empty = h("p.empty", "No moving obstacle.");
+  #scroll = h("div.scroll-x", { tabindex: 0, role: "region", "aria-label": "Obstacles" });
+  /** @type {Map<number, ReturnType<typeof makeRow>>} */
+  #rows = new Map();
+
+  build() {
+    const head = h("tr", ...COLUMNS.map((name) => h("th", { scope: "col" }, name)));
+    this.#scroll.append(h("table", h("thead", head), this.#body));
+    this.append(h("div.pane-head", h("h2", "Obstacles")), this.#scroll, this.#empty);
+    this.hear("observation", () => this.#render());
+    this.#render();
+  }
+
+  #render() {
+    const message = this.hub.observation;
+    const obstacles = message?.line.obstacles ?? [];
+    const present = new Set(obstacles.map((o) => o.id));
+    for (const [id, row] of this.#rows) {
+      if (!present.has(id)) {
+        row.forEach((line) => line.remove());
+        this.#rows.delete(id);
+      }
+    }
+    for (const obstacle of obstacles) {
+      let row = this.#rows.get(obstacle.id);
+      if (!row) {
+        row = makeRow(obstacle.id, () => this.#render());
+        this.#rows.set(obstacle.id, row);
+        this.#body.append(...row);
+      }
+      const body = message?.truth.find((b) => b.track_id === obstacle.id);
+      fillRow(row, obstacle, body?.speed ?? null);
+    }
+    this.#empty.hidden = obstacles.length > 0;
+    this.#scroll.hidden = obstacles.length === 0;
+  }
+}
+
+/**
+ * Two lines: the figures, and why it counts as dynamic. A click on either, or on the button with
+ * the number, shows the figures behind the reason.
+ *
+ * @param {number} id
+ * @param {() => void} opened
+ * @returns {[HTMLTableRowElement, HTMLTableRowElement]}
+ */
+function makeRow(id, opened) {
+  const swatch = tint(h("span.swatch", { "aria-hidden": "true" }), trackColour(id));
+  const cells = COLUMNS.slice(1).map(() => h("td"));
+  const more = button([swatch, String(id)], null, {
+    class: "row-button",
+    "aria-expanded": "false",
+    title: "Why it counts as moving",
+  });
+  const figures = h("tr", h("th", { scope: "row" }, more), ...cells);
+  const behind = h("dl.figures", { hidden: true });
+  const why = h("tr.why", h("td", { colspan: COLUMNS.length }, h("p"), behind));
+  const toggle = () => {
+    behind.hidden = !behind.hidden;
+    more.setAttribute("aria-expanded", String(!behind.hidden));
+    opened();
+  };
+  const close = (/** @type {KeyboardEvent} */ event) => {
+    if (event.key !== "Escape" || behind.hidden) return;
+    event.preventDefault();
+    toggle();
+  };
+  for (const row of [figures, why]) {
+    row.addEventListener("click", toggle);
+    row.addEventListener("keydown", close);
+  }
+  return [figures, why];
+}
+
+/**
+ * @param {[HTMLTableRowElement, HTMLTableRowElement]} rows
+ * @param {ObstacleEntry} obstacle
+ * @param {number | null} truth m/s
+ */
+function fillRow([figures, why], obstacle, truth) {
+  const texts = [
+    speedWithBand(obstacle),
+    fixed(truth, 2),
+    `${fixed(obstacle.range, 2)} m ${bearingInWords(obstacle.bearing)}`,
+  ];
+  texts.forEach((text, index) => {
+    const cell = figures.cells[index + 1];
+    if (cell) setText(cell, text);
+  });
+  setAttribute(figures, "data-state", obstacle.state);
+  const [sentence, behind] = why.cells[0]?.children ?? [];
+  const state = obstacle.state === "coasting" ? "Not seen now" : STATES[obstacle.motion];
+  const words = `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`;
+  if (sentence) setText(sentence, words);
+  if (behind instanceof HTMLDListElement && !behind.hidden)
+    fillFigures(behind, figuresBehind(obstacle));
+}
+
+/** @param {ObstacleEntry} obstacle @returns {import("../elements/figure-list.js").Figure[]} */
+function figuresBehind({ points, significance, closing_speed, size, state }) {
+  return [
+    ["Stands out by", `${fixed(significance, 1)} σ`],
+    ["Points that move", String(points)],
+    ["Comes nearer by", closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s`],
+    ["Size seen", `${size.map((m) => fixed(m, 2)).join(" × ")} m`],
+    ["State", state],
+  ];
+}
+
+customElements.define("observer-obstacles", ObstacleTable);

@@ -1,0 +1,116 @@
+/** State of the server: rates, latency, time of each stage, dropped frames and why. */
+
+import { fillList, h, setText } from "../elements/dom.js";
+import { fillFigures } from "../elements/figure-list.js";
+import { Part } from "../elements/part.js";
+import { fixed } from "../elements/words.js";
+
+/** @import { Status } from "../contract" */
+/** @import { Figure } from "../elements/figure-list.js" */
+
+class StatusPanel extends Part {
+  #figures = h("dl.figures");
+  #version = h("span", "–");
+  #bars = h("ul.bars", { "aria-label": "Time of each stage" });
+  #total = h("span.figure");
+  #skipped = h("ul.plain-list");
+  #warnings = h("ul.plain-list.warnings", { "aria-label": "Warnings" });
+  #noneSkipped = h("p.hint", "No frame was skipped.");
+
+  build() {
+    this.append(
+      h("h2", "Status"),
+      this.#figures,
+      this.#warnings,
+      h("h3", "Stage timings ", this.#total),
+      this.#bars,
+      h("h3", "Skipped frames"),
+      this.#noneSkipped,
+      this.#skipped,
+      h("p.hint", this.#version, " · ", h("a", { href: "/docs" }, "REST interface")),
+    );
+    this.hear("status", () => this.#render());
+    this.whenShown(() => this.#render());
+    this.#render();
+  }
+
+  #render() {
+    const { status } = this.hub;
+    if (!status || this.offsetParent === null) return;
+    fillFigures(this.#figures, figuresOf(status));
+    const { version, engine } = status;
+    setText(
+      this.#version,
+      `Dynamic Observer ${version}${engine.pid ? `, engine process ${engine.pid}` : ""}`,
+    );
+    this.#renderBars(status.timings_ms);
+    this.#noneSkipped.hidden = status.skipped.length > 0;
+    fillList(
+      this.#skipped,
+      status.skipped.map(({ index, reason }) => `Frame ${index}: ${reason}`),
+    );
+    fillList(this.#warnings, status.warnings);
+  }
+
+  /** @param {Record<string, number>} timings stage -> median ms; a "total" is no stage */
+  #renderBars(timings) {
+    const stages = Object.entries(timings).filter(([name]) => name !== "total");
+    const sum = stages.reduce((total, [, ms]) => total + ms, 0);
+    const total = timings.total ?? sum;
+    setText(this.#total, stages.length ? `${fixed(total, 1)} ms together` : "");
+    const longest = Math.max(1, ...stages.map(([, ms]) => ms));
+    if (this.#bars.childElementCount !== stages.length) {
+      this.#bars.replaceChildren(
+        ...stages.map(() =>
+          h("li", h("span"), h("meter", { min: 0, max: 1, value: 0 }), h("span.figure")),
+        ),
+      );
+    }
+    stages.forEach(([name, ms], index) => {
+      const [label, meter, value] = this.#bars.children[index]?.children ?? [];
+      if (!label || !(meter instanceof HTMLMeterElement) || !value) return;
+      const words = name.replaceAll("_", " ");
+      setText(label, words);
+      meter.value = ms / longest;
+      meter.setAttribute("aria-label", `${words}: ${fixed(ms, 1)} ms`);
+      setText(value, `${fixed(ms, 1)} ms`);
+    });
+  }
+}
+
+/** @param {Status} status @returns {Figure[]} */
+function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops }) {
+  return [
+    [
+      "Unique frames",
+      `${fixed(rates.unique_frames_per_s, 1)} /s`,
+      "frames observed each second, each counted once",
+    ],
+    [
+      "Dense cloud",
+      denseWords(dense_stereo),
+      "clouds and disparity views made each second, and the newest one's age",
+    ],
+    [
+      "Exposure to page",
+      `${fixed(latency_ms.median, 0)} ms`,
+      "median from reception to painted here",
+    ],
+    ["Exposure to page, 95 %", `${fixed(latency_ms.p95, 0)} ms`, "19 of 20 frames are faster"],
+    ["Open pages", String(viewers), "that receive live data now"],
+    ["Engine restarts", String(engine.restarts), "since the server was started"],
+    ["Frames skipped", String(drops.frames_skipped), "that the source could not read"],
+    ["Observations lost", String(drops.observations_lost), "between engine and server"],
+    ["Messages left out", String(drops.live_messages_dropped), "for pages slower than the frames"],
+    ["Not kept", String(drops.writes_dropped), "because the database was not to be had"],
+  ];
+}
+
+/** @param {Status["dense_stereo"]} dense */
+function denseWords({ per_s, age_s, coarseness }) {
+  if (!per_s || age_s === null) return "–";
+  const grid = coarseness && coarseness > 1 ? `, of 1/${coarseness} size` : "";
+  return `${fixed(per_s, 1)} /s, ${fixed(1000 * age_s, 0)} ms old${grid}`;
+}
+
+customElements.define("observer-status", StatusPanel);

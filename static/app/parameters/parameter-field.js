@@ -1,0 +1,261 @@
+/** One parameter: its control made from its declaration, with help, error and reset. */
+
+import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
+
+/** @import { ParameterEntry, ParameterValue } from "./parameter-store.js" */
+
+/**
+ * Source and target of values: the server's store, or a draft.
+ *
+ * @typedef {Pick<import("./parameter-store.js").ParameterStore, "defaults" | "change" | "changeUndoably">} ValueStore
+ */
+
+const SLIDER_STEPS = 1000;
+// From this ratio of largest to smallest on, a slider's scale is logarithmic.
+const LOGARITHMIC_FROM = 100;
+const KEY_SHARE = 0.05;
+const SEND_EVERY_MS = 120;
+/** @type {Record<string, 1 | -1>} */
+const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
+
+export class ParameterField extends HTMLElement {
+  #error = h("p.field-error", { role: "alert" });
+  #idle = h("span.idle");
+  #reset = button(icon("restart"), null, { class: "quiet reset" });
+  /** @type {(value: ParameterValue) => void} */
+  #show = () => {};
+  /** @type {ParameterValue | undefined} */
+  #shown;
+
+  /**
+   * @param {ParameterEntry} entry
+   * @param {ValueStore} store
+   * @param {string} [prefix] of the controls' ids, where a form stands beside another
+   */
+  build(entry, store, prefix = "parameter") {
+    this.entry = entry;
+    this.store = store;
+    const id = `${prefix}-${entry.name.replace(".", "-")}`;
+    this.dataset.name = entry.name;
+    this.#error.id = `${id}-error`;
+    const reset = `Reset ${entry.title}`;
+    this.#reset.setAttribute("aria-label", reset);
+    this.#reset.addEventListener("click", () =>
+      this.#commit(store.defaults[entry.name] ?? entry.default),
+    );
+    this.append(
+      h("div.parameter-head", h("label", { for: id }, entry.title), this.#reset),
+      this.#controls(id),
+      this.#error,
+      h(
+        "p.hint",
+        { id: `${id}-help` },
+        entry.help,
+        " ",
+        h("span.range", rangeInWords(entry)),
+        " ",
+        this.#idle,
+      ),
+    );
+  }
+
+  /**
+   * @param {ParameterValue} value the server's
+   * @param {string} model in force: with some a parameter does nothing
+   */
+  show(value, model) {
+    const used = model === "" || this.entry?.models.includes(model) !== false;
+    const cloud = this.entry?.cloud === true;
+    this.toggleAttribute("data-idle", !used && !cloud);
+    const unused = cloud ? `With ${model} it acts on the cloud only.` : `Not used by ${model}.`;
+    setText(this.#idle, used ? "" : unused);
+    const fallback = this.store?.defaults[this.entry?.name ?? ""];
+    const changed = value !== fallback;
+    this.toggleAttribute("data-changed", changed);
+    this.#reset.hidden = !changed;
+    this.#reset.title = `Back to ${String(fallback)}`;
+    if (value !== this.#shown) this.fail("");
+    this.#shown = value;
+    this.#show(value);
+  }
+
+  /** @param {string} message empty takes the error away */
+  fail(message) {
+    const kept = message
+      ? `Refused: ${message.replace(/\.$/, "")}. It stays at ${String(this.#shown)}.`
+      : "";
+    setText(this.#error, kept);
+    for (const control of this.querySelectorAll("input, select"))
+      setAttribute(control, "aria-invalid", message ? "true" : null);
+  }
+
+  /** True while the text field holds an unsent edit: then Ctrl+Z is the text's. */
+  get isEdited() {
+    const text = this.querySelector('input[type="number"]');
+    return text instanceof HTMLInputElement && text.value !== tidy(this.#shown);
+  }
+
+  /** @param {string} term @returns {boolean} whether it is about that */
+  isAbout(term) {
+    const { name, title, help, group } = /** @type {ParameterEntry} */ (this.entry);
+    return `${name} ${title} ${help} ${group}`.toLowerCase().includes(term);
+  }
+
+  /**
+   * @param {ParameterValue} value
+   * @param {ParameterValue} [before]
+   */
+  #commit(value, before = this.#shown) {
+    const { entry, store } = this;
+    if (!entry || !store || before === undefined) return;
+    this.fail("");
+    void store.changeUndoably({ [entry.name]: value }, { [entry.name]: before });
+  }
+
+  /** @param {string} id */
+  #controls(id) {
+    const entry = /** @type {ParameterEntry} */ (this.entry);
+    const described = { "aria-describedby": `${id}-error ${id}-help` };
+    if (entry.type === "boolean") {
+      const box = h("input.switch", { type: "checkbox", id, ...described });
+      box.addEventListener("change", () => this.#commit(box.checked));
+      this.#show = (value) => (box.checked = value === true);
+      return h("div.parameter-controls", box);
+    }
+    if (entry.type === "choice") {
+      const choices = (entry.choices ?? []).map((choice) => [choice, choice]);
+      const list = select({ id, ...described }, choices);
+      list.addEventListener("change", () => this.#commit(list.value));
+      this.#show = (value) => (list.value = String(value));
+      return h("div.parameter-controls", list);
+    }
+    return this.#numberControls(id, described);
+  }
+
+  /**
+   * @param {string} id
+   * @param {Record<string, string>} described
+   */
+  #numberControls(id, described) {
+    const entry = /** @type {ParameterEntry} */ (this.entry);
+    const scale = scaleOf(entry);
+    const slider = h("input", {
+      type: "range",
+      "aria-label": `${entry.title}, slider`,
+      ...scale.attributes,
+    });
+    const number = input("number", id, {
+      min: entry.minimum,
+      max: entry.maximum,
+      step: entry.step,
+      ...described,
+    });
+    const display = (/** @type {ParameterValue} */ value) => {
+      number.value = tidy(value);
+      slider.setAttribute("aria-valuetext", `${number.value} ${entry.unit}`);
+    };
+    const gesture = this.#gesture(display);
+    slider.addEventListener("input", () => gesture.move(scale.valueAt(slider.valueAsNumber)));
+    slider.addEventListener("change", () => gesture.end());
+    slider.addEventListener("keydown", (event) => {
+      const direction = ARROWS[event.key];
+      if (!direction || !scale.next) return;
+      event.preventDefault();
+      const value = scale.next(number.valueAsNumber, direction);
+      slider.value = String(scale.placeOf(value));
+      gesture.move(value);
+    });
+    slider.addEventListener("keyup", () => gesture.end());
+    // What is no number is sent as it is: the server says what would be right.
+    number.addEventListener("change", () =>
+      this.#commit(Number.isFinite(number.valueAsNumber) ? number.valueAsNumber : number.value),
+    );
+    this.#show = (value) => {
+      if (gesture.underWay) return;
+      display(value);
+      slider.value = String(scale.placeOf(Number(value)));
+    };
+    return h("div.parameter-controls", slider, number, h("span.unit", entry.unit));
+  }
+
+  /**
+   * One movement of the slider: its effect is seen while it lasts, and it is one step of undo.
+   *
+   * @param {(value: number) => void} display
+   */
+  #gesture(display) {
+    const name = /** @type {ParameterEntry} */ (this.entry).name;
+    /** @type {ParameterValue | undefined} */
+    let before;
+    /** @type {number | undefined} */
+    let value;
+    let timer = 0;
+    return {
+      get underWay() {
+        return value !== undefined;
+      },
+      move: (/** @type {number} */ to) => {
+        if (value === undefined) before = this.#shown;
+        value = to;
+        display(to);
+        timer ||= setTimeout(() => {
+          timer = 0;
+          if (value !== undefined) void this.store?.change({ [name]: value });
+        }, SEND_EVERY_MS);
+      },
+      end: () => {
+        if (value === undefined) return;
+        const last = value;
+        clearTimeout(timer);
+        timer = 0;
+        value = undefined;
+        this.#commit(last, before);
+      },
+    };
+  }
+}
+
+/**
+ * Map a slider's places to a parameter's values and back.
+ *
+ * @param {ParameterEntry} entry
+ */
+function scaleOf({ minimum, maximum, step, type }) {
+  if (minimum <= 0 || maximum / minimum < LOGARITHMIC_FROM) {
+    return {
+      attributes: { min: minimum, max: maximum, step },
+      valueAt: (/** @type {number} */ place) => place,
+      placeOf: (/** @type {number} */ value) => value,
+      next: null,
+    };
+  }
+  const ratio = Math.log(maximum / minimum);
+  const allowed = (/** @type {number} */ value) => {
+    const stepped = minimum + Math.round((value - minimum) / step) * step;
+    const bounded = Math.min(maximum, Math.max(minimum, stepped));
+    return type === "integer" ? Math.round(bounded) : Number(bounded.toPrecision(6));
+  };
+  return {
+    attributes: { min: 0, max: SLIDER_STEPS, step: 1 },
+    valueAt: (/** @type {number} */ place) =>
+      allowed(minimum * Math.exp((ratio * place) / SLIDER_STEPS)),
+    placeOf: (/** @type {number} */ value) =>
+      Math.round((SLIDER_STEPS * Math.log(value / minimum)) / ratio),
+    // A key moves by a few per cent, but always by one step at least.
+    next: (/** @type {number} */ value, /** @type {1 | -1} */ direction) =>
+      allowed(value + direction * Math.max(step, value * KEY_SHARE)),
+  };
+}
+
+/** @param {ParameterEntry} entry */
+function rangeInWords({ minimum, maximum, unit, type }) {
+  if (type !== "number" && type !== "integer") return "";
+  return `${minimum} to ${maximum}${unit ? ` ${unit}` : ""}.`;
+}
+
+/** @param {ParameterValue | undefined} value */
+function tidy(value) {
+  return typeof value === "number" ? String(Number(value.toPrecision(7))) : String(value ?? "");
+}
+
+customElements.define("observer-parameter", ParameterField);

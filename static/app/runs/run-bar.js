@@ -1,0 +1,156 @@
+/** Start and stop of a run, and what the server is doing. */
+
+import {
+  button,
+  h,
+  icon,
+  input,
+  onSubmit,
+  select,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { duration, sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { notify, oneAtATime } from "../shell/notice.js";
+import { size } from "./run-words.js";
+
+/** @import { RecordingStatus, Run, Status } from "../contract" */
+
+/** @type {Record<string, string>} */
+const STATES = {
+  connecting: "Connecting",
+  closed: "Reconnecting",
+  idle: "Idle",
+  preview: "Preview",
+  running: "Running",
+  calibrating: "Calibrating",
+  failed: "Failed",
+};
+
+/** Choices of the images that a recording keeps. @type {[string, string][]} */
+const RECORDS = [
+  ["jpeg", "Record JPEG"],
+  ["lossless", "Record lossless"],
+  ["none", "Record no images"],
+];
+
+class RunBar extends Part {
+  #state = h("span.state-chip");
+  #name = input("text", "run-name", { maxlength: 80, placeholder: "Run name (optional)" });
+  #record = select(
+    {
+      id: "run-record",
+      "aria-label": "Images in the recording",
+      title: "All else is recorded in any case",
+    },
+    RECORDS,
+  );
+  #recording = h("span.record-chip.figure", { hidden: true });
+  #start = h("button.button.primary", { type: "submit" }, icon("record"), "Start run");
+  #stop = button([icon("stop"), "Stop run"], () => this.#do(() => this.#end()), {
+    class: "button danger",
+    hidden: true,
+  });
+  #running = h("span.run-clock.figure", { hidden: true });
+  #busy = false;
+  #do = oneAtATime((busy) => void this.#changed(busy));
+  /** @type {number | null} */
+  #restarts = null;
+
+  build() {
+    const form = h(
+      "form.row",
+      h("label.visually-hidden", { for: "run-name" }, "Name of the run"),
+      this.#name,
+      this.#record,
+      this.#recording,
+      this.#running,
+      this.#start,
+      this.#stop,
+    );
+    onSubmit(form, () => this.#do(() => this.#begin()));
+    this.append(this.#state, form);
+    this.hear("status connection", () => this.#render());
+    this.#render();
+  }
+
+  #render() {
+    const { status, connection } = this.hub;
+    const state = connection === "open" && status ? status.engine.state : connection;
+    setText(this.#state, STATES[state] ?? state);
+    setAttribute(this.#state, "data-state", state);
+    setAttribute(this.#state, "title", status?.engine.reason ?? null);
+    if (status) this.#tellRestart(status.engine.restarts);
+    const run = status?.run ?? null;
+    this.#name.hidden = this.#record.hidden = run !== null;
+    this.#renderRecording(status?.recording ?? null);
+    this.#start.hidden = run !== null;
+    this.#stop.hidden = run === null;
+    this.#running.hidden = run === null;
+    if (run) setText(this.#running, `${run.name} · ${duration(run.started_at, null)}`);
+    const ready = connection === "open" && !this.#busy;
+    this.#start.disabled = !ready || !status?.source || status.engine.state === "calibrating";
+    this.#stop.disabled = !ready;
+  }
+
+  /** @param {RecordingStatus | null} recording */
+  #renderRecording(recording) {
+    this.#recording.hidden = recording === null;
+    if (!recording) return;
+    const { images, bytes, dropped, trouble } = recording;
+    const lost = dropped > 0 ? `, ${dropped} lost` : "";
+    setText(
+      this.#recording,
+      trouble
+        ? "Not recording"
+        : `Recording ${size(bytes)}${images === "none" ? ", no images" : ""}${lost}`,
+    );
+    setAttribute(this.#recording, "data-trouble", trouble || dropped > 0 ? "" : null);
+    setAttribute(
+      this.#recording,
+      "title",
+      trouble ? sentence(trouble) : dropped > 0 ? "The disk did not keep up." : null,
+    );
+  }
+
+  /** @param {number} restarts since the server was started */
+  #tellRestart(restarts) {
+    const before = this.#restarts;
+    this.#restarts = restarts;
+    if (before === null || restarts <= before) return;
+    notify("The engine had ended and was restarted; what follows is a new segment.", "error");
+  }
+
+  async #begin() {
+    const name = this.#name.value.trim();
+    /** @type {Run} */
+    const run = await request("POST", "/runs", {
+      ...(name ? { name } : {}),
+      record: this.#record.value,
+    });
+    this.#name.value = "";
+    notify(`Run ${run.name} started.`);
+    this.hub.tell("runs");
+  }
+
+  async #end() {
+    const run = this.hub.status?.run;
+    if (!run) return;
+    await request("POST", `/runs/${encodeURIComponent(run.id)}/stop`);
+    notify(`Run ${run.name} stopped and kept.`);
+    this.hub.tell("runs");
+  }
+
+  /** @param {boolean} busy */
+  async #changed(busy) {
+    this.#busy = busy;
+    this.#render();
+    if (busy) return;
+    const status = await request("GET", "/status").catch(() => null);
+    if (status) this.hub.takeStatus(/** @type {Status} */ (status));
+  }
+}
+
+customElements.define("observer-run-bar", RunBar);

@@ -1,0 +1,99 @@
+/** The newest runs, and the way to all of them. */
+
+import { button, downloadLink, h, iconButton, item, stateChip } from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { attempt, notify } from "../shell/notice.js";
+import { removeRun } from "./run-search.js";
+import { facts, runHref, size } from "./run-words.js";
+
+/** @import { History, Run } from "../contract" */
+
+// Older ones are found in the history.
+const NEWEST = 8;
+
+class RunList extends Part {
+  #list = h("ul.item-list");
+  #items = new KeptList(
+    this.#list,
+    (/** @type {Run} */ run) => this.#item(run),
+    () => this.#history,
+  );
+  #empty = h(
+    "p.empty",
+    "No run yet. Start one at the top of the page; it is recorded and listed here.",
+  );
+  #history = h("a.button.primary", { href: "#history" }, "Find, compare and look at runs");
+  #save = button("Save the last half minute", () => this.#saveClip(), {
+    "aria-describedby": "save-clip-help",
+  });
+  /** @type {string | null} */
+  #runId = null;
+
+  build() {
+    this.append(
+      h("h2", "Runs"),
+      h("div.row", this.#history, this.#save),
+      h(
+        "p.hint",
+        { id: "save-clip-help" },
+        "Half a minute back is at hand of live cameras and of every run; it is also saved when the guard stops a robot.",
+      ),
+      h("h3", "Newest"),
+      this.#empty,
+      this.#list,
+    );
+    this.hear("runs reconnected", () => this.#load());
+    this.hear("status", () => {
+      const id = this.hub.status?.run?.id ?? null;
+      if (id === this.#runId) return;
+      this.#runId = id;
+      void this.#load();
+    });
+    void this.#load();
+  }
+
+  async #load() {
+    /** @type {History | null} */
+    const found = await request("GET", `/history?limit=${NEWEST}`).catch(() => null);
+    if (!found) return;
+    this.#empty.hidden = found.runs.length > 0;
+    this.#items.show(found.runs, ({ id }) => id);
+  }
+
+  async #saveClip() {
+    await attempt(async () => {
+      /** @type {{file: string, bytes: number, seconds: number}} */
+      const { file, bytes, seconds } = await request("POST", "/recording/ring");
+      notify(
+        `The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`,
+      );
+      this.hub.tell("saved-clips");
+    });
+  }
+
+  /** @param {Run} run */
+  #item(run) {
+    const remove = iconButton("trash", `Delete run ${run.name}`, () => removeRun(this.hub, run), {
+      disabled: run.state === "running",
+      title: "Delete",
+    });
+    return item(
+      [
+        h("p", h("a", { href: runHref(run.id) }, run.name), " ", stateChip(run.state)),
+        h("p.hint", facts(run)),
+        run.reason && h("p.hint", sentence(run.reason)),
+      ],
+      downloadLink("CSV", {
+        href: `/api/runs/${encodeURIComponent(run.id)}/speeds?format=csv`,
+        download: `${run.name}.csv`,
+        "aria-label": `Speeds of run ${run.name} as CSV`,
+      }),
+      remove,
+    );
+  }
+}
+
+customElements.define("observer-runs", RunList);

@@ -1,0 +1,97 @@
+/** The REST interface under /api: one function to ask, one error to catch. */
+
+import { sentence } from "../elements/words.js";
+
+/**
+ * A request that was refused or did not arrive. `message` is one sentence for people;
+ * `fields` has the sentence of each refused field, by the last part of its `loc`.
+ */
+export class ApiError extends Error {
+  /**
+   * @param {string} message
+   * @param {number} status 0 where the server did not answer
+   * @param {Record<string, string>} fields
+   */
+  constructor(message, status, fields = {}) {
+    super(message);
+    this.name = "ApiError";
+    this.status = status;
+    this.fields = fields;
+  }
+}
+
+/**
+ * @template T
+ * @param {"GET" | "POST" | "PUT" | "PATCH" | "DELETE"} method
+ * @param {string} path below /api, as in "/runs"
+ * @param {unknown} [body] sent as JSON, or as it is where it is FormData
+ * @returns {Promise<T>} the answer's JSON, or null where it has none
+ * @throws {ApiError}
+ */
+export async function request(method, path, body) {
+  const response = await send(method, path, body);
+  const type = response.headers.get("content-type") ?? "";
+  // An answer without content may still be called JSON.
+  const empty = response.status === 204;
+  return type.includes("json") && !empty ? await response.json() : /** @type {T} */ (null);
+}
+
+/**
+ * An image, or another file, and the headers that came with it.
+ *
+ * @param {string} path below /api
+ * @param {AbortSignal} [signal] ends it; the server then ends what it makes
+ * @returns {Promise<{blob: Blob, headers: Headers}>}
+ * @throws {ApiError}
+ */
+export async function requestImage(path, signal) {
+  const response = await send("GET", path, undefined, signal);
+  return { blob: await response.blob(), headers: response.headers };
+}
+
+/**
+ * @param {string} method
+ * @param {string} path
+ * @param {unknown} [body]
+ * @param {AbortSignal} [signal]
+ */
+async function send(method, path, body, signal) {
+  const form = body instanceof FormData;
+  /** @type {RequestInit} */
+  const options = { method, credentials: "same-origin", cache: "no-store" };
+  if (signal) options.signal = signal;
+  if (body !== undefined) {
+    options.body = form ? body : JSON.stringify(body);
+    if (!form) options.headers = { "content-type": "application/json" };
+  }
+  let response;
+  try {
+    response = await fetch(`/api${path}`, options);
+  } catch {
+    throw new ApiError("The server does not answer; try again once it is back.", 0);
+  }
+  if (response.ok) return response;
+  if (response.status === 401) location.assign("/sign-in");
+  throw refusal(response.status, await response.json().catch(() => null));
+}
+
+/**
+ * @param {number} status
+ * @param {unknown} body what the server answered: {"detail": sentence or list of loc and msg}
+ */
+function refusal(status, body) {
+  const detail = body && typeof body === "object" && "detail" in body ? body.detail : null;
+  if (typeof detail === "string") return new ApiError(sentence(detail), status);
+  /** @type {Record<string, string>} */
+  const fields = {};
+  if (Array.isArray(detail)) {
+    for (const entry of detail) {
+      if (entry && typeof entry.msg === "string") {
+        const loc = Array.isArray(entry.loc) ? entry.loc : [];
+        fields[String(loc.at(-1) ?? "")] = entry.msg;
+      }
+    }
+  }
+  const first = Object.values(fields)[0];
+  return new ApiError(sentence(first ?? `The server refused this (${status}).`), status, fields);
+}

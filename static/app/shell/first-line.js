@@ -1,0 +1,83 @@
+/** The first line: who moves, how fast, plus or minus what, against the truth; in words. */
+
+import { h, setAttribute, setText, tint } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { firstLine, trackColour } from "../elements/words.js";
+
+// Faster changes cannot be read; what is spoken changes more slowly still.
+const SHOWN_EVERY_MS = 250;
+const SPOKEN_EVERY_MS = 5000;
+
+class FirstLine extends Part {
+  #shownAt = 0;
+  #spokenAt = 0;
+  #tone = "";
+  #text = h("p.first-line-text");
+  // The words change several times a second; a screen reader hears them from here, less often.
+  #spoken = h("p.visually-hidden", { role: "status", "aria-live": "polite" });
+  #context = h("p.first-line-context");
+
+  build() {
+    this.append(this.#text, this.#context, this.#spoken);
+    this.hear("observation", () => this.#render(false));
+    this.hear("freshness", () => this.#render(true));
+    this.hear("status", () => this.#renderContext());
+    this.#render(true);
+  }
+
+  /** @param {boolean} atOnce */
+  #render(atOnce) {
+    const now = performance.now();
+    const { text, id, tone } = this.#words();
+    if (!atOnce && tone === this.#tone && now - this.#shownAt < SHOWN_EVERY_MS) return;
+    this.#shownAt = now;
+    setText(this.#text, text);
+    setAttribute(this, "data-tone", tone);
+    tint(this, id === null ? null : trackColour(id));
+    if (tone !== this.#tone || now - this.#spokenAt > SPOKEN_EVERY_MS) {
+      this.#spokenAt = now;
+      setText(this.#spoken, text);
+    }
+    this.#tone = tone;
+  }
+
+  /** @returns {{text: string, id: number | null, tone: string}} */
+  #words() {
+    const { freshness, observation } = this.hub;
+    if (freshness.state === "stale") {
+      return { text: `Stopped: ${lowerFirst(freshness.reason)}`, id: null, tone: "lost" };
+    }
+    if (freshness.state === "none") return { text: freshness.reason, id: null, tone: "calm" };
+    if (!observation) return { text: freshness.reason, id: null, tone: "calm" };
+    return firstLine(observation.line, observation.truth);
+  }
+
+  #renderContext() {
+    const { status } = this.hub;
+    if (!status) return;
+    const { source, run, calibration } = status;
+    const calibrating = status.engine.state === "calibrating";
+    const words = source
+      ? [
+          source.spec,
+          `${source.width} × ${source.height} at ${Number(source.frame_rate.toFixed(1))} fps`,
+          calibration && !calibrating ? `calibration ${calibration.name}` : null,
+          calibrating ? null : status.has_truth ? "with truth" : "without truth",
+          this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
+          run
+            ? `kept as run ${run.name}`
+            : calibrating
+              ? "nothing is observed meanwhile"
+              : "preview, nothing is kept",
+        ]
+      : ["No source is open; choose one under Source."];
+    setText(this.#context, words.filter(Boolean).join(" · "));
+  }
+}
+
+/** @param {string} text */
+function lowerFirst(text) {
+  return text.charAt(0).toLowerCase() + text.slice(1);
+}
+
+customElements.define("observer-first-line", FirstLine);

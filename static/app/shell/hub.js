@@ -1,0 +1,182 @@
+/** The page's knowledge of the server, and the events by which its parts hear of changes. */
+
+import { sentence } from "../elements/words.js";
+import { LiveSocket } from "./live-socket.js";
+import { Teller } from "./teller.js";
+
+/** @import { ObservationMessage, RobotsMessage, Status } from "../contract" */
+/** @import { Driver } from "../driving/driver.js" */
+/** @import { Connection } from "./live-socket.js" */
+
+/**
+ * @typedef {object} Freshness how old what the page shows is
+ * @property {"fresh" | "held" | "stale" | "none"} state held: paused or ended on purpose
+ * @property {string} reason one sentence, empty while fresh
+ * @property {number} age_s
+ */
+
+const STALE_AFTER_S = 1;
+const JUDGE_EVERY_MS = 200;
+
+/**
+ * Events, all without detail (read the property of the same name):
+ * `status`, `observation` (inside an animation frame), `painted` (right after that frame),
+ * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
+ * (somebody changed what that list shows: read it again), `calibrate` (somebody wants to make a
+ * calibration), `history` (it took the place of the live parts, or gave it back), `robots` (how
+ * robots and driving are).
+ */
+export class Hub extends Teller {
+  /** @type {Status | null} */
+  status = null;
+  /** @type {ObservationMessage | null} */
+  observation = null;
+  /** How robots and driving are; null where nothing was told yet. @type {RobotsMessage | null} */
+  robots = null;
+  /** A source that could not be opened for want of a calibration. */
+  uncalibrated = "";
+  /** @type {Connection} */
+  connection = "connecting";
+  /** @type {Freshness} */
+  freshness = { state: "none", reason: "Connecting to the server.", age_s: 0 };
+
+  #lost = false;
+  #frameAsked = false;
+  /** @type {number[]} */
+  #unpainted = [];
+  /** @type {{at: number, age_s: number | null} | null} */
+  #beat = null;
+  // Posting to it runs right after the frame has been painted, unlike requestAnimationFrame.
+  #afterPaint = new MessageChannel();
+
+  /** @param {(hub: Hub) => Driver} driver makes what drives robots for this page */
+  constructor(driver) {
+    super();
+    this.socket = new LiveSocket("/api/live", {
+      message: (message) => this.#receive(message),
+      state: (state) => this.#connectionChanged(state),
+    });
+    this.driver = driver(this);
+    this.#afterPaint.port1.onmessage = () => this.#acknowledge();
+    let judged = performance.now();
+    setInterval(() => {
+      const late = performance.now() - judged > 2 * JUDGE_EVERY_MS;
+      judged = performance.now();
+      // After the page itself was held up, what has come meanwhile is read first.
+      if (late) setTimeout(() => this.#judgeFreshness(), JUDGE_EVERY_MS / 2);
+      else this.#judgeFreshness();
+    }, JUDGE_EVERY_MS);
+  }
+
+  start() {
+    this.socket.open();
+  }
+
+  /** @param {Status} status also the answer of a request that changed it */
+  takeStatus(status) {
+    this.status = status;
+    this.tell("status");
+    this.#judgeFreshness();
+  }
+
+  /** @param {any} message */
+  #receive(message) {
+    if (message.type === "observation") {
+      this.#beat = { at: performance.now(), age_s: message.age_ms / 1000 };
+      this.observation = message;
+      this.#unpainted.push(message.sequence);
+      this.#askForFrame();
+    } else if (message.type === "heartbeat") {
+      this.#beat = { at: performance.now(), age_s: message.observation_age_s };
+    } else if (message.type === "status") {
+      this.takeStatus(message);
+    } else if (message.type === "robots") {
+      this.robots = message;
+      this.tell("robots");
+    }
+    // Told only once the server speaks: one that accepts and hangs up is not back yet.
+    if (this.#lost) {
+      this.#lost = false;
+      this.tell("reconnected");
+    }
+  }
+
+  #askForFrame() {
+    if (this.#frameAsked) return;
+    this.#frameAsked = true;
+    requestAnimationFrame(() => {
+      this.#frameAsked = false;
+      this.tell("observation");
+      this.#judgeFreshness();
+      this.#afterPaint.port2.postMessage(null);
+    });
+  }
+
+  #acknowledge() {
+    for (const sequence of this.#unpainted.splice(0)) {
+      this.socket.send({ type: "painted", sequence });
+    }
+    this.tell("painted");
+  }
+
+  /** @param {Connection} state */
+  #connectionChanged(state) {
+    this.connection = state;
+    this.#unpainted = [];
+    this.tell("connection");
+    this.#lost ||= state === "closed";
+    this.#judgeFreshness();
+  }
+
+  #judgeFreshness() {
+    const before = this.freshness;
+    this.freshness = judge(this.connection, this.status, this.#beat, performance.now());
+    const changed =
+      before.state !== this.freshness.state || before.reason !== this.freshness.reason;
+    if (changed) this.tell("freshness");
+  }
+}
+
+/**
+ * Judge how old the shown data is, and why.
+ *
+ * @param {Connection} connection
+ * @param {Status | null} status
+ * @param {{at: number, age_s: number | null} | null} beat the last word of how old the newest
+ *   observation was, and when it came (ms of `now`'s clock)
+ * @param {number} now ms
+ * @returns {Freshness}
+ */
+export function judge(connection, status, beat, now) {
+  const silent_s = beat ? (now - beat.at) / 1000 : 0;
+  const age_s = beat && beat.age_s !== null ? beat.age_s + silent_s : 0;
+  if (connection !== "open") {
+    return status
+      ? { state: "stale", age_s, reason: "Connection to the server lost, reconnecting." }
+      : { state: "none", age_s, reason: "Connecting to the server." };
+  }
+  if (!status) return { state: "none", age_s, reason: "Connecting to the server." };
+  if (silent_s > STALE_AFTER_S) {
+    return { state: "stale", age_s, reason: "The server has gone silent, waiting for it." };
+  }
+  const { engine, playback } = status;
+  if (!["idle", "preview", "running", "calibrating"].includes(engine.state)) {
+    return { state: "stale", age_s, reason: sentence(engine.reason ?? "the engine has failed") };
+  }
+  if (!status.source) return { state: "none", age_s, reason: "No source is open." };
+  if (engine.state === "calibrating")
+    return { state: "none", age_s, reason: "The cameras are being calibrated." };
+  const trouble = status.live?.trouble;
+  if (trouble) return { state: "stale", age_s, reason: sentence(trouble) };
+  const seen = beat !== null && beat.age_s !== null;
+  if (seen && age_s <= STALE_AFTER_S) return { state: "fresh", age_s, reason: "" };
+  if (playback?.ended) return { state: "held", age_s, reason: "The source has ended." };
+  if (playback?.paused)
+    return {
+      state: "held",
+      age_s,
+      reason: playback.frame === null ? "Paused." : `Paused at frame ${playback.frame}.`,
+    };
+  if (!seen) return { state: "none", age_s, reason: "Waiting for the first frame." };
+  return { state: "stale", age_s, reason: "No new frame arrives." };
+}

@@ -1,0 +1,86 @@
+/** The telemetry WebSocket: opens, reads, and opens again when it is lost. */
+
+/** @typedef {"connecting" | "open" | "closed"} Connection */
+
+const RETRY_MS = [250, 500, 1000, 2000];
+// A socket that is silent for this long is given up; the server speaks every 250 ms.
+const SILENT_MS = 3000;
+const LOOK_EVERY_MS = 500;
+
+export class LiveSocket {
+  /** @type {WebSocket | null} */
+  #socket = null;
+  #attempt = 0;
+  #heard = 0;
+  #retry = 0;
+  #looked = 0;
+
+  /**
+   * @param {string} path as in "/api/live"
+   * @param {object} handlers
+   * @param {(message: any) => void} handlers.message one parsed message
+   * @param {(state: Connection) => void} handlers.state
+   */
+  constructor(path, handlers) {
+    this.url = socketUrl(path);
+    this.handlers = handlers;
+    setInterval(() => this.#giveUpOnSilence(), LOOK_EVERY_MS);
+    window.addEventListener("online", () => this.open());
+  }
+
+  /** Open now, unless it is open or opening already. */
+  open() {
+    if (this.#socket) return;
+    clearTimeout(this.#retry);
+    this.handlers.state("connecting");
+    const socket = new WebSocket(this.url);
+    this.#socket = socket;
+    this.#heard = performance.now();
+    socket.addEventListener("message", (event) => {
+      this.#heard = performance.now();
+      this.#attempt = 0;
+      this.handlers.message(JSON.parse(event.data));
+    });
+    socket.addEventListener("open", () => {
+      if (this.#socket === socket) this.handlers.state("open");
+    });
+    socket.addEventListener("close", () => this.#lost(socket));
+  }
+
+  /** @param {object} message dropped while the socket is not open */
+  send(message) {
+    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
+  }
+
+  #giveUpOnSilence() {
+    const socket = this.#socket;
+    const now = performance.now();
+    // Where the page itself was held up (asleep, drawing slowly), what came is still to be read.
+    if (now - this.#looked > 2 * LOOK_EVERY_MS) this.#heard = now;
+    this.#looked = now;
+    if (socket && now - this.#heard > SILENT_MS) {
+      // A dead peer may keep close() waiting for long: do not wait for its event.
+      this.#lost(socket);
+      socket.close();
+    }
+  }
+
+  /** @param {WebSocket} socket */
+  #lost(socket) {
+    if (this.#socket !== socket) return;
+    this.#socket = null;
+    this.handlers.state("closed");
+    const delay = RETRY_MS[Math.min(this.#attempt, RETRY_MS.length - 1)] ?? 1000;
+    this.#attempt += 1;
+    this.#retry = setTimeout(() => this.open(), delay);
+  }
+}
+
+/**
+ * The same host's WebSocket address.
+ *
+ * @param {string} path
+ */
+export function socketUrl(path) {
+  return `${location.protocol === "https:" ? "wss" : "ws"}://${location.host}${path}`;
+}

@@ -1,0 +1,48 @@
+/** Questions over the page: they cover everything, so each brings a stop button of its own. */
+
+import { button, h } from "../elements/dom.js";
+
+/** @typedef {import("../elements/dom.js").Child} Child */
+
+let shown = 0;
+
+/**
+ * Show a dialog over the page until it is closed. What stops the robots is seen in it while one is
+ * armed.
+ *
+ * @param {"question" | "preview"} kind
+ * @param {string} title
+ * @param {Child[]} content
+ * @param {...HTMLButtonElement} buttons each closes it with its value
+ * @returns {Promise<string>} the value of the button that closed it, empty where none did
+ */
+export function showModal(kind, title, content, ...buttons) {
+  const id = `dialog-${(shown += 1)}`;
+  const dialog = h(
+    "dialog",
+    { class: kind, "aria-labelledby": id },
+    h(
+      "form",
+      // Something half typed must not keep a preview open.
+      { method: "dialog", novalidate: kind === "preview" },
+      h("h2", { id }, title),
+      ...content,
+      h("div.row.end", ...buttons),
+    ),
+  );
+  document.body.append(dialog);
+  // The page behind the dialog takes no pointer, but its own stop button may be pressed for it.
+  const stop = button(
+    "Stop robots",
+    () => /** @type {HTMLElement | null} */ (document.querySelector("#stop-robots"))?.click(),
+    { class: "button danger dialog-stop" },
+  );
+  dialog.append(stop);
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => {
+      dialog.remove();
+      resolve(dialog.returnValue);
+    });
+  });
+}

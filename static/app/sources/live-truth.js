@@ -1,0 +1,197 @@
+/** Live motion capture: what is listened to, what comes from it, and how it is aligned. */
+
+import {
+  button,
+  field,
+  h,
+  input,
+  offer,
+  onSubmit,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
+import { request } from "../shell/api.js";
+import { notify, oneAtATime, refuse } from "../shell/notice.js";
+
+/** @import { LiveTruthChoice, LiveTruthStatus } from "../contract" */
+
+/** @type {Record<string, [string, string]>} words and colour of the chip */
+const STATES = {
+  connecting: ["connecting", "connecting"],
+  waiting: ["no body is seen", "connecting"],
+  receiving: ["receiving", "running"],
+};
+
+class LiveTruthForm extends Part {
+  #spec = input("text", "live-truth-spec", {
+    spellcheck: "false",
+    required: true,
+    placeholder: "vrpn:HOST",
+  });
+  #listen = h("button.button", { type: "submit" }, "Listen");
+  #stop = button("Stop listening", () => this.#end(), { hidden: true });
+  #error = h("p.field-error", { id: "live-truth-error", role: "alert" });
+  #state = h("span.state-chip");
+  #sentence = h("p", { role: "status" });
+  #trouble = h("p.warnings.hint");
+  #clock = h("p.hint.figure");
+  #observer = h("select", { id: "live-truth-observer" });
+  #list = h("ul.live-bodies");
+  #bodies = new KeptList(
+    this.#list,
+    (/** @type {string} */ name) => this.#body(name),
+    () => this.#observer,
+  );
+  /** @type {Map<string, HTMLElement>} */
+  #rates = new Map();
+  #heard = h("div.stack", { hidden: true });
+  #names = "";
+  #followed = "";
+  #do = oneAtATime(() => this.#render(), this.#error);
+
+  build() {
+    const form = h(
+      "form.stack",
+      { novalidate: true },
+      field(
+        "Listen to",
+        this.#spec,
+        "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is aligned while both move, and recorded with every run.",
+        this.#error,
+      ),
+      h("div.row", this.#listen, this.#stop),
+    );
+    this.#heard.append(
+      h("p.row", this.#state),
+      this.#trouble,
+      this.#sentence,
+      this.#clock,
+      field("The observer is", this.#observer),
+      h("div.named-part", h("span.field-name", "Compared bodies"), this.#list),
+    );
+    this.append(h("h3", "Live motion capture"), form, this.#heard);
+    onSubmit(form, () => this.#begin());
+    this.#observer.addEventListener("change", () => void this.#choose());
+    this.hear("status", () => this.#render());
+    this.#render();
+  }
+
+  #render() {
+    const truth = this.hub.status?.truth ?? null;
+    const spec = truth?.spec ?? "";
+    // Follow what is listened to, but never overwrite what is being typed.
+    if (spec !== this.#followed && document.activeElement !== this.#spec) {
+      this.#spec.value = spec;
+      this.#followed = spec;
+    }
+    if (!truth && this.#stop === document.activeElement) this.#spec.focus();
+    this.#stop.hidden = truth === null;
+    this.#heard.hidden = truth === null;
+    if (!truth) return;
+    const [words, colour] = STATES[truth.state] ?? [truth.state, ""];
+    setText(this.#state, words ?? "");
+    setAttribute(this.#state, "data-state", colour ?? "");
+    setText(this.#trouble, truth.trouble ? sentence(truth.trouble) : "");
+    this.#trouble.hidden = !truth.trouble;
+    setText(this.#sentence, sentence(truth.sentence));
+    setText(this.#clock, clockInWords(truth));
+    this.#clock.hidden = truth.clock === null;
+    this.#renderBodies(truth);
+  }
+
+  /** @param {LiveTruthStatus} truth */
+  #renderBodies({ bodies, observer, ignore }) {
+    const names = [
+      ...new Set([...bodies.map(({ name }) => name), ...ignore, ...(observer ? [observer] : [])]),
+    ].sort();
+    if (names.join("\n") !== this.#names) {
+      this.#names = names.join("\n");
+      offer(this.#observer, [
+        ["", "found out by its motion"],
+        ...names.map((name) => [name, name]),
+      ]);
+    }
+    if (document.activeElement !== this.#observer) this.#observer.value = observer ?? "";
+    this.#bodies.show(names, (name) => name);
+    for (const [at, name] of names.entries()) {
+      const box = this.#list.children[at]?.querySelector("input");
+      if (box && document.activeElement !== box) box.checked = !ignore.includes(name);
+      const body = bodies.find((each) => each.name === name);
+      const rate = this.#rates.get(name);
+      if (rate)
+        setText(
+          rate,
+          [body?.role, body ? rateInWords(body.rate_hz) : "not seen"].filter(Boolean).join(", "),
+        );
+    }
+  }
+
+  /** @param {string} name */
+  #body(name) {
+    const box = h("input", { type: "checkbox", value: name, checked: true });
+    box.addEventListener("change", () => void this.#choose());
+    const rate = h("span.hint.figure");
+    this.#rates.set(name, rate);
+    return h("li", h("label.check", box, name), rate);
+  }
+
+  async #begin() {
+    const spec = this.#spec.value.trim();
+    if (!spec) return refuse(this.#error, "Say where it comes from, as in vrpn:192.168.0.5.");
+    await this.#put({ spec, observer: null, ignore: [] }, this.#listen, "Connecting…");
+  }
+
+  async #end() {
+    if (await this.#put({ spec: null, observer: null, ignore: [] }, this.#stop, "Stopping…"))
+      notify("Motion capture is not listened to any more.");
+  }
+
+  async #choose() {
+    const spec = this.hub.status?.truth?.spec;
+    if (!spec) return;
+    const left = /** @type {NodeListOf<HTMLInputElement>} */ (
+      this.#list.querySelectorAll("input:not(:checked)")
+    );
+    await this.#put({
+      spec,
+      observer: this.#observer.value || null,
+      ignore: [...left].map(({ value }) => value),
+    });
+  }
+
+  /**
+   * @param {LiveTruthChoice} order
+   * @param {HTMLElement} [button] says what goes on
+   * @param {string} [words]
+   * @returns {Promise<boolean>} whether it was taken
+   */
+  #put(order, button, words) {
+    return this.#do(
+      async () => {
+        /** @type {LiveTruthStatus | null} */
+        const truth = await request("PUT", "/truth/live", order);
+        this.#followed = truth?.spec ?? "";
+        if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, truth });
+      },
+      button,
+      words,
+    );
+  }
+}
+
+/** @param {number | null} rate */
+function rateInWords(rate) {
+  return rate === null || rate === 0 ? "not seen" : `${fixed(rate, 0)} Hz`;
+}
+
+/** @param {LiveTruthStatus} truth */
+function clockInWords({ clock }) {
+  if (!clock) return "";
+  const drift = clock.drift_ppm === null ? "" : `, drifting by ${fixed(clock.drift_ppm, 0)} ppm`;
+  return `Its clock is known to ${fixed(1000 * clock.sigma_s, 1)} ms${drift}, from ${clock.samples} samples.`;
+}
+
+customElements.define("observer-live-truth", LiveTruthForm);

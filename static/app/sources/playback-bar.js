@@ -1,0 +1,171 @@
+/** Playback of files and simulation: pause, step, restart, rate, loop and where it is. */
+
+import { button, h, icon, iconButton, input, setAttribute, setText } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { request } from "../shell/api.js";
+import { notifyError } from "../shell/notice.js";
+import { ScrubBar } from "./scrub-bar.js";
+
+/** @import { PlaybackStatus } from "../contract" */
+
+const RATE_MIN = 0.1;
+const RATE_MAX = 4;
+const SLIDER_STEPS = 100;
+const SEND_EVERY_MS = 150;
+
+class PlaybackBar extends Part {
+  #pause = button([], () => this.#send({ paused: !this.#paused }), { class: "button icon-button" });
+  #step = iconButton("step", "One frame further", () => this.#send({ paused: true, step: 1 }), {
+    title: "One frame further (pauses)",
+  });
+  #restart = iconButton("restart", "Restart from the first frame", () =>
+    this.#send({ restart: true }),
+  );
+  #slider = input("range", "rate-slider", {
+    min: 0,
+    max: SLIDER_STEPS,
+    step: 1,
+    "aria-label": "Playback rate",
+  });
+  #number = input("number", "rate", {
+    min: RATE_MIN,
+    max: RATE_MAX,
+    step: 0.1,
+    "aria-label": "Playback rate, times recorded speed",
+  });
+  #loop = input("checkbox", "loop");
+  #scrub = new ScrubBar();
+  #progress = h("progress", { max: 1, value: 0, "aria-label": "Position" });
+  #position = h("output.figure.position", "–");
+  #live = h("p.hint", { hidden: true }, "This source is live; it cannot be paused.");
+  #controls = h("div.playback-controls");
+  #sendTimer = 0;
+  #paused = false;
+  #holdRateUntil = 0;
+
+  build() {
+    setAttribute(this, "role", "group");
+    setAttribute(this, "aria-label", "Playback");
+    this.#loop.addEventListener("change", () => void this.#send({ loop: this.#loop.checked }));
+    this.#slider.addEventListener("input", () =>
+      this.#rateChanged(rateAt(this.#slider.valueAsNumber)),
+    );
+    this.#number.addEventListener("change", () => this.#numberChanged());
+    this.#controls.append(
+      h("div.row", this.#restart, this.#pause, this.#step),
+      h(
+        "div.row.rate",
+        h("label", { for: "rate" }, "Rate"),
+        this.#slider,
+        this.#number,
+        h("span.unit", "×"),
+      ),
+      h("label.check", this.#loop, "Loop"),
+      h("div.row.where", this.#scrub, this.#progress, this.#position),
+    );
+    this.#scrub.attach(this.hub);
+    this.append(this.#controls, this.#live);
+    this.hear("status", () => this.#render());
+    this.hear("observation", () => this.#renderPosition());
+    this.#render();
+  }
+
+  #render() {
+    const { status } = this.hub;
+    const playback = status?.playback ?? null;
+    const live = status?.source?.live ?? false;
+    this.#live.hidden = !live;
+    this.#controls.hidden = live;
+    for (const control of this.#controls.querySelectorAll("button, input")) {
+      control.toggleAttribute("disabled", playback === null);
+    }
+    this.#paused = playback?.paused ?? false;
+    const label = this.#paused ? "Play" : "Pause";
+    if (this.#pause.getAttribute("aria-label") !== label) {
+      setAttribute(this.#pause, "aria-label", label);
+      setAttribute(this.#pause, "title", label);
+      this.#pause.replaceChildren(icon(this.#paused ? "play" : "pause"));
+    }
+    if (playback) {
+      this.#loop.checked = playback.loop;
+      if (performance.now() > this.#holdRateUntil) this.#showRate(playback.rate);
+    }
+    this.toggleAttribute("data-seekable", playback?.seekable ?? false);
+    this.#renderPosition();
+  }
+
+  #renderPosition() {
+    const playback = this.hub.status?.playback;
+    if (!playback) return setText(this.#position, "–");
+    const { frame, frame_count: count } = playback;
+    // Where any frame can be gone to, the slider shows the place too.
+    this.#progress.hidden = count === null || playback.seekable;
+    if (count) this.#progress.value = Math.min(1, ((frame ?? -1) + 1) / count);
+    setText(
+      this.#position,
+      `frame ${frame ?? "–"}${count ? ` / ${count}` : ""}${slownessInWords(playback)}`,
+    );
+  }
+
+  /** @param {number} rate */
+  #showRate(rate) {
+    if (document.activeElement !== this.#number)
+      this.#number.value = String(Number(rate.toFixed(2)));
+    if (document.activeElement !== this.#slider) this.#slider.value = String(placeOf(rate));
+    this.#slider.setAttribute("aria-valuetext", `${rate.toFixed(2)} times recorded speed`);
+  }
+
+  #numberChanged() {
+    const rate = this.#number.valueAsNumber;
+    if (Number.isFinite(rate)) this.#rateChanged(Math.min(RATE_MAX, Math.max(RATE_MIN, rate)));
+    else this.#showRate(this.hub.status?.playback?.rate ?? 1);
+  }
+
+  /** @param {number} rate */
+  #rateChanged(rate) {
+    this.#number.value = String(rate);
+    this.#slider.value = String(placeOf(rate));
+    this.#slider.setAttribute("aria-valuetext", `${rate} times recorded speed`);
+    // The server's status still tells the old rate for a moment.
+    this.#holdRateUntil = performance.now() + 1000;
+    clearTimeout(this.#sendTimer);
+    this.#sendTimer = setTimeout(() => void this.#send({ rate }), SEND_EVERY_MS);
+  }
+
+  /** @param {object} change */
+  async #send(change) {
+    try {
+      /** @type {PlaybackStatus} */
+      const playback = await request("POST", "/playback", change);
+      if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, playback });
+    } catch (error) {
+      this.#holdRateUntil = 0;
+      notifyError(error);
+      this.#render();
+    }
+  }
+}
+
+/**
+ * Say how fast it plays where the computer does not keep up; no frame is left out.
+ *
+ * @param {PlaybackStatus} playback
+ */
+function slownessInWords({ paused, ended, rate, achieved_rate: achieved }) {
+  if (paused || ended || !achieved || achieved > 0.9 * rate) return "";
+  return `, at ${achieved.toFixed(2)} ×`;
+}
+
+/** @param {number} place on the slider, whose scale is logarithmic @returns {number} rate */
+function rateAt(place) {
+  const rate = RATE_MIN * (RATE_MAX / RATE_MIN) ** (place / SLIDER_STEPS);
+  // Recorded speed is easy to hit.
+  return Math.abs(rate - 1) < 0.04 ? 1 : Number(rate.toFixed(2));
+}
+
+/** @param {number} rate */
+function placeOf(rate) {
+  return Math.round((SLIDER_STEPS * Math.log(rate / RATE_MIN)) / Math.log(RATE_MAX / RATE_MIN));
+}
+
+customElements.define("observer-playback", PlaybackBar);

@@ -1,0 +1,100 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import * as words from "../../../static/app/elements/words.js";
+import { body, line, obstacle } from "../made.mjs";
+
+const QUARTER_TO_THE_RIGHT = [Math.SQRT1_2, 0, Math.SQRT1_2, 0];
+
+test("a number that is not known is a dash, never a zero", () => {
+  assert.equal(words.fixed(1.005, 1), "1.0");
+  for (const unknown of [null, undefined, NaN, Infinity])
+    assert.equal(words.fixed(unknown, 2), "–");
+});
+
+test("a speed carries its standard deviation where one is known", () => {
+  assert.equal(words.speedWithBand({ speed: 0.5, speed_std: 0.021 }), "0.50 ± 0.02");
+  assert.equal(words.speedWithBand({ speed: 0.5, speed_std: null }), "0.50");
+});
+
+test("a bearing is ahead up to 8 degrees and off to a side from 24 on", () => {
+  const inDegrees = (/** @type {number} */ degrees) =>
+    words.bearingInWords((degrees * Math.PI) / 180);
+  assert.equal(inDegrees(-7.9), "ahead");
+  assert.equal(inDegrees(8.1), "ahead to the right");
+  assert.equal(inDegrees(-23.9), "ahead to the left");
+  assert.equal(inDegrees(24.1), "off to the right");
+});
+
+test("a heading is told in the camera's axes, whichever way it looks", () => {
+  const heading = (/** @type {number[] | null} */ velocity, orientation_wxyz = [1, 0, 0, 0]) =>
+    words.headingInWords(obstacle({ velocity }), { position: [0, 0, 0], orientation_wxyz });
+  assert.equal(heading([1, 0, 0]), "to the right");
+  assert.equal(heading([-1, 0, -1]), "to the left and towards us");
+  assert.equal(heading([0.4, 0, 1]), "away from us");
+  assert.equal(heading([1, 0, 0], QUARTER_TO_THE_RIGHT), "away from us");
+  assert.equal(heading([0, 0, 1], QUARTER_TO_THE_RIGHT), "to the left");
+});
+
+test("a heading is left out where it is not known or nothing moves", () => {
+  const pose = line().pose;
+  assert.equal(words.headingInWords(obstacle({ velocity: null }), pose), "");
+  assert.equal(words.headingInWords(obstacle(), null), "");
+  assert.equal(words.headingInWords(obstacle({ velocity: [0.01, 3, 0.01] }), pose), "");
+});
+
+test("the first line tells of the nearest that moves, against its truth", () => {
+  const far = obstacle({ id: 2, range: 5 });
+  const parked = obstacle({ id: 3, range: 1, motion: "stopped" });
+  const told = words.firstLine(line({ obstacles: [far, obstacle(), parked] }), [
+    body({ track_id: 1, speed: 0.48 }),
+  ]);
+  assert.deepEqual(told, {
+    text:
+      "Obstacle 1 moves at 0.50 ± 0.02 m/s to the right, 3.0 m ahead" +
+      " — truth 0.48 m/s; one more moves",
+    id: 1,
+    tone: "moving",
+  });
+});
+
+test("the first line says what is missed, unless it is hidden or stands", () => {
+  const text = (
+    /** @type {Partial<import("../../../static/app/contract").TrueBodyEntry>} */ changes,
+  ) => words.firstLine(line(), [body(changes)]).text;
+  assert.equal(text({}), "Nothing is seen to move — truth: cart moves at 0.50 m/s.");
+  assert.match(text({ visible: null }), /truth: cart/);
+  assert.equal(text({ visible: 0.1 }), "Nothing moves.");
+  assert.equal(text({ speed: 0.01 }), "Nothing moves.");
+  assert.equal(text({ role: "observer" }), "Nothing moves.");
+});
+
+test("the first line says that the camera's motion is lost, and why", () => {
+  const lost = line({ status: "lost", reasons: ["too dark"], obstacles: [obstacle()] });
+  assert.deepEqual(words.firstLine(lost, []), {
+    text: "Camera motion lost: too dark.",
+    id: null,
+    tone: "lost",
+  });
+});
+
+test("durations change their unit at a minute and an hour", () => {
+  const lasts = (/** @type {string} */ to) => words.duration("2026-01-01T10:00:00Z", to);
+  assert.equal(lasts("2026-01-01T10:00:59Z"), "59 s");
+  assert.equal(lasts("2026-01-01T10:01:12Z"), "1 min 12 s");
+  assert.equal(lasts("2026-01-01T12:05:00Z"), "2 h 5 min");
+  assert.equal(lasts("2026-01-01T09:00:00Z"), "–");
+  assert.equal(words.duration(null, null), "–");
+});
+
+test("provisional numbers below zero have a track's colour too", () => {
+  assert.deepEqual(
+    [0, 7, 8, -1, -8].map(words.trackColour),
+    [0, 7, 0, 7, 0].map((n) => `--track-${n}`),
+  );
+});
+
+test("what the server says becomes one sentence", () => {
+  assert.equal(words.sentence("the port is busy "), "The port is busy.");
+  assert.equal(words.sentence("Really?"), "Really?");
+});

@@ -1,0 +1,124 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { ParameterStore } from "../../../static/app/parameters/parameter-store.js";
+
+/** @import { ParameterValue } from "../../../static/app/parameters/parameter-store.js" */
+
+/** @typedef {Record<string, ParameterValue>} Values */
+
+/** A server of two parameters below 10, and the changes that it was asked for, in order. */
+function served() {
+  /** @type {Values} */
+  const values = { "a.x": 1, "a.y": 2 };
+  const presets = [{ name: "default", help: "", values: { "a.y": 5 }, built_in: true }];
+  const schema = Object.entries(values).map(([name, value]) => ({ name, default: value }));
+  /** @type {Values[]} */
+  const asked = [];
+  let revision = 1;
+  const answers = () => ({
+    "/api/parameters/schema": schema,
+    "/api/presets": presets,
+    "/api/parameters": {
+      revision,
+      guard_revision: 0,
+      values: { ...values },
+      preset: null,
+      frame: null,
+    },
+  });
+  /** @type {(url: string, options: {method: string, body?: string}) => Promise<Response>} */
+  const fetched = async (url, { method, body }) => {
+    if (method === "PATCH") {
+      /** @type {Values} */
+      const changes = JSON.parse(body ?? "{}");
+      asked.push(changes);
+      const bad = Object.entries(changes).filter(([, value]) => Number(value) >= 10);
+      const detail = bad.map(([name]) => ({ loc: ["body", name], msg: "must be below 10" }));
+      if (bad.length) return Response.json({ detail }, { status: 422 });
+      Object.assign(values, changes);
+      revision += 1;
+    }
+    return Response.json(answers()[/** @type {"/api/presets"} */ (url)]);
+  };
+  globalThis.fetch = /** @type {typeof fetch} */ (/** @type {unknown} */ (fetched));
+  return asked;
+}
+
+async function loaded() {
+  const asked = served();
+  const store = new ParameterStore();
+  await store.load();
+  return { asked, store };
+}
+
+test("what is changed while a request is under way goes with the next one", async () => {
+  const { asked, store } = await loaded();
+  const taken = await Promise.all([
+    store.change({ "a.x": 3 }),
+    store.change({ "a.x": 4 }),
+    store.change({ "a.y": 7 }),
+  ]);
+  assert.deepEqual(taken, [true, true, true]);
+  assert.deepEqual(asked, [{ "a.x": 3 }, { "a.x": 4, "a.y": 7 }]);
+  assert.deepEqual(store.state.values, { "a.x": 4, "a.y": 7 });
+});
+
+test("a change is undone and done again", async () => {
+  const { store } = await loaded();
+  await store.changeUndoably({ "a.x": 3 });
+  assert.deepEqual([store.canUndo, store.canRedo], [true, false]);
+  await store.undo();
+  assert.equal(store.state.values["a.x"], 1);
+  assert.deepEqual([store.canUndo, store.canRedo], [false, true]);
+  await store.redo();
+  assert.equal(store.state.values["a.x"], 3);
+  await store.changeUndoably({ "a.y": 3 });
+  assert.equal(store.canRedo, false);
+});
+
+test("undo waits for the change that is still on its way", async () => {
+  const { store } = await loaded();
+  void store.changeUndoably({ "a.x": 3 });
+  await store.undo();
+  assert.equal(store.state.values["a.x"], 1);
+});
+
+test("a refused change is told by field, stays undone, and takes no other with it", async () => {
+  const { asked, store } = await loaded();
+  /** @type {unknown[]} */
+  const refusals = [];
+  store.addEventListener("refused", (event) =>
+    refusals.push(/** @type {CustomEvent} */ (event).detail),
+  );
+  const [, refused, innocent] = await Promise.all([
+    store.change({ "a.x": 3 }),
+    store.change({ "a.x": 11 }),
+    store.change({ "a.y": 7 }),
+  ]);
+  assert.deepEqual([refused, innocent], [false, true]);
+  assert.deepEqual(asked.at(-1), { "a.y": 7 });
+  assert.deepEqual(refusals, [{ "a.x": "must be below 10" }]);
+  await store.changeUndoably({ "a.x": 12 });
+  assert.equal(store.canUndo, false);
+});
+
+test("reset goes to the default preset over what is declared", async () => {
+  const { store } = await loaded();
+  assert.deepEqual(store.defaults, { "a.x": 1, "a.y": 5 });
+  assert.deepEqual(store.differing(store.defaults), { "a.y": 5 });
+  assert.equal(store.matchingPreset, null);
+  await store.change(store.differing(store.defaults));
+  assert.equal(store.matchingPreset?.name, "default");
+});
+
+test("somebody else's change is read where the revision is another", async () => {
+  const { store } = await loaded();
+  const other = new ParameterStore();
+  await other.load();
+  await other.change({ "a.x": 8 });
+  await store.follow(1, 0);
+  assert.equal(store.state.values["a.x"], 1);
+  await store.follow(2, 0);
+  assert.equal(store.state.values["a.x"], 8);
+});
