@@ -18,13 +18,13 @@ from scipy.spatial.transform import Rotation
 from observer.calibration.formats.opencv_file import read_calibration
 from observer.camera import StereoCalibration, as_gray
 from observer.parameters import StereoParameters
-from observer.simulation.imaging import StereoImager
+from observer.simulation.imaging import StereoImager, undistorted_rays
 from observer.simulation.scenarios import load_scenario
+from observer.simulation.visibility import cast
 from observer.simulation.world import World
 from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map
 
-from ..observer.simulation.pixel_truth import left_rays, render_depth
 from .conftest import Eventually, Json, KeepPicture, OpenPanel, Server
 
 # The entry of a calibration, and what its file says.
@@ -356,8 +356,9 @@ def test_depth_of_the_lab_with_it_is_right_at_three_metres(server: Server, made:
     column, row = np.rint(taken[:, 0]).astype(int).T
     inside = (column >= 0) & (column < found.width) & (row >= 0) & (row < found.height)
     column, row, stated = column[inside], row[inside], stated[inside]
-    rays = left_rays(world)[row, column]
-    depth = render_depth(world, 0.0)[row, column]
+    true = world.true_calibration
+    rays = undistorted_rays(true.width, true.height, true.K1, true.D1)[row, column]
+    depth = 1 / cast(world, world.T_room_left(0.0).inverse(), rays, 0.0).inverse_depth
     truth = depth * np.sqrt(1 + (rays**2).sum(axis=-1))
     near_three = (depth > 2.7) & (depth < 3.3)
     error = np.abs(stated / truth - 1)[near_three]

@@ -9,8 +9,8 @@ from observer.geometry import Float64Array
 from observer.methods.monocular.ground import GroundView
 from observer.types import Image
 
-# The lowest points of an obstacle are those below this share of them, but for a stray one; its box
-# has a margin around them.
+# The lowest points lie at this percentile of the rows, so that a stray one does not count; the box
+# has a margin around the points.
 _LOWEST_PERCENT, _MARGIN_PX = 92.0, 3.0
 # Of the box: the middle part of its width that is looked at, and how far above and below its
 # lowest points the obstacle may end, as shares of width and height.
