@@ -49,6 +49,9 @@ class OverlayVideo:
         frame_rate: 1/s.
         ffmpeg: path of the program, None for OpenCV's encoder; searched where it is left out.
 
+    Attributes:
+        pictures: number of those in the file so far.
+
     Raises:
         ExportError: nothing can be written there; so do all methods.
     """
@@ -61,7 +64,7 @@ class OverlayVideo:
             raise ExportError(f"a video needs a frame rate above 0, not {frame_rate:g}")
         self._ffmpeg = find_ffmpeg() if ffmpeg == "" else ffmpeg
         self._encoder: _Encoder | None = None
-        self._written = 0
+        self.pictures = 0
         self._shift = 0.0
         self._begin: float | None = None
         self._last: Image | None = None
@@ -70,11 +73,6 @@ class OverlayVideo:
     def codec(self) -> str:
         """Name of the codec, for people."""
         return MPEG4 if self._ffmpeg is None else H264
-
-    @property
-    def pictures(self) -> int:
-        """Number of pictures in the file so far."""
-        return self._written
 
     def add(self, picture: Image, time: float) -> None:
         """Show this picture from ``time`` on.
@@ -91,7 +89,7 @@ class OverlayVideo:
             self._begin = time
         else:
             due = round((time - self._begin + self._shift) * self._rate)
-            missing = due - self._written
+            missing = due - self.pictures
             if not -self._rate <= missing <= _LONGEST_STILL_S * self._rate:
                 self._shift -= missing / float(self._rate)
                 missing = 0
@@ -120,7 +118,7 @@ class OverlayVideo:
     def _write(self, picture: Image) -> None:
         assert self._encoder is not None
         self._encoder.write(picture)
-        self._written += 1
+        self.pictures += 1
 
     def _open(self, width: int, height: int) -> _Encoder:
         if self._ffmpeg is not None:

@@ -75,7 +75,7 @@ class Encoder:
     """
 
     def __init__(self, facts: RunFacts, *, first_image: int = 0, after_ns: int = 0) -> None:
-        self._facts = facts
+        self.facts = facts
         calibration = read_calibration(facts.calibration_yaml, name="the run's calibration")
         self._cameras = foxglove.Cameras(calibration, facts.camera_mount())
         self._image = first_image
@@ -89,12 +89,12 @@ class Encoder:
 
     def _begin(self) -> None:
         """Keep the run's facts and the cameras, with which a recording begins."""
-        at = self._facts.anchor.monotonic
-        wall = self._facts.anchor.wall_time_ns(at)
+        at = self.facts.anchor.monotonic
+        wall = self.facts.anchor.wall_time_ns(at)
         left, right = (self._cameras.calibration(side, wall) for side in ("left", "right"))
         self._keep(
             [
-                self._own(topics.RUN, self._facts, at),
+                self._own(topics.RUN, self.facts, at),
                 self._made(topics.LEFT_CALIBRATION, left, at),
                 self._made(topics.RIGHT_CALIBRATION, right, at),
             ]
@@ -116,7 +116,7 @@ class Encoder:
         """
         at, image = frame.received, None
         messages = []
-        if self._facts.images != "none":
+        if self.facts.images != "none":
             image = self._image
             self._image += 1
             # One after the other: each keeps a core busy while it is packed.
@@ -258,7 +258,7 @@ class Encoder:
     # ---------------------------------------------------------------------------------------
 
     def _wall(self, received: float) -> int:
-        return self._facts.anchor.wall_time_ns(received)
+        return self.facts.anchor.wall_time_ns(received)
 
     def _log_time(self, received: float) -> int:
         self._newest_ns = max(self._newest_ns, self._wall(received))
@@ -278,7 +278,7 @@ class Encoder:
 
     def _packed(self, side: str, pixels: Image, wall_ns: int) -> tuple[Topic, bytes]:
         left = side == "left"
-        if self._facts.images == "lossless":
+        if self.facts.images == "lossless":
             topic = topics.LEFT_RAW if left else topics.RIGHT_RAW
             return topic, foxglove.raw_image(pixels, side, wall_ns)
         _, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
