@@ -84,7 +84,10 @@ class OverlayVideo:
         height, width = (side - side % 2 for side in picture.shape[:2])
         even = np.ascontiguousarray(picture[:height, :width])
         if self._encoder is None:
-            self._encoder = self._open(width, height)
+            target = self._path, width, height, self._rate
+            self._encoder = (
+                _OpenCv(*target) if self._ffmpeg is None else _Ffmpeg(self._ffmpeg, *target)
+            )
         if self._begin is None or self._last is None:
             self._begin = time
         else:
@@ -119,11 +122,6 @@ class OverlayVideo:
         assert self._encoder is not None
         self._encoder.write(picture)
         self.pictures += 1
-
-    def _open(self, width: int, height: int) -> _Encoder:
-        if self._ffmpeg is not None:
-            return _Ffmpeg(self._ffmpeg, self._path, width, height, self._rate)
-        return _OpenCv(self._path, width, height, self._rate)
 
 
 def find_ffmpeg() -> str | None:

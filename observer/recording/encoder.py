@@ -16,7 +16,6 @@ from observer.recording import foxglove, topics
 from observer.recording.drawn import drawn_obstacles, drawn_truth
 from observer.recording.payloads import (
     Begins,
-    CapturePayload,
     EgoMotionPayload,
     Incident,
     MatchedBody,
@@ -25,7 +24,6 @@ from observer.recording.payloads import (
     RecordedFrame,
     RobotRow,
     RunFacts,
-    SamplePayload,
 )
 from observer.recording.topics import Topic
 from observer.sources.contract import SkippedFrame
@@ -205,18 +203,13 @@ class Encoder:
         """Keep the samples of motion capture since the last call."""
         if not samples:
             return
+        # The fields of ``SamplePayload``.
         told = [
-            SamplePayload(
-                name=sample.name,
-                time=sample.time,
-                received=sample.received,
-                position=None if sample.position is None else sample.position.tolist(),
-                rotation=None if sample.rotation is None else sample.rotation.ravel().tolist(),
-            )
-            for sample in samples
+            {**vars(s), "rotation": None if s.rotation is None else s.rotation.ravel()}
+            for s in samples
         ]
         newest = max(sample.received for sample in samples)
-        self._keep([self._own(topics.MOTION_CAPTURE, CapturePayload(told), newest)])
+        self._keep([self._own(topics.MOTION_CAPTURE, {"samples": told}, newest)])
 
     def robot(self, row: RobotRow) -> None:
         """Keep the state of one robot at one instant."""

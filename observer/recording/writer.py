@@ -39,8 +39,7 @@ class RecordingWriter(Encoder):
         self, file: Path | BinaryIO | None, facts: RunFacts, *, ring: Ring | None = None
     ) -> None:
         super().__init__(facts)
-        self._set_up(ring)
-        self._open(file, "wb")
+        self._open(file, "wb", ring)
         try:
             self._begin()
             # From here on the file is a recording, whatever happens.
@@ -64,18 +63,15 @@ class RecordingWriter(Encoder):
             after = recording.end_ns
         writer = cls.__new__(cls)
         Encoder.__init__(writer, facts, first_image=images, after_ns=after)
-        writer._set_up(ring)
-        writer._open(path, "r+b")
+        writer._open(path, "r+b", ring)
         return writer
 
-    def _set_up(self, ring: Ring | None) -> None:
+    def _open(self, file: Path | BinaryIO | None, mode: str, ring: Ring | None) -> None:
         self._ring = ring
         self._container: Container | None = None
         self._own_file: BinaryIO | None = None
         # Since when something waits for its chunk.
         self._waiting_since: float | None = None
-
-    def _open(self, file: Path | BinaryIO | None, mode: str) -> None:
         if file is None:
             return
         if not isinstance(file, Path):

@@ -59,8 +59,6 @@ class AlignedTruth:
 
     def __init__(self, capture: Capture, alignment: Alignment) -> None:
         self._alignment = alignment
-        self._segments = [number for number, _ in alignment.segments]
-        self._starts = [start for _, start in alignment.segments]
         self._bodies: list[tuple[int, Trajectory, Float64Array]] = []
         for number, name in numbered(capture.bodies, alignment.roles):
             body = capture.bodies[name]
@@ -107,10 +105,11 @@ class AlignedTruth:
         return None
 
     def _T_world_room(self, time: float) -> Pose | None:
-        index = max(bisect_right(self._starts, time) - 1, 0)
-        if not self._segments:
+        segments = self._alignment.segments
+        if not segments:
             return None
-        return self._alignment.T_world_room.get(self._segments[index])
+        index = max(bisect_right(segments, time, key=lambda segment: segment[1]) - 1, 0)
+        return self._alignment.T_world_room.get(segments[index][0])
 
     def _state(self, body: Trajectory, rates: Float64Array, time: float) -> State | None:
         at = self._alignment.time.to_truth(np.array([time]))
