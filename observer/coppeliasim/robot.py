@@ -12,7 +12,7 @@ import math
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from observer.coppeliasim.address import Address, parse_robot
 from observer.coppeliasim.connection import Connection, CoppeliaSimError, CoppeliaSimUnreachable
@@ -61,15 +61,6 @@ def open_coppelia_robot(
     return CoppeliaSimRobot(address, path, clock)
 
 
-@dataclass(frozen=True)
-class _Setpoint:
-    """A velocity and the time until which it holds."""
-
-    speed_mps: float
-    turn_rate_radps: float
-    until: float
-
-
 class CoppeliaSimRobot:
     """Fulfils ``observer.robots.contract.Robot``."""
 
@@ -90,7 +81,7 @@ class CoppeliaSimRobot:
         self._closing = False
         # Something was asked for that the thread has not seen yet.
         self._asked = False
-        self._setpoint: _Setpoint | None = None
+        self._setpoint: Sent | None = None
         self._report = RobotReport(
             RobotPhase.CONNECTING,
             model=MODEL,
@@ -137,9 +128,9 @@ class CoppeliaSimRobot:
                 return Sent(0.0, 0.0, now)
             speed = _within(speed_mps, limits.speed_mps)
             turn = _within(turn_rate_radps, limits.turn_rate_radps)
-            self._setpoint = _Setpoint(speed, turn, now + SETPOINT_FRESH_S)
+            self._setpoint = Sent(speed, turn, now)
             self._wake()
-            return Sent(speed, turn, now)
+            return self._setpoint
 
     def clear(self) -> None:
         """Clear the fault; motors stay off."""
@@ -200,13 +191,13 @@ class CoppeliaSimRobot:
         """Wait for the next velocity to write; None once the robot is to be closed."""
         with self._condition:
             now, setpoint = self._clock(), self._setpoint
-            wait = _PERIOD_S if setpoint is None else min(_PERIOD_S, setpoint.until - now)
+            wait = _PERIOD_S if setpoint is None else min(_PERIOD_S, _until(setpoint) - now)
             self._condition.wait_for(lambda: self._asked or self._closing, max(0.0, wait))
             self._asked = False
             if self._closing:
                 return None
             setpoint = self._setpoint
-            if setpoint is None or not self._enabled or self._clock() >= setpoint.until:
+            if setpoint is None or not self._enabled or self._clock() >= _until(setpoint):
                 self._setpoint = None
                 return _STOP
             return setpoint.speed_mps, setpoint.turn_rate_radps
@@ -307,6 +298,10 @@ def _warnings(connection: Connection, pioneer: Pioneer) -> tuple[str, ...]:
         f"{pioneer.path} has a script of its own that drives it as well; remove it, as "
         f"dynamic-observer coppelia-scene does",
     )
+
+
+def _until(setpoint: Sent) -> float:
+    return setpoint.time + SETPOINT_FRESH_S
 
 
 def _within(value: float, limit: float) -> float:

@@ -67,15 +67,15 @@ class CoppeliaSimTruth:
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """Return the observer first, then the obstacles; empty where no frame has this ``time``."""
-        with self._lock:
-            found = self._instants.get(time)
-        return () if found is None else found[1]
+        return self._at(time)[1]
 
     def camera_pose(self, time: float) -> Pose | None:
         """Return ``T_world_camera`` of the rectified left camera; None without a frame."""
+        return self._at(time)[0]
+
+    def _at(self, time: float) -> tuple[Pose | None, tuple[TrueBody, ...]]:
         with self._lock:
-            found = self._instants.get(time)
-        return None if found is None else found[0]
+            return self._instants.get(time, (None, ()))
 
 
 def _state(

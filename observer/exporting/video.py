@@ -49,6 +49,9 @@ class OverlayVideo:
         frame_rate: 1/s.
         ffmpeg: path of the program, None for OpenCV's encoder; searched where it is left out.
 
+    Attributes:
+        pictures: number of those in the file so far.
+
     Raises:
         ExportError: nothing can be written there; so do all methods.
     """
@@ -61,7 +64,7 @@ class OverlayVideo:
             raise ExportError(f"a video needs a frame rate above 0, not {frame_rate:g}")
         self._ffmpeg = find_ffmpeg() if ffmpeg == "" else ffmpeg
         self._encoder: _Encoder | None = None
-        self._written = 0
+        self.pictures = 0
         self._shift = 0.0
         self._begin: float | None = None
         self._last: Image | None = None
@@ -70,11 +73,6 @@ class OverlayVideo:
     def codec(self) -> str:
         """Name of the codec, for people."""
         return MPEG4 if self._ffmpeg is None else H264
-
-    @property
-    def pictures(self) -> int:
-        """Number of pictures in the file so far."""
-        return self._written
 
     def add(self, picture: Image, time: float) -> None:
         """Show this picture from ``time`` on.
@@ -86,12 +84,15 @@ class OverlayVideo:
         height, width = (side - side % 2 for side in picture.shape[:2])
         even = np.ascontiguousarray(picture[:height, :width])
         if self._encoder is None:
-            self._encoder = self._open(width, height)
+            target = self._path, width, height, self._rate
+            self._encoder = (
+                _OpenCv(*target) if self._ffmpeg is None else _Ffmpeg(self._ffmpeg, *target)
+            )
         if self._begin is None or self._last is None:
             self._begin = time
         else:
             due = round((time - self._begin + self._shift) * self._rate)
-            missing = due - self._written
+            missing = due - self.pictures
             if not -self._rate <= missing <= _LONGEST_STILL_S * self._rate:
                 self._shift -= missing / float(self._rate)
                 missing = 0
@@ -120,12 +121,7 @@ class OverlayVideo:
     def _write(self, picture: Image) -> None:
         assert self._encoder is not None
         self._encoder.write(picture)
-        self._written += 1
-
-    def _open(self, width: int, height: int) -> _Encoder:
-        if self._ffmpeg is not None:
-            return _Ffmpeg(self._ffmpeg, self._path, width, height, self._rate)
-        return _OpenCv(self._path, width, height, self._rate)
+        self.pictures += 1
 
 
 def find_ffmpeg() -> str | None:

@@ -1,15 +1,32 @@
-"""Listing of image files: pairs by equal names, times by line."""
+"""Listing of image files: pairs of a sequence by equal names, times by line."""
 
 from __future__ import annotations
 
 import math
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from observer.errors import SourceError
-from observer.image_files.pairs import FilePair, MissingPair
 from observer.image_files.reading import IMAGE_SUFFIXES
+
+
+@dataclass(frozen=True)
+class FilePair:
+    """The files of one frame; times are the exposures on the source's clock, seconds."""
+
+    left: Path
+    right: Path
+    time: float
+    right_time: float | None = None
+
+
+@dataclass(frozen=True)
+class MissingPair:
+    """A frame that is known to be missing, and the sentence that says why."""
+
+    reason: str
 
 
 def image_names(folder: Path) -> list[str]:

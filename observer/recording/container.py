@@ -47,6 +47,8 @@ LIBRARY = "dynamic-observer"
 # LZ4's default level, and one that hardly searches: it saves 3 % instead of 7 % of camera images,
 # which are noisy, but takes half the time to pack and to unpack.
 _LEVEL, _BULK_LEVEL = 0, -10
+# Bytes before packing at which a chunk is written at once.
+_LARGEST_CHUNK = 8 << 20
 # A piece from this size on is worth a call of its own.
 _LARGE_BYTES = 64 << 10
 
@@ -74,8 +76,10 @@ class Container:
         file: open for writing in bytes, positioned at its beginning; with ``resume`` also for
             reading. It is written piece by piece, so it needs no buffer of its own.
         name: of the file, for messages.
-        largest_chunk: bytes before packing at which a chunk is written at once.
         resume: go on behind the last whole chunk of what the file holds already.
+
+    Attributes:
+        size: of what is whole in the file, bytes. failure: after which nothing is written, or None.
 
     Raises:
         RecordingError: the file cannot be written. From then on nothing is, and every call that
@@ -83,13 +87,10 @@ class Container:
         SourceError: there is nothing to go on with.
     """
 
-    def __init__(
-        self, file: BinaryIO, name: str, *, largest_chunk: int = 8 << 20, resume: bool = False
-    ) -> None:
+    def __init__(self, file: BinaryIO, name: str, *, resume: bool = False) -> None:
         self._file = file
         self._name = name
-        self._largest = largest_chunk
-        self._failure: RecordingError | None = None
+        self.failure: RecordingError | None = None
         self._finished = False
         self._schemas: dict[str, Schema] = {}
         self._channels: dict[tuple[str, str], Channel] = {}
@@ -98,22 +99,11 @@ class Container:
         self._chunk_count = 0
         self._span: tuple[int, int] | None = None
         self._plain, self._bulk = _Chunk(), _Chunk()
-        # Behind everything that is whole.
-        self._end = 0
+        self.size = 0
         if resume:
             self._resume(find_contents(file, name))
         else:
             self._write(MAGIC, _bytes_of(Header("", LIBRARY)))
-
-    @property
-    def failure(self) -> RecordingError | None:
-        """Error after which nothing is written any more, or None."""
-        return self._failure
-
-    @property
-    def size(self) -> int:
-        """Size of the file, bytes."""
-        return self._end
 
     def add(self, topic: Topic, sequence: int, log_time_ns: int, data: bytes) -> None:
         """Add a message to the next chunk."""
@@ -128,9 +118,9 @@ class Container:
         ``add`` does not, so that messages that belong together, as a frame's two images, share a
         chunk.
         """
-        if self._bulk.size >= self._largest:
+        if self._bulk.size >= _LARGEST_CHUNK:
             self._bulk = self._written(self._bulk, _BULK_LEVEL)
-        if self._plain.size >= self._largest:
+        if self._plain.size >= _LARGEST_CHUNK:
             self.write_chunks()
 
     def write_chunks(self) -> None:
@@ -151,19 +141,19 @@ class Container:
     # --- in the file -----------------------------------------------------------------------
 
     def _check(self) -> None:
-        if self._failure is not None:
-            raise self._failure
+        if self.failure is not None:
+            raise self.failure
 
     def _write(self, *pieces: bytes) -> None:
         self._check()
         try:
             self._write_all(pieces)
         except OSError as error:
-            self._failure = RecordingError.of(error, self._name)
+            self.failure = RecordingError.of(error, self._name)
             self._plain, self._bulk = _Chunk(), _Chunk()
             self._leave_whole()
-            raise self._failure from None
-        self._end += sum(map(len, pieces))
+            raise self.failure from None
+        self.size += sum(map(len, pieces))
 
     def _write_all(self, pieces: tuple[bytes, ...]) -> None:
         for piece in pieces:
@@ -184,8 +174,8 @@ class Container:
                 self._cut()
 
     def _cut(self) -> None:
-        self._file.seek(self._end)
-        self._file.truncate(self._end)
+        self._file.seek(self.size)
+        self._file.truncate(self.size)
 
     def _channel(self, topic: Topic) -> int:
         known = self._channels.get((topic.name, topic.schema_name))
@@ -224,7 +214,7 @@ class Container:
         name = len(COMPRESSION), COMPRESSION
         body = CHUNK.pack(min(times), max(times), chunk.size, checksum, *name, packed_size)
         head = RECORD.pack(Opcode.CHUNK, len(body) + packed_size) + body
-        index = chunk_index(self._end, head)
+        index = chunk_index(self.size, head)
         records = self._index_messages(index, chunk.index)
         self._write(head, *packed, records)
         self._remember(index)
@@ -269,7 +259,7 @@ class Container:
             (Opcode.STATISTICS, _bytes_of(statistics)),
             (Opcode.CHUNK_INDEX, bytes(self._chunk_indexes)),
         )
-        summary_start = self._end + len(end_of_data)
+        summary_start = self.size + len(end_of_data)
         summary, offsets = b"", b""
         for opcode, records in groups:
             place = SummaryOffset(opcode, summary_start + len(summary), len(records))
@@ -292,14 +282,14 @@ class Container:
             for channel in contents.channels.values()
         }
         for chunk in contents.chunks:
-            self._end = chunk.end
+            self.size = chunk.end
             if chunk.rebuilt is not None:
                 self._cut()
                 self._write(self._index_messages(chunk.index, chunk.rebuilt))
             self._remember(chunk.index)
         self._counts = dict(contents.counts)
         if not contents.chunks:
-            self._end = contents.end
+            self.size = contents.end
         self._cut()
         # Some may have stood behind the last whole chunk; repetition is allowed.
         known = (*self._schemas.values(), *self._channels.values())

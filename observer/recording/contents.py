@@ -10,7 +10,7 @@ import io
 import os
 import struct
 import zlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import BinaryIO, NamedTuple
 
@@ -63,7 +63,7 @@ class ChunkPlace:
     """
 
     index: ChunkIndex
-    rebuilt: Mapping[int, tuple[Entry, ...]] | None = None
+    rebuilt: Mapping[int, Sequence[Entry]] | None = None
 
     @property
     def offset(self) -> int:
@@ -161,7 +161,7 @@ def chunk_index(offset: int, head: bytes) -> ChunkIndex:
     )
 
 
-def message_entries(file: BinaryIO, chunk: ChunkPlace, channel: int) -> tuple[Entry, ...]:
+def message_entries(file: BinaryIO, chunk: ChunkPlace, channel: int) -> Sequence[Entry]:
     """Return the entries of one channel's messages in a chunk, in order."""
     if chunk.rebuilt is not None:
         return chunk.rebuilt.get(channel, ())
@@ -258,9 +258,8 @@ def _by_scanning(file: BinaryIO) -> Contents:
         last = chunks.pop()
         records = _unpacked(file, last)
         if records is not None:
-            rebuilt = {id_: tuple(found) for id_, found in entries_of(records).items()}
             last.index.message_index_length = 0
-            chunks.append(ChunkPlace(last.index, rebuilt))
+            chunks.append(ChunkPlace(last.index, entries_of(records)))
             break
         end = last.offset
     counts: dict[int, int] = {}

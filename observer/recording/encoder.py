@@ -16,7 +16,6 @@ from observer.recording import foxglove, topics
 from observer.recording.drawn import drawn_obstacles, drawn_truth
 from observer.recording.payloads import (
     Begins,
-    CapturePayload,
     EgoMotionPayload,
     Incident,
     MatchedBody,
@@ -25,7 +24,6 @@ from observer.recording.payloads import (
     RecordedFrame,
     RobotRow,
     RunFacts,
-    SamplePayload,
 )
 from observer.recording.topics import Topic
 from observer.sources.contract import SkippedFrame
@@ -75,7 +73,7 @@ class Encoder:
     """
 
     def __init__(self, facts: RunFacts, *, first_image: int = 0, after_ns: int = 0) -> None:
-        self._facts = facts
+        self.facts = facts
         calibration = read_calibration(facts.calibration_yaml, name="the run's calibration")
         self._cameras = foxglove.Cameras(calibration, facts.camera_mount())
         self._image = first_image
@@ -89,12 +87,12 @@ class Encoder:
 
     def _begin(self) -> None:
         """Keep the run's facts and the cameras, with which a recording begins."""
-        at = self._facts.anchor.monotonic
-        wall = self._facts.anchor.wall_time_ns(at)
+        at = self.facts.anchor.monotonic
+        wall = self.facts.anchor.wall_time_ns(at)
         left, right = (self._cameras.calibration(side, wall) for side in ("left", "right"))
         self._keep(
             [
-                self._own(topics.RUN, self._facts, at),
+                self._own(topics.RUN, self.facts, at),
                 self._made(topics.LEFT_CALIBRATION, left, at),
                 self._made(topics.RIGHT_CALIBRATION, right, at),
             ]
@@ -116,7 +114,7 @@ class Encoder:
         """
         at, image = frame.received, None
         messages = []
-        if self._facts.images != "none":
+        if self.facts.images != "none":
             image = self._image
             self._image += 1
             # One after the other: each keeps a core busy while it is packed.
@@ -205,18 +203,13 @@ class Encoder:
         """Keep the samples of motion capture since the last call."""
         if not samples:
             return
+        # The fields of ``SamplePayload``.
         told = [
-            SamplePayload(
-                name=sample.name,
-                time=sample.time,
-                received=sample.received,
-                position=None if sample.position is None else sample.position.tolist(),
-                rotation=None if sample.rotation is None else sample.rotation.ravel().tolist(),
-            )
-            for sample in samples
+            {**vars(s), "rotation": None if s.rotation is None else s.rotation.ravel()}
+            for s in samples
         ]
         newest = max(sample.received for sample in samples)
-        self._keep([self._own(topics.MOTION_CAPTURE, CapturePayload(told), newest)])
+        self._keep([self._own(topics.MOTION_CAPTURE, {"samples": told}, newest)])
 
     def robot(self, row: RobotRow) -> None:
         """Keep the state of one robot at one instant."""
@@ -258,7 +251,7 @@ class Encoder:
     # ---------------------------------------------------------------------------------------
 
     def _wall(self, received: float) -> int:
-        return self._facts.anchor.wall_time_ns(received)
+        return self.facts.anchor.wall_time_ns(received)
 
     def _log_time(self, received: float) -> int:
         self._newest_ns = max(self._newest_ns, self._wall(received))
@@ -278,7 +271,7 @@ class Encoder:
 
     def _packed(self, side: str, pixels: Image, wall_ns: int) -> tuple[Topic, bytes]:
         left = side == "left"
-        if self._facts.images == "lossless":
+        if self.facts.images == "lossless":
             topic = topics.LEFT_RAW if left else topics.RIGHT_RAW
             return topic, foxglove.raw_image(pixels, side, wall_ns)
         _, jpeg = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -25,12 +25,6 @@ from observer.vision.rectification import Rectification
 # Along each edge of a true body's box.
 _DASHES = 5
 LogLevel = Literal["debug", "info", "warning", "error"]
-_LEVELS = {
-    "debug": fox.LogLevel.Debug,
-    "info": fox.LogLevel.Info,
-    "warning": fox.LogLevel.Warning,
-    "error": fox.LogLevel.Error,
-}
 
 
 def stamp(wall_ns: int) -> fox.Timestamp:
@@ -156,9 +150,8 @@ def odometry(told: Odometry, wall_ns: int) -> bytes:
 
 def log(level: LogLevel, name: str, message: str, wall_ns: int) -> bytes:
     """Return a ``Log``."""
-    return fox.Log(
-        timestamp=stamp(wall_ns), level=_LEVELS[level], message=message, name=name
-    ).encode()
+    known = getattr(fox.LogLevel, level.capitalize())
+    return fox.Log(timestamp=stamp(wall_ns), level=known, message=message, name=name).encode()
 
 
 def _entity(body: DrawnBody, wall_ns: int) -> fox.SceneEntity:

@@ -60,7 +60,6 @@ class RecordingSource:
         return self.recording.frames[self.position - 1].begins if self.position else None
 
     def read(self) -> StereoFrame | SkippedFrame | None:
-        """Return the next frame, a frame whose images are lost, or None after the last one."""
         frames = self.recording.frames
         if self.position >= len(frames):
             return None
@@ -81,11 +80,6 @@ class RecordingSource:
         )
 
     def seek(self, position: int) -> None:
-        """Make ``read`` give this frame next, from 0; behind the last one it gives None.
-
-        Raises:
-            SourceError: there is no such frame.
-        """
         count = len(self.recording.frames)
         if not 0 <= position <= count:
             raise SourceError(
@@ -94,7 +88,6 @@ class RecordingSource:
         self.position = position
 
     def rewind(self) -> None:
-        """Go back to the first frame."""
         self.position = 0
 
     def close(self) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import BinaryIO, cast
 
@@ -28,7 +28,6 @@ class RecordingWriter(Encoder):
         file: a path, which is made anew, or something open for writing; None writes no file and
             only fills the ring.
         facts: of the run. ring: gets every message too.
-        clock: the host's monotonic clock.
 
     Raises:
         RecordingError: the file cannot be written; so do all methods, once and for all. What was
@@ -37,16 +36,10 @@ class RecordingWriter(Encoder):
     """
 
     def __init__(
-        self,
-        file: Path | BinaryIO | None,
-        facts: RunFacts,
-        *,
-        ring: Ring | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        self, file: Path | BinaryIO | None, facts: RunFacts, *, ring: Ring | None = None
     ) -> None:
         super().__init__(facts)
-        self._set_up(ring, clock)
-        self._open(file, "wb")
+        self._open(file, "wb", ring)
         try:
             self._begin()
             # From here on the file is a recording, whatever happens.
@@ -57,13 +50,7 @@ class RecordingWriter(Encoder):
             raise
 
     @classmethod
-    def resume(
-        cls,
-        path: Path,
-        *,
-        ring: Ring | None = None,
-        clock: Callable[[], float] = time.monotonic,
-    ) -> RecordingWriter:
+    def resume(cls, path: Path, *, ring: Ring | None = None) -> RecordingWriter:
         """Go on with a recording whose writer ended or was killed.
 
         The next frame counts as the first one of a new observer.
@@ -76,19 +63,15 @@ class RecordingWriter(Encoder):
             after = recording.end_ns
         writer = cls.__new__(cls)
         Encoder.__init__(writer, facts, first_image=images, after_ns=after)
-        writer._set_up(ring, clock)
-        writer._open(path, "r+b")
+        writer._open(path, "r+b", ring)
         return writer
 
-    def _set_up(self, ring: Ring | None, clock: Callable[[], float]) -> None:
+    def _open(self, file: Path | BinaryIO | None, mode: str, ring: Ring | None) -> None:
         self._ring = ring
-        self._clock = clock
         self._container: Container | None = None
         self._own_file: BinaryIO | None = None
         # Since when something waits for its chunk.
         self._waiting_since: float | None = None
-
-    def _open(self, file: Path | BinaryIO | None, mode: str) -> None:
         if file is None:
             return
         if not isinstance(file, Path):
@@ -105,11 +88,6 @@ class RecordingWriter(Encoder):
             opened.close()
             raise
         self._own_file = opened
-
-    @property
-    def facts(self) -> RunFacts:
-        """Facts of the run."""
-        return self._facts
 
     @property
     def size(self) -> int:
@@ -149,7 +127,7 @@ class RecordingWriter(Encoder):
         for message in messages:
             self._container.add(*message)
         self._container.write_large()
-        now = self._clock()
+        now = time.monotonic()
         if self._waiting_since is None:
             self._waiting_since = now
         self.flush(now)

@@ -7,8 +7,7 @@ from pathlib import Path
 from observer.calibration.formats.euroc_file import read_euroc
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
-from observer.image_files.listing import read_lines
-from observer.image_files.pairs import FilePair, MissingPair
+from observer.image_files.listing import FilePair, MissingPair, read_lines
 from observer.sources.file_pairs import FilePairSource
 
 

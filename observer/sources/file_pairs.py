@@ -11,7 +11,7 @@ from pathlib import Path
 
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, SourceError
-from observer.image_files.pairs import FilePair, MissingPair
+from observer.image_files.listing import FilePair, MissingPair
 from observer.image_files.reading import read_image
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import Image, StereoFrame
@@ -58,9 +58,8 @@ class FilePairSource:
             )
         width, height = _first_size(pairs, spec)
         self.calibration = calibrate(width, height)
-        if self.calibration is not None:
-            name = f"the calibration in {spec}"
-            check_size(self.calibration, width, height, name=name, images="these")
+        name = f"the calibration in {spec}"
+        check_size(self.calibration, width, height, name=name, images="these")
         intervals = [b.time - a.time for a, b in pairwise(pairs)]
         self.info = SourceInfo(
             spec=spec,
@@ -73,7 +72,6 @@ class FilePairSource:
         self._next = 0
 
     def read(self) -> StereoFrame | SkippedFrame | None:
-        """Return the next frame, a skipped frame with the reason, or None after the last one."""
         if self._next >= len(self._entries):
             return None
         index = self._next
@@ -95,7 +93,6 @@ class FilePairSource:
         )
 
     def rewind(self) -> None:
-        """Go back to the first frame."""
         self._next = 0
 
     def close(self) -> None:
@@ -130,17 +127,14 @@ def _first_size(pairs: Sequence[FilePair], spec: str) -> tuple[int, int]:
 
 
 def check_size(
-    calibration: StereoCalibration, width: int, height: int, *, name: str, images: str
+    calibration: StereoCalibration | None, width: int, height: int, *, name: str, images: str
 ) -> None:
-    """Check that a calibration is for images of this size, pixels.
-
-    Args:
-        name, images: what the calibration and the images are called in the message.
+    """Refuse a calibration for images of another size, pixels; a message calls them so.
 
     Raises:
-        CalibrationError: it is not.
+        CalibrationError: it is one.
     """
-    if (calibration.width, calibration.height) != (width, height):
+    if calibration is not None and (calibration.width, calibration.height) != (width, height):
         raise CalibrationError(
             f"{name} is for images of {calibration.width}x{calibration.height} pixels, but "
             f"{images} are {width}x{height}"

@@ -15,8 +15,13 @@ from observer.calibration.ageing.row_refinement import RowRefinement, refine_fro
 from observer.calibration.formats.kitti_file import read_kitti_odometry, read_kitti_raw
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
-from observer.image_files.listing import pairs_by_name, read_lines, read_times
-from observer.image_files.pairs import FilePair, MissingPair
+from observer.image_files.listing import (
+    FilePair,
+    MissingPair,
+    pairs_by_name,
+    read_lines,
+    read_times,
+)
 from observer.image_files.reading import read_image
 from observer.sources.file_pairs import FilePairSource
 

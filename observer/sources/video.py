@@ -88,7 +88,6 @@ class VideoSource:
         self.rewind()
 
     def read(self) -> StereoFrame | SkippedFrame | None:
-        """Return the next frame, a skipped frame with the reason, or None after the last one."""
         if self._ended:
             return None
         images = [_next_image(capture) for capture in self._captures]

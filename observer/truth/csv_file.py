@@ -13,7 +13,7 @@ import csv
 import math
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Generic, TypeVar
@@ -166,17 +166,13 @@ def _body_between(a: TrueBody, b: TrueBody, weight: float) -> TrueBody:
     visible = None
     if a.visible is not None and b.visible is not None:
         visible = a.visible + weight * (b.visible - a.visible)
-    return TrueBody(
-        id=a.id,
-        name=a.name,
-        role=a.role,
+    # A command holds until the next one.
+    return replace(
+        a,
         position=a.position + weight * (b.position - a.position),
         velocity=a.velocity + weight * (b.velocity - a.velocity),
-        size=a.size,
         yaw=a.yaw + weight * turn,
         visible=visible,
-        # A command holds until the next one.
-        commanded_speed=a.commanded_speed,
     )
 
 

@@ -53,6 +53,5 @@ def open_truth(
     if file_kind(path) == "truth.csv":
         return OpenedTruth(CsvTruth(path))
     capture = read_capture(path, rate_hz=rate_hz, angles=angles)
-    choices = choices or AlignmentChoices()
     alignment = align(ObservedRun.of_lines(lines), capture, choices)
-    return OpenedTruth(AlignedTruth(capture, alignment, choices.sizes), capture, alignment)
+    return OpenedTruth(AlignedTruth(capture, alignment), capture, alignment)

@@ -15,12 +15,12 @@ from observer.sources.cameras.device_files import (
     in_words,
     shown_path,
     text_in,
+    why_not,
 )
 from observer.sources.cameras.usb import UsbPlace, usb_place
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import Control, DeviceAccess, LinuxAccess, V4l2Device
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
-from observer.sources.cameras.v4l2.opening import why_not
 
 _MACHINE = Path("/")
 # What USB 2.0 (480 Mbit/s) carries of images, after protocol and reserved time: known from use.

@@ -6,6 +6,7 @@ a whole or, where nobody reads, not at all.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TypeAlias
 
 import msgspec
@@ -114,20 +115,12 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
 
 Command: TypeAlias = Open | Decode | Drop
 Notice: TypeAlias = Opened | Grabbed | Ready | Missed | Undecodable | Resized | Failed
-_COMMANDS: msgspec.json.Decoder[Command] = msgspec.json.Decoder(Command)
-_NOTICES: msgspec.json.Decoder[Notice] = msgspec.json.Decoder(Notice)
+
+# Decode a line without its end; both sides are of one version.
+decode_command: Callable[[bytes], Command] = msgspec.json.Decoder(Command).decode
+decode_notice: Callable[[bytes], Notice] = msgspec.json.Decoder(Notice).decode
 
 
 def encode(message: Command | Notice) -> bytes:
     """Encode a message as a line."""
     return msgspec.json.encode(message) + b"\n"
-
-
-def decode_command(line: bytes) -> Command:
-    """Decode the command in a line without its end; both sides are of one version."""
-    return _COMMANDS.decode(line)
-
-
-def decode_notice(line: bytes) -> Notice:
-    """Decode the notice in a line without its end; both sides are of one version."""
-    return _NOTICES.decode(line)

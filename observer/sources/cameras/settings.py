@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal, TypeAlias
@@ -72,57 +73,61 @@ def parse_settings(query: str) -> CameraSettings:
         attribute, read = reader
         if attribute in values:
             raise SourceError(f"the camera setting {key} is given twice; give it once")
-        values[attribute] = read(key, value.strip())
+        text = value.strip()
+        try:
+            values[attribute] = read(text)
+        except ValueError as right:
+            raise SourceError(
+                f"the camera setting {key}={text:.40} cannot be meant; use {right}"
+            ) from None
     return CameraSettings(**values)  # type: ignore[arg-type]
 
 
-def _read_size(key: str, text: str) -> tuple[int, int]:
+# Readers of a value; a ValueError says what would be right.
+
+
+def _read_size(text: str) -> tuple[int, int]:
     width, _, height = text.lower().partition("x")
     if not (_is_number(width) and _is_number(height)):
-        raise _refusal(key, text, "WIDTHxHEIGHT in pixels, as in 640x480")
+        raise ValueError("WIDTHxHEIGHT in pixels, as in 640x480")
     size = (int(width), int(height))
     if not all(16 <= length <= 16384 for length in size):
-        raise _refusal(key, text, "16 to 16384 pixels each way, as in 640x480")
+        raise ValueError("16 to 16384 pixels each way, as in 640x480")
     return size
 
 
-def _read_rate(key: str, text: str) -> float:
-    wanted = "frames per second from 1 to 1000, as in 30"
+def _read_rate(text: str) -> float:
     try:
         rate = float(text)
     except ValueError:
-        raise _refusal(key, text, wanted) from None
-    if not 1.0 <= rate <= 1000.0:  # refuses NaN as well
-        raise _refusal(key, text, wanted)
+        rate = math.nan
+    if not 1.0 <= rate <= 1000.0:
+        raise ValueError("frames per second from 1 to 1000, as in 30")
     return rate
 
 
-def _read_format(key: str, text: str) -> str:
+def _read_format(text: str) -> str:
     name = text.upper()
     if not (len(name) == 4 and name.isascii() and name.isalnum()):
-        raise _refusal(key, text, "the four characters of a pixel format, as in MJPG or YUYV")
+        raise ValueError("the four characters of a pixel format, as in MJPG or YUYV")
     return name
 
 
-def _number(low: int, high: int, example: int, unit: str) -> Callable[[str, str], int | Auto]:
-    wanted = f"auto or a whole number from {low} to {high}{unit}, as in {example}"
-
-    def read(key: str, text: str) -> int | Auto:
+def _number(low: int, high: int, example: int, unit: str) -> Callable[[str], int | Auto]:
+    def read(text: str) -> int | Auto:
         if text == "auto":
             return "auto"
         if not _is_number(text) or not low <= int(text) <= high:
-            raise _refusal(key, text, wanted)
+            raise ValueError(f"auto or a whole number from {low} to {high}{unit}, as in {example}")
         return int(text)
 
     return read
 
 
-def _read_power_line(key: str, text: str) -> Literal[0, 50, 60] | Auto:
-    known: dict[str, Literal[0, 50, 60] | Auto] = {
-        **{"0": 0, "off": 0, "50": 50, "60": 60, "auto": "auto"}
-    }
+def _read_power_line(text: str) -> int | Auto:
+    known: dict[str, int | Auto] = {"0": 0, "off": 0, "50": 50, "60": 60, "auto": "auto"}
     if text not in known:
-        raise _refusal(key, text, "50, 60, off or auto")
+        raise ValueError("50, 60, off or auto")
     return known[text]
 
 
@@ -130,12 +135,8 @@ def _is_number(text: str) -> bool:
     return text.isascii() and text.isdecimal() and len(text) <= 9
 
 
-def _refusal(key: str, text: str, right: str) -> SourceError:
-    return SourceError(f"the camera setting {key}={text!s:.40} cannot be meant; use {right}")
-
-
 # Key of the query -> attribute of CameraSettings, and what reads its value.
-_READERS: Mapping[str, tuple[str, Callable[[str, str], object]]] = {
+_READERS: Mapping[str, tuple[str, Callable[[str], object]]] = {
     "size": ("size", _read_size),
     "rate": ("rate", _read_rate),
     "format": ("pixel_format", _read_format),

@@ -326,12 +326,10 @@ class CameraSource:
                 )
 
     def _check_sizes(self) -> None:
-        opened = [(each, each.opened) for each in self._cameras if each.opened is not None]
-        if len(opened) < len(self._cameras):
+        left, right = self._cameras[0], self._cameras[-1]
+        first, second = left.opened, right.opened
+        if first is None or second is None:
             return
-        (left, first), (right, second) = opened[0], opened[-1]
-        assert first is not None
-        assert second is not None
         if (first.width, first.height) != (second.width, second.height):
             raise SourceError(
                 f"{left} delivers {first.width}x{first.height} pixels and {right} "

@@ -16,7 +16,7 @@ from observer.truth.contract import TrueBody
 from observer.truth.motion_capture import Capture, Trajectory
 from observer.truth.speeds import smoothed_velocity
 
-# Of a body that nobody measured: length, width and height of a Pioneer P3-DX, metres.
+# Of bodies, which nobody measures: length, width and height of a Pioneer P3-DX, metres.
 DEFAULT_SIZE = np.array([0.455, 0.381, 0.237])
 # Short enough to keep a start's ramp, long enough for millimetre noise: facts of mocap, 0.3-0.9
 # mm/s with 11 samples at 100 Hz.
@@ -33,10 +33,8 @@ def numbered(names: Iterable[str], roles: Mapping[str, str]) -> list[tuple[int, 
     return list(enumerate(order, 0 if order and roles[order[0]] == "observer" else 1))
 
 
-def placed_body(
-    number: int, name: str, role: str, size: Float64Array, state: State, T_world_room: Pose
-) -> TrueBody:
-    """Return a body of the room in the world."""
+def placed_body(number: int, name: str, role: str, state: State, T_world_room: Pose) -> TrueBody:
+    """Return a body of the room in the world; its size is taken to be that of a P3-DX."""
     position, velocity, heading = state
     forward = T_world_room.rotate(heading)
     return TrueBody(
@@ -45,7 +43,7 @@ def placed_body(
         role=role,
         position=T_world_room.apply(position),
         velocity=T_world_room.rotate(velocity),
-        size=size,
+        size=DEFAULT_SIZE,
         yaw=math.atan2(float(forward[0]), float(forward[2])),
         visible=None,
         commanded_speed=None,
@@ -56,25 +54,15 @@ class AlignedTruth:
     """Fulfils ``observer.truth.contract.Truth``; the world is that of the segment at each time.
 
     Args:
-        capture: as it was aligned. alignment: of it. sizes: of bodies by name, (3,) metres; one
-            that is not known is taken to be that of a Pioneer P3-DX.
+        capture: as it was aligned. alignment: of it.
     """
 
-    def __init__(
-        self,
-        capture: Capture,
-        alignment: Alignment,
-        sizes: Mapping[str, Float64Array] | None = None,
-    ) -> None:
+    def __init__(self, capture: Capture, alignment: Alignment) -> None:
         self._alignment = alignment
-        self._segments = [number for number, _ in alignment.segments]
-        self._starts = [start for _, start in alignment.segments]
-        sizes = sizes or {}
-        self._bodies: list[tuple[int, Trajectory, Float64Array, Float64Array]] = []
+        self._bodies: list[tuple[int, Trajectory, Float64Array]] = []
         for number, name in numbered(capture.bodies, alignment.roles):
             body = capture.bodies[name]
-            size = np.asarray(sizes.get(name, DEFAULT_SIZE), np.float64)
-            self._bodies.append((number, body, _centre_velocities(body, alignment), size))
+            self._bodies.append((number, body, _centre_velocities(body, alignment)))
 
     def bodies(self, time: float) -> tuple[TrueBody, ...]:
         """Return every body known at ``time`` (source clock), in the world of its segment.
@@ -85,12 +73,12 @@ class AlignedTruth:
         if T_world_room is None:
             return ()
         found = []
-        for number, body, rates, size in self._bodies:
+        for number, body, rates in self._bodies:
             state = self._state(body, rates, time)
             if state is None:
                 continue
             role = self._alignment.roles[body.name]
-            found.append(placed_body(number, body.name, role, size, state, T_world_room))
+            found.append(placed_body(number, body.name, role, state, T_world_room))
         return tuple(found)
 
     def camera_pose(self, time: float) -> Pose | None:
@@ -108,7 +96,7 @@ class AlignedTruth:
 
     def speed(self, name: str, time: float) -> float | None:
         """Return a body's speed at ``time``, m/s; known also where frames could not be aligned."""
-        for _, body, rates, _ in self._bodies:
+        for _, body, rates in self._bodies:
             if body.name == name:
                 at = self._alignment.time.to_truth(np.array([time]))
                 some = _slice(body.times, at)
@@ -117,10 +105,11 @@ class AlignedTruth:
         return None
 
     def _T_world_room(self, time: float) -> Pose | None:
-        index = max(bisect_right(self._starts, time) - 1, 0)
-        if not self._segments:
+        segments = self._alignment.segments
+        if not segments:
             return None
-        return self._alignment.T_world_room.get(self._segments[index])
+        index = max(bisect_right(segments, time, key=lambda segment: segment[1]) - 1, 0)
+        return self._alignment.T_world_room.get(segments[index][0])
 
     def _state(self, body: Trajectory, rates: Float64Array, time: float) -> State | None:
         at = self._alignment.time.to_truth(np.array([time]))

@@ -97,10 +97,16 @@ def find_body_camera(
             f"too few to tell how they sit together; motion capture must see the observer"
         )
     chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), _MOST_POSES)).astype(int)]
-    problem = _Problem(camera[chosen], body[chosen], assumed, _thinned(points))
-    solved = (problem.solve(yaw, begun) for yaw, begun in problem.beginnings())
-    best, _ = min(solved, key=lambda found: found[1])
-    return problem.result(best)
+    thinned = _thinned(points)
+    # Yaws all round, since the cost has several minima.
+    problems = [
+        _Problem(camera[chosen], body[chosen], assumed, thinned, yaw)
+        for yaw in np.arange(16) * np.pi / 8
+    ]
+    problems.sort(key=lambda problem: float(np.log1p(problem.cost(problem.begin) ** 2).sum()))
+    solved = [(each, *_levenberg_marquardt(each.cost, each.begin)) for each in problems[:3]]
+    best, x, _ = min(solved, key=lambda found: found[2])
+    return best.result(x)
 
 
 def _thinned(
@@ -116,7 +122,14 @@ def _thinned(
 
 class _Problem:
     """Unknowns: turn (3) and shift (3) of ``T_world_room``, turn (3) and shift (3) of
-    ``T_body_camera``; turns apply on top of a start, the camera's about the body's axes."""
+    ``T_body_camera``; turns apply on top of a start, the camera's about the body's axes.
+
+    Args:
+        yaw: of the room in the world at the start, radians.
+
+    Attributes:
+        begin: (12,) the start.
+    """
 
     def __init__(
         self,
@@ -124,6 +137,7 @@ class _Problem:
         body: Float64Array,
         assumed: Assumed,
         points: tuple[Float64Array, Float64Array],
+        yaw: float,
     ) -> None:
         self._Rc, self._pc = camera[:, :3, :3], camera[:, :3, 3]
         self._Rb, self._pb = body[:, :3, :3], body[:, :3, 3]
@@ -138,36 +152,15 @@ class _Problem:
             tops = self._Rc @ told.rotation.T @ np.swapaxes(self._Rb, 1, 2)[:, :, 2:]
             up, self._up_sigma = tops[:, :, 0].mean(axis=0), _UP_TOLD_RAD
         self._up = up / np.linalg.norm(up)
-        self._R0 = self._X0 = np.eye(3)
         self._offset = np.zeros(3) if told is None else told.translation
         self._offset_sigma = _OFFSET_M if told is None else _TOLD_M
-
-    def beginnings(self) -> list[tuple[float, Float64Array]]:
-        """Return the best of yaws all round, since the cost has several minima."""
-        begun = []
-        for yaw in np.arange(16) * np.pi / 8:
-            x = self._begin(yaw)
-            begun.append((float(np.log1p(self._cost(x) ** 2).sum()), float(yaw), x))
-        begun.sort(key=lambda one: one[0])
-        return [(yaw, x) for _, yaw, x in begun[:3]]
-
-    def _begin(self, yaw: float) -> Float64Array:
         level = Pose.from_rotvec([0, 0, yaw], np.zeros(3)).rotation
-        R0 = upright(self._up).T @ level
-        told = self._assumed.T_body_camera
-        self._R0 = R0
-        self._X0 = self._Rb[0].T @ R0.T @ self._Rc[0] if told is None else told.rotation
-        x = np.zeros(12)
+        self._R0 = upright(self._up).T @ level
+        self._X0 = self._Rb[0].T @ self._R0.T @ self._Rc[0] if told is None else told.rotation
+        self.begin = np.zeros(12)
         middle = np.mean(self._pb + self._Rb @ self._offset, axis=0)
-        x[3:6] = np.mean(self._pc, axis=0) - R0 @ middle
-        x[9:12] = self._offset
-        return x
-
-    def solve(self, yaw: float, x: Float64Array) -> tuple[Float64Array, float]:
-        """Return the solution with the rotations of its start (30,), and its cost."""
-        self._begin(yaw)
-        found, cost = _levenberg_marquardt(self._cost, x)
-        return np.concatenate([found, self._R0.ravel(), self._X0.ravel()]), cost
+        self.begin[3:6] = np.mean(self._pc, axis=0) - self._R0 @ middle
+        self.begin[9:12] = self._offset
 
     def _poses(self, x: Float64Array) -> tuple[Float64Array, ...]:
         Rw = self._R0 @ rotation_matrix(x[0:3])
@@ -191,7 +184,7 @@ class _Problem:
             parts.append(apart / _POINT_M * np.sqrt(min(1.0, 30 / len(apart))))
         return np.concatenate([part.ravel() for part in parts])
 
-    def _cost(self, x: Float64Array) -> Float64Array:
+    def cost(self, x: Float64Array) -> Float64Array:
         Rw, _, _, tx = self._poses(x)
         priors = [
             (Rw[:, 2] - self._up) / self._up_sigma,
@@ -204,15 +197,13 @@ class _Problem:
             priors.append(np.array([(height - self._assumed.camera_height_m) / _HEIGHT_M]))
         return np.concatenate([self._data(x), *priors])
 
-    def result(self, solved: Float64Array) -> BodyCamera:
-        x = solved[:12]
-        self._R0, self._X0 = solved[12:21].reshape(3, 3), solved[21:30].reshape(3, 3)
+    def result(self, x: Float64Array) -> BodyCamera:
         Rw, tw, Rx, tx = self._poses(x)
         T_world_room = Pose(Rw, tw)
         place = self._pc - T_world_room.apply(self._pb + self._Rb @ tx)
         residual = float(np.sqrt((place**2).sum(axis=1).mean()))
         scale = max(1.0, residual / (_POSITION_M * np.sqrt(3)))
-        J = _jacobian(self._cost, x)
+        J = _jacobian(self.cost, x)
         data = len(self._data(x))
         # Errors of consecutive poses are correlated, so they count as fewer than they are.
         information = J[:data].T @ J[:data] / (5 * scale**2)

@@ -7,10 +7,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Literal
 
-import numpy as np
-
 from observer.errors import TruthError
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.truth.alignment.body_camera import Assumed
 from observer.truth.alignment.observed import TrackKey
@@ -29,21 +27,19 @@ class AlignmentChoices:
         search: lowest and highest offset to consider, seconds to be added to truth's times; None
             for all at which the recordings overlap.
         drift: estimate the clocks' drift where the overlap is long enough.
-        sizes: of bodies by name, (3,) metres, as the robots' models give them.
         mount: of the camera; tells the vertical and the height. T_body_base: of the observer's
             body.
         T_body_camera: typed in; None where it is to be found, or follows from mount and
             T_body_base.
 
     Raises:
-        TruthError: two bodies are the observer, or a size is not positive.
+        TruthError: two bodies are the observer.
     """
 
     roles: Mapping[str, BodyRole] = field(default_factory=dict)
     matches: Mapping[TrackKey, str | None] = field(default_factory=dict)
     search: tuple[float, float] | None = None
     drift: bool = True
-    sizes: Mapping[str, Float64Array] = field(default_factory=dict)
     mount: CameraMount | None = None
     T_body_base: Pose | None = None
     T_body_camera: Pose | None = None
@@ -54,10 +50,7 @@ class AlignmentChoices:
             raise TruthError(
                 f"only one body can be the observer, not both {observers[0]} and {observers[1]}"
             )
-        for name, size in self.sizes.items():
-            if np.shape(size) != (3,) or not (np.asarray(size) > 0).all():
-                raise TruthError(f"the size of {name} must be three positive lengths in metres")
-        for key in ("roles", "matches", "sizes"):
+        for key in ("roles", "matches"):
             object.__setattr__(self, key, MappingProxyType(dict(getattr(self, key))))
 
     @property

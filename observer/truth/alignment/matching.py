@@ -36,7 +36,6 @@ def match_tracks(
     lives: Mapping[TrackKey, tuple[float, float]],
     distances: Mapping[TrackKey, Mapping[str, float]],
     corrections: Mapping[TrackKey, str | None],
-    gate_m: float = GATE_M,
 ) -> dict[TrackKey, Match]:
     """Match tracks to bodies: a body has one track at a time, or several in succession.
 
@@ -57,7 +56,7 @@ def match_tracks(
         (distance, str(key), key, body)
         for key, by_body in distances.items()
         for body, distance in by_body.items()
-        if key not in matched and np.isfinite(distance) and distance <= gate_m
+        if key not in matched and np.isfinite(distance) and distance <= GATE_M
     )
     # The surest first: long tracks near a body, so that a short ghost takes no one's place.
     candidates.sort(key=lambda c: c[0] / max(lives[c[2]][1] - lives[c[2]][0], 0.1))

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
-from observer.truth.alignment.aligned import DEFAULT_SIZE, State, numbered, placed_body
+from observer.truth.alignment.aligned import State, numbered, placed_body
 from observer.truth.alignment.curves import GAP_INTERVALS
 from observer.truth.alignment.live_clocks import LiveClocks
 from observer.truth.alignment.result import Alignment
@@ -68,7 +68,6 @@ class NewestTruth:
         clocks: LiveClocks,
         T_world_room: Pose,
         time: float,
-        sizes: Mapping[str, Float64Array] | None = None,
     ) -> tuple[TimedBody, ...]:
         """Return every body that was measured at ``time`` (source clock), the observer first.
 
@@ -76,7 +75,7 @@ class NewestTruth:
         returned twice.
 
         Args:
-            T_world_room: of the segment that is observed. sizes: by name, (3,) metres.
+            T_world_room: of the segment that is observed.
         """
         found = []
         for number, name in numbered(alignment.roles, alignment.roles):
@@ -84,8 +83,7 @@ class NewestTruth:
             if measured is None:
                 continue
             at, state = measured
-            size = np.asarray((sizes or {}).get(name, DEFAULT_SIZE), np.float64)
-            body = placed_body(number, name, alignment.roles[name], size, state, T_world_room)
+            body = placed_body(number, name, alignment.roles[name], state, T_world_room)
             found.append(TimedBody(at, body))
         return tuple(found)
 

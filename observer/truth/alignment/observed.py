@@ -43,13 +43,13 @@ class TrackKey:
         Raises:
             TruthError: it is not two whole numbers with a colon between them.
         """
-        segment, colon, id_ = text.partition(":")
+        segment, _, id_ = text.partition(":")
         try:
-            if colon:
-                return TrackKey(int(segment), int(id_))
+            return TrackKey(int(segment), int(id_))
         except ValueError:
-            pass
-        raise TruthError(f"a track is named SEGMENT:NUMBER, as in 0:3, not {text[:40]!r}")
+            raise TruthError(
+                f"a track is named SEGMENT:NUMBER, as in 0:3, not {text[:40]!r}"
+            ) from None
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,19 +145,15 @@ class ObservedRun:
             {key: _track(key, np.array(found)) for key, found in rows.items()},
         )
 
-    def camera_path(self, segment: int | None = None) -> tuple[Float64Array, Float64Array]:
-        """Return times (M,) and ``T_world_camera`` (M, 4, 4) of the frames with a pose.
-
-        Args:
-            segment: only of this one; None for all, which are not in one world.
-        """
-        chosen = [
-            k
-            for k, pose in enumerate(self.poses)
-            if pose is not None and (segment is None or self.segments[k] == segment)
+    def camera_path(self, segment: int) -> tuple[Float64Array, Float64Array]:
+        """Return times (M,) and ``T_world_camera`` (M, 4, 4) of a segment's frames with a pose."""
+        found = [
+            (time, pose.matrix)
+            for time, number, pose in zip(self.times, self.segments, self.poses, strict=True)
+            if pose is not None and number == segment
         ]
-        poses = [pose.matrix for k in chosen if (pose := self.poses[k]) is not None]
-        return self.times[chosen], np.array(poses).reshape(-1, 4, 4)
+        times, poses = [time for time, _ in found], [pose for _, pose in found]
+        return np.array(times), np.array(poses).reshape(-1, 4, 4)
 
     def segment_numbers(self) -> tuple[int, ...]:
         """Return the segments' numbers in order, each once."""

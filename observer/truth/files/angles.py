@@ -25,8 +25,8 @@ AngleReading = Literal["helical", "euler_xyz"]
 # Files round quaternions to three digits and more.
 _UNIT_WITHIN = 1e-2
 
-# Files give six digits.
-_ROUNDING_RAD = 1e-3
+# Largest Euler angles XYZ, and what the six digits of files may add.
+_EULER_LIMITS_RAD = np.array([math.pi, math.pi / 2, math.pi]) + 1e-3
 # Readings that differ by no more than this give the same experiment.
 _SAME_DEG = 5.0
 # A robot on a floor tilts less than this, read rightly ...
@@ -106,7 +106,7 @@ def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> tuple[AngleRe
     some = {body: _some(angles) for body, angles in bodies.items()}
     some = {body: angles for body, angles in some.items() if len(angles)}
     for body, angles in some.items():
-        if _beyond_euler(angles).any():
+        if (np.abs(angles) > _EULER_LIMITS_RAD).any():
             most = float(np.linalg.norm(angles, axis=1).max())
             return "helical", (
                 f"angles are helical (rotation vectors): those of {body} reach {most:.2f} rad, "
@@ -168,11 +168,6 @@ class _Readings:
 def _some(angles: Float64Array) -> Float64Array:
     known = angles[np.isfinite(angles).all(axis=1)]
     return known[:: max(1, len(known) // _LOOKED_AT)]
-
-
-def _beyond_euler(angles: Float64Array) -> NDArray[np.bool_]:
-    limits = np.array([math.pi, math.pi / 2, math.pi]) + _ROUNDING_RAD
-    return np.asarray((np.abs(angles) > limits).any(axis=1))
 
 
 def _tilt_deg(R_room_body: Float64Array) -> float:

@@ -70,9 +70,8 @@ class ClockFitter:
 
     def __init__(self, window_s: float = WINDOW_S) -> None:
         self._window_s = window_s
-        # One entry for each bin: arrival and delay-plus-offset of the quickest, and its stamp.
-        self._quickest: deque[tuple[int, float, float]] = deque()
-        self._counts: deque[int] = deque()
+        # For each bin: its number, stamp and delay-plus-offset of the quickest, and all arrivals.
+        self._quickest: deque[tuple[int, float, float, int]] = deque()
         self._fit: ClockFit | None = None
         self._newest = self._fitted_at = float("-inf")
 
@@ -81,15 +80,14 @@ class ClockFitter:
         number = int(received // _BIN_S)
         late = received - stamp
         if self._quickest and self._quickest[-1][0] >= number:
-            self._counts[-1] += 1
-            if late < self._quickest[-1][2]:
-                self._quickest[-1] = (self._quickest[-1][0], stamp, late)
+            number, quickest, least, count = self._quickest[-1]
+            if late < least:
+                quickest, least = stamp, late
+            self._quickest[-1] = (number, quickest, least, count + 1)
         else:
-            self._quickest.append((number, stamp, late))
-            self._counts.append(1)
+            self._quickest.append((number, stamp, late, 1))
             while (number - self._quickest[0][0]) * _BIN_S > self._window_s:
                 self._quickest.popleft()
-                self._counts.popleft()
         self._newest = received
 
     def fit(self) -> ClockFit | None:
@@ -102,7 +100,7 @@ class ClockFitter:
             self._fitted_at = self._newest
             stamps = np.array([each[1] for each in self._quickest])
             late = np.array([each[2] for each in self._quickest])
-            self._fit = _fit(stamps, late, sum(self._counts))
+            self._fit = _fit(stamps, late, sum(each[3] for each in self._quickest))
         return self._fit
 
 

@@ -35,16 +35,8 @@ class ViconObject:
     rotation_rad: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
-class ViconFrame:
-    """Content of a datagram."""
-
-    frame: int
-    objects: tuple[ViconObject, ...]
-
-
-def unpack_frame(data: bytes) -> ViconFrame:
-    """Decode a datagram; items of other kinds are skipped.
+def unpack_frame(data: bytes) -> tuple[int, tuple[ViconObject, ...]]:
+    """Return a datagram's number of the frame and its objects; items of other kinds are skipped.
 
     Raises:
         ViconStreamError: it is cut off, or an object is smaller than it must be.
@@ -69,4 +61,4 @@ def unpack_frame(data: bytes) -> ViconFrame:
             text = name.split(b"\0")[0].decode("utf-8", "replace")
             objects.append(ViconObject(text, (x, y, z), (rx, ry, rz)))
         begin += size
-    return ViconFrame(frame, tuple(objects))
+    return frame, tuple(objects)

@@ -58,7 +58,7 @@ class ViconUdpCapture(LiveCapture):
 
     def _take(self, data: bytes, sender: tuple[str, int], received: float) -> None:
         try:
-            frame = unpack_frame(data)
+            frame, objects = unpack_frame(data)
         except ViconStreamError:
             self._intake.malformed()
             return
@@ -72,8 +72,8 @@ class ViconUdpCapture(LiveCapture):
             self._sender = sender
             self._intake.connected()
         self._heard = received
-        for each in frame.objects:
-            self._pose(frame.frame, each, received)
+        for each in objects:
+            self._pose(frame, each, received)
 
     def _pose(self, frame: int, body: ViconObject, received: float) -> None:
         numbers = (*body.translation_mm, *body.rotation_rad)

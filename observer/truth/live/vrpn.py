@@ -51,11 +51,6 @@ class Message:
     type: int
     body: bytes
 
-    @property
-    def time(self) -> float:
-        """Stamp in seconds."""
-        return self.seconds + self.microseconds / 1e6
-
 
 @dataclass(frozen=True)
 class TrackerPose:
@@ -199,7 +194,8 @@ class Conversation:
             if len(message.body) != _POSE.size:
                 raise VrpnError(f"a pose must have {_POSE.size} bytes, not {len(message.body)}")
             sensor, _, x, y, z, qx, qy, qz, qw = _POSE.unpack(message.body)
-            return TrackerPose(sender, sensor, message.time, (x, y, z), (qx, qy, qz, qw))
+            time = message.seconds + message.microseconds / 1e6
+            return TrackerPose(sender, sensor, time, (x, y, z), (qx, qy, qz, qw))
         return Sign(kind, sender) if kind in (PING_TYPE, PONG_TYPE) else None
 
 

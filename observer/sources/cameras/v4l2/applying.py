@@ -10,6 +10,7 @@ from functools import cache, partial
 from pathlib import Path
 
 from observer.errors import SourceError
+from observer.sources.cameras.device_files import why_not
 from observer.sources.cameras.settings import AppliedSettings, Auto, CameraSettings
 from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.device import (
@@ -20,7 +21,6 @@ from observer.sources.cameras.v4l2.device import (
     is_gone,
 )
 from observer.sources.cameras.v4l2.modes import CameraMode, camera_modes
-from observer.sources.cameras.v4l2.opening import why_not
 from observer.sources.cameras.v4l2.readback import Readback, in_words, rate_text, read_back
 
 _MACHINE = Path("/")

@@ -56,7 +56,7 @@ def test_everything_planted_is_found(room: Any, found: Alignment) -> None:
     assert found.T_body_camera is not None
     np.testing.assert_allclose(found.T_body_camera.matrix, room.T_body_camera.matrix, atol=0.03)
     assert any("taken for the observer" in note for note in found.notes)
-    truth = AlignedTruth(room.capture, found, {"P3DX": np.array([0.5, 0.4, 0.3])})
+    truth = AlignedTruth(room.capture, found)
     places, speeds = [], []
     for time in np.arange(2, 24, 0.1):
         bodies = {body.role: body for body in truth.bodies(time)}
