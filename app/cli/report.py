@@ -33,7 +33,7 @@ def report(
 ) -> None:
     """Write one self-contained page: figures 9-11 and 13-17, errors, parameters, calibration."""
     path, comparison = chosen_run(run, compared, data, database)
-    # Imported only now: they bring the plotting code, and there may be no such run.
+    # Imported late, so that a missing run is reported before the plotting code is loaded.
     from app.reports.experiments import beside_published
     from app.reports.page import report_html
     from app.reports.report import make_report, write_figures

@@ -38,7 +38,7 @@ def chosen_run(
     """
     settings = chosen_settings(data=data, database=database)
     path = find_recording(run, settings.data)
-    # Imported only now: what is imported here takes longer than to say that there is no such run.
+    # Imported late, so that a missing run is reported at once.
     from app.reports.comparison import Comparison
 
     if compared is not None:

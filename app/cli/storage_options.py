@@ -1,4 +1,4 @@
-"""Options for the data folder and the database of a command, and the settings of all options."""
+"""Options for the data folder and the database, and the settings made from options."""
 
 from __future__ import annotations
 

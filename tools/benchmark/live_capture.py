@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,7 +22,7 @@ from observer.simulation.imaging import StereoImager
 from observer.simulation.scenarios import load_scenario
 from observer.simulation.world import World
 from observer.sources.cameras.source import CameraSource
-from observer.sources.contract import LiveReport, NoFrame
+from observer.sources.contract import LiveReport
 from observer.types import Image, StereoFrame
 from tools.benchmark.camera_streams import SIDES, camera_streams, to_and_fro
 
@@ -203,12 +203,6 @@ def capture_figures(
     )
 
 
-class _Frames(Protocol):
-    """Source of frames for the loop."""
-
-    def read(self) -> StereoFrame | NoFrame: ...
-
-
 class _Memory:
     """Decoded images at a camera's rate; waits for the next one.
 
@@ -270,7 +264,10 @@ class _Notes:
 
 
 def _loop(
-    frames: _Frames, seconds: float, work: Callable[[StereoFrame], None], notes: _Notes
+    frames: CameraSource | _Memory,
+    seconds: float,
+    work: Callable[[StereoFrame], None],
+    notes: _Notes,
 ) -> None:
     """Read and process as the engine does, one frame after the other, and record the times."""
     seen, cpu, spent_before = 0, 0.0, time.process_time()
