@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -164,12 +166,5 @@ def _terms(board: Board, ids: NDArray[np.int32]) -> Float64Array:
     row, column = ids // board.columns, ids % board.columns
     degrees = [min(_DEGREE, max(1, len(np.unique(axis)) - 2)) for axis in (column, row)]
     u, v = 2 * column / (board.columns - 1) - 1, 2 * row / (board.rows - 1) - 1
-    return np.stack(
-        [
-            u**a * v**b
-            for a in range(degrees[0] + 1)
-            for b in range(degrees[1] + 1)
-            if a + b <= _DEGREE
-        ],
-        axis=1,
-    )
+    powers = product(range(degrees[0] + 1), range(degrees[1] + 1))
+    return np.stack([u**a * v**b for a, b in powers if a + b <= _DEGREE], axis=1)

@@ -31,12 +31,22 @@ _STRAY_SHARE = 0.15
 
 
 @dataclass(frozen=True)
-class Refusal:
-    """Reason why a view is not used; the errors are pixels, None where unknown."""
+class ViewError:
+    """Reprojection error of one view.
 
-    reason: str
+    Attributes:
+        name: of the view. used: whether the fit rests on it. reason: why not, a clause.
+        left_px, right_px: root mean square of its corners' distances; None where not seen or
+            unknown. Of a view that is not used it is that of the best pose of the board.
+        strays: single corners that were left out, for they were wrongly detected.
+    """
+
+    name: str
+    used: bool
+    reason: str | None
     left_px: float | None = None
     right_px: float | None = None
+    strays: int = 0
 
 
 def rms(residuals: Float64Array) -> float:
@@ -116,11 +126,12 @@ def explained(
     rig: Rig,
     corners: tuple[Corners, Corners],
     index: int,
+    name: str,
     usual_px: float,
     soft_px: float,
     board: Board,
-) -> Refusal:
-    """Return why this view does not fit the pair that the others agree on."""
+) -> ViewError:
+    """Return why the view ``index`` does not fit the pair that the others agree on."""
     chosen = np.arange(len(rig.board_R)) == index
     found, own = posed(rig, corners, chosen, soft_px)
     errors = view_errors(found.residuals, own, len(chosen))[index]
@@ -143,7 +154,7 @@ def explained(
             f"its corners are {off:.1f} px off, the others {usual_px:.1f} px: moved or wrongly "
             f"detected"
         )
-    return Refusal(reason, left, right)
+    return ViewError(name, False, reason, left, right)
 
 
 def _alone(
