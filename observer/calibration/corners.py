@@ -110,13 +110,12 @@ def _saddle_contrast(
     gray: Image, px: Float64Array, along: Float64Array, across: Float64Array
 ) -> Float64Array:
     """Return the contrast of opposite squares to the two others at a corner; NaN outside."""
-    sign = (1, -1, -1, 1)
     value = np.zeros(px.shape[:-1])
-    for factor, (a, b) in zip(sign, ((1, 1), (1, -1), (-1, 1), (-1, -1)), strict=True):
+    for a, b in product((1, -1), repeat=2):
         place = np.rint(px + 0.35 * (a * along + b * across))
         inside = ((place >= 0) & (place < gray.shape[::-1])).all(axis=-1)
         u, v = (place[..., k].clip(0, gray.shape[1 - k] - 1).astype(np.intp) for k in (0, 1))
-        value += np.where(inside, factor * gray[v, u].astype(np.float64), np.nan)
+        value += np.where(inside, a * b * gray[v, u].astype(np.float64), np.nan)
     return np.abs(value)
 
 

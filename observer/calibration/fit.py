@@ -132,10 +132,7 @@ class _Work:
     ) -> None:
         self.views, self._board = list(views), board
         self._size, self._model, self._report = size, model, report
-        refused = refused_sightings(views, board, *size)
-        self.refused = {
-            index: ViewError(views[index].name, False, reason) for index, reason in refused.items()
-        }
+        self.refused = refused_sightings(views, board, *size)
         self._free = np.arange(4 + DISTORTION_SIZE[model]) < 4 + _FIRST_TERMS[model]
 
     def usable(self) -> NDArray[np.bool_]:

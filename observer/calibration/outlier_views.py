@@ -64,10 +64,8 @@ def view_errors(
     residuals: Sequence[Float64Array], corners: Sequence[Corners], views: int
 ) -> Float64Array:
     """(V, C) root mean square of each view in each camera, pixels; NaN where not seen."""
-    out = np.full((views, len(corners)), np.nan)
-    for camera, (residual, seen) in enumerate(zip(residuals, corners, strict=True)):
-        out[:, camera] = np.sqrt(_means(residual, seen.view, views))
-    return out
+    pairs = zip(residuals, corners, strict=True)
+    return np.stack([np.sqrt(_means(each, seen.view, views)) for each, seen in pairs], axis=1)
 
 
 def whole_errors(

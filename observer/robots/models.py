@@ -67,11 +67,9 @@ def robot_spec(model: str) -> RobotSpec:
     Raises:
         InputError: it is not known; the sentence lists those that are.
     """
-    found = SPECS.get(model)  # type: ignore[call-overload]
-    if found is None:
+    if model not in SPECS:
         raise InputError(f"there is no robot model {model!r}; there are {', '.join(SPECS)}")
-    assert isinstance(found, RobotSpec)
-    return found
+    return SPECS[model]
 
 
 def _ring(*poses: tuple[float, float, float]) -> tuple[SonarPose, ...]:
@@ -107,7 +105,7 @@ def _amigo(model: RobotModel, distance_mm: float, speed_mmps: float) -> RobotSpe
     )  # fmt: skip
 
 
-SPECS: Mapping[RobotModel, RobotSpec] = MappingProxyType(
+SPECS: Mapping[str, RobotSpec] = MappingProxyType(
     {
         "p3dx-sh": _p3dx("p3dx-sh", 1.0),
         "p3dx": _p3dx("p3dx", 0.485),

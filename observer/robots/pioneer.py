@@ -226,7 +226,7 @@ class Pioneer:
         identity = shake_hands(line)
         with self._lock:
             self._identity = identity
-            self._spec = self._model or SPECS.get(identity.subtype)  # type: ignore[call-overload]
+            self._spec = self._model or SPECS.get(identity.subtype)
         spec = self._spec
         if spec is None:
             line.send(command(Command.CLOSE))

@@ -9,7 +9,6 @@ from __future__ import annotations
 import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
@@ -31,14 +30,12 @@ from observer.geometry import Float64Array
 
 _CLASS = "stereoParameters"
 _INTRINSICS = ("IntrinsicMatrix", "K", "IntrinsicMatrixInternal")
-_UNITS: Mapping[str, Unit] = MappingProxyType(
-    {
-        "mm": "mm", "millimeters": "mm", "millimetres": "mm",
-        "cm": "cm", "centimeters": "cm", "centimetres": "cm",
-        "m": "m", "meters": "m", "metres": "m",
-        "in": "in", "inches": "in",
-    }
-)  # fmt: skip
+_UNITS: Mapping[str, Unit] = {
+    "mm": "mm", "millimeters": "mm", "millimetres": "mm",
+    "cm": "cm", "centimeters": "cm", "centimetres": "cm",
+    "m": "m", "meters": "m", "metres": "m",
+    "in": "in", "inches": "in",
+}  # fmt: skip
 _AS_STRUCT = (
     "in MATLAB: stereoParams = toStruct(stereoParams); "
     "save('stereoParams.mat', 'stereoParams', '-v7')"
