@@ -133,39 +133,33 @@ def find_boards(
             the board; the sentence says what they show instead where that can be told.
     """
     report = progress or (lambda _words, _share: None)
-    looked: list[_Looked | RefusedImage] = []
+    looked: list[tuple[BoardView, tuple[int, int]] | RefusedImage] = []
     with ThreadPoolExecutor(max(1, workers)) as pool:
         for number, each in enumerate(pool.map(lambda pair: _look(pair, board), pairs)):
             looked.append(each)
             report(f"looking for the board in {pairs[number].name}", (number + 1) / len(pairs))
     refused = [each for each in looked if isinstance(each, RefusedImage)]
-    seen = [each for each in looked if isinstance(each, _Looked)]
+    seen = [each for each in looked if not isinstance(each, RefusedImage)]
     if not seen:
         why = f": {refused[0].name} {refused[0].reason}" if refused else ""
         raise CalibrationError(f"there is no pair of images that can be read{why}")
-    size, _ = Counter(each.size for each in seen).most_common(1)[0]
+    (width, height), _ = Counter(size for _, size in seen).most_common(1)[0]
     refused += [
         RefusedImage(
-            each.view.name,
-            f"its images have {each.size[0]}x{each.size[1]} pixels, the others {size[0]}x{size[1]}",
+            view.name, f"its images have {own[0]}x{own[1]} pixels, the others {width}x{height}"
         )
-        for each in seen
-        if each.size != size
+        for view, own in seen
+        if own != (width, height)
     ]
-    views = tuple(each.view for each in seen if each.size == size)
+    views = tuple(view for view, own in seen if own == (width, height))
     found = sum(view.left is not None or view.right is not None for view in views)
     if found == 0 or found < _CHANCE * len(views):
         raise CalibrationError(_nothing_found(pairs, board, found, len(views)))
-    return FoundBoards(views, size[0], size[1], tuple(refused))
+    return FoundBoards(views, width, height, tuple(refused))
 
 
-@dataclass(frozen=True)
-class _Looked:
-    view: BoardView
-    size: tuple[int, int]
-
-
-def _look(pair: BoardPair, board: Board) -> _Looked | RefusedImage:
+def _look(pair: BoardPair, board: Board) -> tuple[BoardView, tuple[int, int]] | RefusedImage:
+    """Return what both images show of the board, and their width and height."""
     found: list[BoardSighting | None] = []
     sizes = []
     for name, read in ((pair.left_name, pair.left), (pair.right_name, pair.right)):
@@ -187,7 +181,7 @@ def _look(pair: BoardPair, board: Board) -> _Looked | RefusedImage:
     left, right = found
     if left is not None and right is not None:
         right = same_numbering(left, right, board)
-    return _Looked(BoardView(pair.name, left, right), sizes[0])
+    return BoardView(pair.name, left, right), sizes[0]
 
 
 def _gray(name: str, raw: RawImage) -> Image:

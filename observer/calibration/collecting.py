@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.calibration.board import FEWEST_CORNERS, Board, BoardSighting, BoardView
-from observer.calibration.coverage import Coverage, PairMeasures, coverage, is_new, measure_view
+from observer.calibration.coverage import Coverage, ViewMeasures, coverage, is_new, measure_view
 from observer.calibration.detection import same_numbering
 from observer.calibration.guidance import Guide, SeenPose, Shift, WantedPose
 from observer.errors import CalibrationError
@@ -61,7 +61,7 @@ class Look:
 @dataclass(frozen=True, eq=False)
 class _Kept:
     view: BoardView
-    measures: PairMeasures | None
+    measures: ViewMeasures | None
     pose: SeenPose | None
 
 
@@ -94,7 +94,7 @@ class ViewCollector:
         self._kept = [self._keep(view) for view in views]
         self._recent: deque[_Moment] = deque()
         # The pose whose view was taken back: not to be taken again at once.
-        self._taken_back: PairMeasures | None = None
+        self._taken_back: ViewMeasures | None = None
         self._skipped: set[int] = set()
         self._wanted: WantedPose | None = None
         self._wanted_since: float | None = None
@@ -198,16 +198,16 @@ class ViewCollector:
             )
         return self._take_back(names.index(name))
 
-    def _measures(self) -> list[PairMeasures]:
+    def _measures(self) -> list[ViewMeasures]:
         return [kept.measures for kept in self._kept if kept.measures is not None]
 
     def _measure(
         self, left: BoardSighting | None, right: BoardSighting | None
-    ) -> PairMeasures | None:
+    ) -> ViewMeasures | None:
         if left is None or right is None or len(left.common_px(right)[0]) < FEWEST_CORNERS:
             return None
         a, b = (measure_view(each, self._board, self._image_size) for each in (left, right))
-        return None if a is None or b is None else PairMeasures(a, b)
+        return None if a is None or b is None else a.beside(b)
 
     def _keep(self, view: BoardView) -> _Kept:
         left, right = view.left, view.right

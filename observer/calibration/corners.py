@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -108,13 +110,12 @@ def _saddle_contrast(
     gray: Image, px: Float64Array, along: Float64Array, across: Float64Array
 ) -> Float64Array:
     """Return the contrast of opposite squares to the two others at a corner; NaN outside."""
-    sign = (1, -1, -1, 1)
     value = np.zeros(px.shape[:-1])
-    for factor, (a, b) in zip(sign, ((1, 1), (1, -1), (-1, 1), (-1, -1)), strict=True):
+    for a, b in product((1, -1), repeat=2):
         place = np.rint(px + 0.35 * (a * along + b * across))
         inside = ((place >= 0) & (place < gray.shape[::-1])).all(axis=-1)
         u, v = (place[..., k].clip(0, gray.shape[1 - k] - 1).astype(np.intp) for k in (0, 1))
-        value += np.where(inside, factor * gray[v, u].astype(np.float64), np.nan)
+        value += np.where(inside, a * b * gray[v, u].astype(np.float64), np.nan)
     return np.abs(value)
 
 
@@ -164,12 +165,5 @@ def _terms(board: Board, ids: NDArray[np.int32]) -> Float64Array:
     row, column = ids // board.columns, ids % board.columns
     degrees = [min(_DEGREE, max(1, len(np.unique(axis)) - 2)) for axis in (column, row)]
     u, v = 2 * column / (board.columns - 1) - 1, 2 * row / (board.rows - 1) - 1
-    return np.stack(
-        [
-            u**a * v**b
-            for a in range(degrees[0] + 1)
-            for b in range(degrees[1] + 1)
-            if a + b <= _DEGREE
-        ],
-        axis=1,
-    )
+    powers = product(range(degrees[0] + 1), range(degrees[1] + 1))
+    return np.stack([u**a * v**b for a, b in powers if a + b <= _DEGREE], axis=1)

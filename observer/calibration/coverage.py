@@ -45,7 +45,7 @@ _MISSING = (
 
 @dataclass(frozen=True, eq=False)
 class ViewMeasures:
-    """Measures of one camera's view of a board.
+    """Measures of one camera's view of a board, or of both cameras' view, or of many views.
 
     With the quadrangle of the board's outermost corners (of a board seen in part: of the largest
     rectangle of corners seen), its area A and an image of w x h pixels: x = (mean u - sqrt(A)/2) /
@@ -53,30 +53,22 @@ class ViewMeasures:
     corner|, each held within 0..1.
 
     Attributes:
-        values: (4,) x, y, size and skew.
-        reach: (4,) how far corners came out to the image's upper left, upper right, lower left
-            and lower right corner: 0 at the centre, 1 in the corner.
+        values: (..., 4) x, y, size and skew; of both cameras (2, 4).
+        reach: (..., 4) how far corners came out to the image's upper left, upper right, lower
+            left and lower right corner: 0 at the centre, 1 in the corner.
     """
 
     values: Float64Array
     reach: Float64Array
 
+    def beside(self, right: ViewMeasures) -> ViewMeasures:
+        """Return the measures (..., 2, 4) of both cameras, where these are of the left one."""
+        both = (self.values, right.values), (self.reach, right.reach)
+        return ViewMeasures(*(np.stack(each, axis=-2) for each in both))
 
-@dataclass(frozen=True, eq=False)
-class PairMeasures:
-    """Measures of both cameras' view of one pose."""
-
-    left: ViewMeasures
-    right: ViewMeasures
-
-    @property
-    def each(self) -> tuple[ViewMeasures, ViewMeasures]:
-        return self.left, self.right
-
-    def distance(self, other: PairMeasures) -> float:
-        """Sum of absolute differences of the measures, the mean over the cameras."""
-        pairs = zip(self.each, other.each, strict=True)
-        return float(np.mean([np.abs(a.values - b.values).sum() for a, b in pairs]))
+    def distance(self, other: ViewMeasures) -> float:
+        """Sum of absolute differences of the measures (2, 4), the mean over the cameras."""
+        return float(np.abs(self.values - other.values).sum(axis=1).mean())
 
 
 @dataclass(frozen=True)
@@ -95,14 +87,10 @@ class Coverage:
     views: int
 
     @property
-    def complete(self) -> bool:
-        """True once all bars are full."""
-        return all(bar >= 1 for bar in self.bars.values())
-
-    @property
     def enough(self) -> bool:
         """True once a calibration may be computed: all bars full and some views, or very many."""
-        return (self.complete and self.views >= FEWEST_VIEWS) or self.views >= MANY_VIEWS
+        full = all(bar >= 1 for bar in self.bars.values())
+        return (full and self.views >= FEWEST_VIEWS) or self.views >= MANY_VIEWS
 
     @property
     def missing(self) -> tuple[str, ...]:
@@ -121,12 +109,13 @@ def measure_view(
     quadrangle = _quadrangle(sighting, board)
     if quadrangle is None:
         return None
-    return measure_outline(quadrangle[None], sighting.px[None], image_size)[0]
+    measured = measure_outline(quadrangle[None], sighting.px[None], image_size)
+    return ViewMeasures(measured.values[0], measured.reach[0])
 
 
 def measure_outline(
     quadrangles: Float64Array, px: Float64Array, image_size: tuple[int, int]
-) -> list[ViewMeasures]:
+) -> ViewMeasures:
     """Measures of M views at once.
 
     Args:
@@ -150,10 +139,10 @@ def measure_outline(
         np.minimum(su * out[..., 0], sv * out[..., 1]).max(axis=1).clip(0, 1)
         for su, sv in ((-1, -1), (1, -1), (-1, 1), (1, 1))
     ]
-    return [ViewMeasures(*both) for both in zip(values, np.stack(reach, axis=1), strict=True)]
+    return ViewMeasures(values, np.stack(reach, axis=1))
 
 
-def coverage(views: Sequence[PairMeasures], wanted: tuple[float, ...] = WANTED_RANGES) -> Coverage:
+def coverage(views: Sequence[ViewMeasures], wanted: tuple[float, ...] = WANTED_RANGES) -> Coverage:
     """Return what these views cover together of the wanted ranges of X, Y, size and skew."""
     if not views:
         return Coverage(dict.fromkeys(BARS, 0.0), dict.fromkeys(IMAGE_CORNERS, 0.0), 0)
@@ -166,10 +155,9 @@ def coverage(views: Sequence[PairMeasures], wanted: tuple[float, ...] = WANTED_R
     )
 
 
-def stacked(views: Sequence[PairMeasures]) -> tuple[Float64Array, Float64Array]:
+def stacked(views: Sequence[ViewMeasures]) -> tuple[Float64Array, Float64Array]:
     """Values and reach of views, both (N, 2, 4): by view, camera and measure."""
-    values = [[camera.values for camera in view.each] for view in views]
-    reach = [[camera.reach for camera in view.each] for view in views]
+    values, reach = [view.values for view in views], [view.reach for view in views]
     return np.array(values).reshape(-1, 2, 4), np.array(reach).reshape(-1, 2, 4)
 
 
@@ -190,7 +178,7 @@ def progress(
     return bars, (reach / WANTED_REACH).min(axis=-2).clip(0, 1)
 
 
-def is_new(view: PairMeasures, kept: Sequence[PairMeasures]) -> bool:
+def is_new(view: ViewMeasures, kept: Sequence[ViewMeasures]) -> bool:
     """Return whether a view differs enough from all kept ones to be worth keeping."""
     return all(view.distance(other) > NEW_DISTANCE for other in kept)
 

@@ -22,7 +22,7 @@ from observer.calibration.held_out import (
 from observer.calibration.initialization import FIRST_SOFT_PX, begin_camera, begin_pair, with_poses
 from observer.calibration.lens import DISTORTION_SIZE
 from observer.calibration.outlier_views import (
-    Refusal,
+    ViewError,
     explained,
     limit_px,
     outliers,
@@ -35,7 +35,7 @@ from observer.calibration.outlier_views import (
 )
 from observer.calibration.plausible import check_camera, check_pair
 from observer.calibration.sightings import corners_of, refused_sightings, without
-from observer.calibration.stereo_fit import DepthBias, StereoFit, ViewError
+from observer.calibration.stereo_fit import DepthBias, StereoFit
 from observer.calibration.uncertainty import depth_covariance, uncertainty
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
@@ -104,7 +104,7 @@ def fit_stereo(
         rms_right=rms(found.residuals[1]),
         rms_stereo=rms(np.concatenate(found.residuals)),
         views=tuple(
-            _view_error(view, work.views[index], work.refused.get(index), errors[index])
+            work.refused.get(index) or _view_error(view, work.views[index], errors[index])
             for index, view in enumerate(views)
         ),
         pairs=int(np.count_nonzero(both)),
@@ -132,8 +132,7 @@ class _Work:
     ) -> None:
         self.views, self._board = list(views), board
         self._size, self._model, self._report = size, model, report
-        refused = refused_sightings(views, board, *size)
-        self.refused = {index: Refusal(reason) for index, reason in refused.items()}
+        self.refused = refused_sightings(views, board, *size)
         self._free = np.arange(4 + DISTORTION_SIZE[model]) < 4 + _FIRST_TERMS[model]
 
     def usable(self) -> NDArray[np.bool_]:
@@ -162,13 +161,14 @@ class _Work:
             if not bad.any():
                 break
             usual, _ = limit_px(errors)
-            for index in np.flatnonzero(bad):
+            for index in np.flatnonzero(bad).tolist():
                 off = float(errors[index])
-                self.refused[int(index)] = Refusal(
+                reason = (
                     f"its corners are {off:.1f} px off in the {side} image, the others "
-                    f"{usual:.1f} px: moved or wrongly detected",
-                    *((off, None) if camera == 0 else (None, off)),
+                    f"{usual:.1f} px: moved or wrongly detected"
                 )
+                both = (off, None) if camera == 0 else (None, off)
+                self.refused[index] = ViewError(self.views[index].name, False, reason, *both)
             corners = self._corners(camera)
             found = adjust(with_poses(found.rig, 0, corners), [corners], soft_px=soft_px)
         seen = np.unique(corners.view)
@@ -214,10 +214,9 @@ class _Work:
                 board_R=np.where(back[:, None, None], late.rig.board_R, rig.board_R),
                 board_t=np.where(back[:, None], late.rig.board_t, rig.board_t),
             )
-        for index in np.flatnonzero(usable & ~kept):
-            self.refused[int(index)] = explained(
-                rig, corners, int(index), usual, soft_px, self._board
-            )
+        for index in np.flatnonzero(usable & ~kept).tolist():
+            name = self.views[index].name
+            self.refused[index] = explained(rig, corners, index, name, usual, soft_px, self._board)
         return rig, soft_px
 
     def with_supported_terms(
@@ -267,8 +266,8 @@ class _Work:
     def _require(self, count: int, words: str) -> None:
         if count >= FEWEST_PAIRS:
             return
-        why = next(iter(self.refused.items()), None)
-        refusal = "" if why is None else f" (view {self.views[why[0]].name}: {why[1].reason})"
+        why = next(iter(self.refused.values()), None)
+        refusal = "" if why is None else f" (view {why.name}: {why.reason})"
         raise CalibrationError(
             f"there {'is' if count == 1 else 'are'} {count or 'no'} "
             f"view{'' if count == 1 else 's'} {words} the board{refusal}; at least "
@@ -283,11 +282,7 @@ def _both(corners: tuple[Corners, Corners], views: int) -> NDArray[np.bool_]:
     )
 
 
-def _view_error(
-    given: BoardView, view: BoardView, refusal: Refusal | None, errors: Float64Array
-) -> ViewError:
-    if refusal is not None:
-        return ViewError(given.name, False, refusal.reason, refusal.left_px, refusal.right_px)
+def _view_error(given: BoardView, view: BoardView, errors: Float64Array) -> ViewError:
     left, right = (float(e) if np.isfinite(e) else None for e in errors)
     pairs = ((given.left, view.left), (given.right, view.right))
     strays = sum(len(a) - len(b) for a, b in pairs if a is not None and b is not None)

@@ -16,7 +16,7 @@ from observer.calibration.board import Board, BoardSighting
 from observer.calibration.coverage import (
     NEW_DISTANCE,
     WANTED_RANGES,
-    PairMeasures,
+    ViewMeasures,
     coverage,
     measure_outline,
     progress,
@@ -84,7 +84,7 @@ class WantedPose:
     number: int
     outline: Float64Array
     pose: SeenPose
-    measures: PairMeasures
+    measures: ViewMeasures
 
 
 class Guide:
@@ -131,16 +131,13 @@ class Guide:
 
         Two cameras far apart do not both see a whole board from close by.
         """
-        sizes = [
-            min(camera.values[2] for camera in pose.measures.each)
-            for pose in self._candidates(shifts)
-        ]
+        sizes = [pose.measures.values[:, 2].min() for pose in self._candidates(shifts)]
         x, y, size, skew = WANTED_RANGES
         return x, y, min(size, _SIZE_SHARE * max(sizes, default=size)), skew
 
     def next_pose(
         self,
-        kept: Sequence[PairMeasures],
+        kept: Sequence[ViewMeasures],
         poses: Sequence[SeenPose],
         shifts: Sequence[Shift] = (),
         skipped: Collection[int] = (),
@@ -160,7 +157,7 @@ class Guide:
         candidates = [c for c in self._candidates(shifts) if c.number not in skipped]
         if not kept:
             facing = [c for c in candidates if c.pose.normal[2] > 0.99]
-            off = [np.abs(c.measures.left.values - _FIRST).sum() for c in facing]
+            off = [np.abs(c.measures.values[0] - _FIRST).sum() for c in facing]
             return facing[int(np.argmin(off))] if facing else None
         values, reach = stacked([c.measures for c in candidates])
         kept_values, kept_reach = stacked(kept)
@@ -237,8 +234,9 @@ class Guide:
             over = np.maximum(both.max(axis=1) - (self._size - 1), 0)
             fits = ((under < 2) & (over < 2)).all(axis=1)
             centres[:, :2] += (under - over) * centres[:, 2:] / self._focal
-        measured = measure_outline(left[:, 8:12], left[:, 12:], self._image_size)
-        other = measure_outline(right[:, 8:12], right[:, 12:], self._image_size)
+        measured = measure_outline(left[:, 8:12], left[:, 12:], self._image_size).beside(
+            measure_outline(right[:, 8:12], right[:, 12:], self._image_size)
+        )
         return [
             WantedPose(
                 k,
@@ -248,7 +246,7 @@ class Guide:
                     float(points[k, 16, 2]),
                     rotations[k, :, 2],
                 ),
-                PairMeasures(measured[k], other[k]),
+                ViewMeasures(measured.values[k], measured.reach[k]),
             )
             for k in np.flatnonzero(fits & (points[..., 2].min(axis=1) > 0)).tolist()
         ]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,16 +47,8 @@ class HeldOut:
     folds: int
 
 
-@dataclass(frozen=True, eq=False)
-class Folds:
-    """The rigs of all folds, and what each left out.
-
-    Attributes:
-        rigs: fitted without one part each. parts: (V,) which views each left out.
-    """
-
-    rigs: tuple[Rig, ...]
-    parts: tuple[NDArray[np.bool_], ...]
+# Rigs that were fitted without a part of the views each, and which views (V,) that was.
+Folds: TypeAlias = list[tuple[Rig, NDArray[np.bool_]]]
 
 
 def fit_folds(
@@ -73,16 +66,15 @@ def fit_folds(
     shown = np.flatnonzero(both)
     if len(shown) < FEWEST_HELD_OUT:
         return None
-    rigs, parts = [], []
+    folds: Folds = []
     count = min(FOLDS, len(shown))
     for fold in range(count):
         part = np.zeros(len(both), np.bool_)
         part[shown[fold::count]] = True
         kept = [each.of_views(~part) for each in corners]
-        rigs.append(adjust(rig, kept, soft_px=soft_px, iterations=_STEPS).rig)
-        parts.append(part)
+        folds.append((adjust(rig, kept, soft_px=soft_px, iterations=_STEPS).rig, part))
         report((fold + 1) / count)
-    return Folds(tuple(rigs), tuple(parts))
+    return folds
 
 
 def reprojection(folds: Folds, corners: tuple[Corners, Corners], soft_px: float) -> Float64Array:
@@ -90,8 +82,8 @@ def reprojection(folds: Folds, corners: tuple[Corners, Corners], soft_px: float)
 
     Only the pose of the board is fitted to them.
     """
-    out = np.full(len(folds.parts[0]), np.nan)
-    for rig, part in zip(folds.rigs, folds.parts, strict=True):
+    out = np.full(len(folds[0][1]), np.nan)
+    for rig, part in folds:
         left_out = [each.of_views(part) for each in corners]
         found = adjust(rig, left_out, soft_px=soft_px, iterations=_POSE_STEPS, hold=True)
         view = np.concatenate([each.view for each in left_out])
@@ -118,7 +110,7 @@ def richer_is_better(simple: Float64Array, rich: Float64Array) -> bool:
 def held_out(folds: Folds, corners: tuple[Corners, Corners]) -> HeldOut | None:
     """The vertical errors of all views that were left out once; None where none can be told."""
     errors: list[Float64Array] = []
-    for rig, part in zip(folds.rigs, folds.parts, strict=True):
+    for rig, part in folds:
         try:
             calibration = rig.calibration
         except CalibrationError:
@@ -139,7 +131,7 @@ def held_out(folds: Folds, corners: tuple[Corners, Corners]) -> HeldOut | None:
         p95_px=float(np.percentile(np.abs(every), 95)),
         lasting_px=float(np.sqrt(max(0.0, float((means**2 - noise).mean())))),
         count=len(every),
-        folds=len(folds.rigs),
+        folds=len(folds),
     )
 
 
@@ -174,7 +166,7 @@ def jackknife(rig: Rig, folds: Folds) -> Float64Array | None:
     """
     whole = rig.calibration
     try:
-        others = [each.calibration for each in folds.rigs]
+        others = [each.calibration for each, _ in folds]
     except CalibrationError:
         return None
     changes = np.stack([depth_change(whole, other) for other in others])

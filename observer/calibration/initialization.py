@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Adjusted, Corners, Rig, adjust
-from observer.calibration.lens import FOCAL, Lens
+from observer.calibration.lens import Lens
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -48,8 +48,8 @@ def begin_camera(
         CalibrationError: no focal length explains the views at all.
     """
     focal_only = np.zeros_like(free)
-    # With the first radial term: without it strong distortion is taken for focal length.
-    focal_only[[FOCAL.start, FOCAL.start + 1, 4]] = True
+    # fx, fy and the first radial term: without it strong distortion is taken for focal length.
+    focal_only[[0, 1, 4]] = True
     best: Adjusted | None = None
     least = np.inf
     for share in _FOCAL_SHARES[model]:

@@ -12,8 +12,6 @@ from observer.geometry import Float64Array
 
 # How many numbers stand for the distortion: k1 k2 p1 p2 k3, or k1 k2 k3 k4 of a fisheye lens.
 DISTORTION_SIZE: dict[DistortionModel, int] = {"radtan": 5, "equidistant": 4}
-# fx fy cx cy come before the distortion.
-FOCAL, CENTRE, DISTORTION = slice(0, 2), slice(2, 4), slice(4, None)
 
 # Inverting a distortion is an iteration; OpenCV's own limits leave tenths of a pixel in corners.
 _CRITERIA = (cv2.TERM_CRITERIA_MAX_ITER + cv2.TERM_CRITERIA_EPS, 60, 1e-10)
@@ -49,7 +47,7 @@ class Lens:
     @property
     def D(self) -> Float64Array:
         """(N,) distortion."""
-        return self.values[DISTORTION]
+        return self.values[4:]
 
     def project(self, points: Float64Array) -> tuple[Float64Array, Float64Array, Float64Array]:
         """Pixels of points (N, 3), the lens's own frame, metres.

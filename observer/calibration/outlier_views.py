@@ -31,12 +31,22 @@ _STRAY_SHARE = 0.15
 
 
 @dataclass(frozen=True)
-class Refusal:
-    """Reason why a view is not used; the errors are pixels, None where unknown."""
+class ViewError:
+    """Reprojection error of one view.
 
-    reason: str
+    Attributes:
+        name: of the view. used: whether the fit rests on it. reason: why not, a clause.
+        left_px, right_px: root mean square of its corners' distances; None where not seen or
+            unknown. Of a view that is not used it is that of the best pose of the board.
+        strays: single corners that were left out, for they were wrongly detected.
+    """
+
+    name: str
+    used: bool
+    reason: str | None
     left_px: float | None = None
     right_px: float | None = None
+    strays: int = 0
 
 
 def rms(residuals: Float64Array) -> float:
@@ -54,10 +64,8 @@ def view_errors(
     residuals: Sequence[Float64Array], corners: Sequence[Corners], views: int
 ) -> Float64Array:
     """(V, C) root mean square of each view in each camera, pixels; NaN where not seen."""
-    out = np.full((views, len(corners)), np.nan)
-    for camera, (residual, seen) in enumerate(zip(residuals, corners, strict=True)):
-        out[:, camera] = np.sqrt(_means(residual, seen.view, views))
-    return out
+    pairs = zip(residuals, corners, strict=True)
+    return np.stack([np.sqrt(_means(each, seen.view, views)) for each, seen in pairs], axis=1)
 
 
 def whole_errors(
@@ -116,11 +124,12 @@ def explained(
     rig: Rig,
     corners: tuple[Corners, Corners],
     index: int,
+    name: str,
     usual_px: float,
     soft_px: float,
     board: Board,
-) -> Refusal:
-    """Return why this view does not fit the pair that the others agree on."""
+) -> ViewError:
+    """Return why the view ``index`` does not fit the pair that the others agree on."""
     chosen = np.arange(len(rig.board_R)) == index
     found, own = posed(rig, corners, chosen, soft_px)
     errors = view_errors(found.residuals, own, len(chosen))[index]
@@ -143,7 +152,7 @@ def explained(
             f"its corners are {off:.1f} px off, the others {usual_px:.1f} px: moved or wrongly "
             f"detected"
         )
-    return Refusal(reason, left, right)
+    return ViewError(name, False, reason, left, right)
 
 
 def _alone(

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Corners
 from observer.calibration.board import FEWEST_CORNERS, Board, BoardSighting, BoardView
+from observer.calibration.outlier_views import ViewError
 from observer.geometry import Float64Array
 
 # What lies so far outside the image, of its size, was never found in it.
@@ -20,8 +21,8 @@ _LEAST_SPREAD = 0.01
 
 def refused_sightings(
     views: Sequence[BoardView], board: Board, width: int, height: int
-) -> dict[int, str]:
-    """Return why views (by index) cannot be used, in words that follow the view's name."""
+) -> dict[int, ViewError]:
+    """Return the views, by index, that cannot be used."""
     refused = {}
     for index, view in enumerate(views):
         left = _problem(view.left, "left", board, width, height)
@@ -29,7 +30,7 @@ def refused_sightings(
         if view.left is None and view.right is None:
             reason = "the board was found in neither image"
         if reason is not None:
-            refused[index] = reason
+            refused[index] = ViewError(view.name, False, reason)
     return refused
 
 

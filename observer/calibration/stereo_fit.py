@@ -11,27 +11,9 @@ from observer.calibration.board import Board
 from observer.calibration.flatness import Bend
 from observer.calibration.held_out import HeldOut
 from observer.calibration.lens import directions
+from observer.calibration.outlier_views import ViewError
 from observer.calibration.uncertainty import FitUncertainty
 from observer.camera import StereoCalibration
-
-
-@dataclass(frozen=True)
-class ViewError:
-    """Reprojection error of one view.
-
-    Attributes:
-        name: of the view. used: whether the fit rests on it. reason: why not, a clause.
-        left_px, right_px: root mean square of its corners' distances; None where not seen or
-            unknown. Of a view that is not used it is that of the best pose of the board.
-        strays: single corners that were left out, for they were wrongly detected.
-    """
-
-    name: str
-    used: bool
-    reason: str | None
-    left_px: float | None
-    right_px: float | None
-    strays: int = 0
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ def judge(fit: StereoFit, frame_rate: float) -> Verdict:
                 towards=towards,
             )
         )
-    found = tuple(rows)
+    middle = next(row for row in rows if row.distance_m == _SENTENCE_M)
     if nearest > DISTANCES_M[0]:
         wanted = camera.fx * camera.baseline / (0.8 * DISTANCES_M[0])
         problem.append(
@@ -115,9 +115,9 @@ def judge(fit: StereoFit, frame_rate: float) -> Verdict:
             f"{16 * math.ceil(wanted / 16)} or the cameras to a smaller image"
         )
     return Verdict(
-        rows=found,
-        sentence=_sentence(found),
-        warnings=(*problem, *_fit_warnings(fit), *_rig_warnings(calibration, found)),
+        rows=tuple(rows),
+        sentence=_sentence(middle),
+        warnings=(*problem, *_fit_warnings(fit), *_rig_warnings(calibration, middle)),
         frame_rate=frame_rate,
         nearest_m=nearest,
     )
@@ -150,8 +150,7 @@ def _camera(calibration: StereoCalibration) -> tuple[StereoCamera, list[str]]:
         return StereoCamera(c.width, c.height, f, f, cx, cy, c.baseline), [str(error)]
 
 
-def _sentence(rows: tuple[VerdictRow, ...]) -> str:
-    row = next(r for r in rows if r.distance_m == _SENTENCE_M)
+def _sentence(row: VerdictRow) -> str:
     begin = (
         f"At {row.distance_m:g} m depth is right to {length_words(row.depth_m)} "
         f"({100 * row.depth_share:.1f} %); "
@@ -182,9 +181,8 @@ def length_words(metres: float) -> str:
     return f"{metres:.1f} m"
 
 
-def _rig_warnings(calibration: StereoCalibration, rows: tuple[VerdictRow, ...]) -> list[str]:
-    c, out = calibration, []
-    row = next(r for r in rows if r.distance_m == _SENTENCE_M)
+def _rig_warnings(c: StereoCalibration, row: VerdictRow) -> list[str]:
+    out = []
     noise = row.noise_m / row.distance_m
     if noise > _POOR_DEPTH / 2:
         better = 1.1 * c.baseline * noise / (_POOR_DEPTH / 5)

@@ -44,16 +44,12 @@ class ScanView:
         blocked = np.array([np.inf if b is None else b for b in scan.blocked_m])
         # In places beyond a surface nothing is seen.
         far = np.minimum(far, blocked)
-        outside = ([np.inf], [-np.inf], [np.inf])
-        pairs = [
-            np.maximum(near[:-1], near[1:]),
-            np.minimum(far[:-1], far[1:]),
-            np.minimum(blocked[:-1], blocked[1:]),
-        ]
-        joined = [
-            np.concatenate([ends, pair, ends]) for ends, pair in zip(outside, pairs, strict=True)
-        ]
-        return ScanView(np.array(scan.bearings), *joined)
+        return ScanView(
+            np.array(scan.bearings),
+            np.r_[np.inf, np.maximum(near[:-1], near[1:]), np.inf],
+            np.r_[-np.inf, np.minimum(far[:-1], far[1:]), -np.inf],
+            np.r_[np.inf, np.minimum(blocked[:-1], blocked[1:]), np.inf],
+        )
 
     def look(self, points: Float64Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which points (N, 2) of the scan's base frame are seen free, which are blocked."""

@@ -27,6 +27,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.guard.outline import Outline, poses_along
@@ -146,21 +147,21 @@ def approach(
         sigma = np.hypot(sigma_p, sigma_v * (age_s + times[..., None]))
         return np.asarray(gap - radius - p.margin_m - p.sigmas * sigma)
 
+    def too_near(way_s: Float64Array, times: Float64Array) -> NDArray[np.bool_]:
+        """(..., O) at which instants the separation is used up, and more so than by standing."""
+        driving, standing = separation(way_s, times), separation(np.zeros_like(times), times)
+        return np.asarray((driving < 0) & (driving < standing - _NO_APPROACH_M), np.bool_)
+
     shares = np.linspace(0.0, 1.0, _SHARES)[:, None]
     times = np.linspace(0.0, 1.0, _INSTANTS) * (p.reaction_s + shares * stopping.braking_s)
-    driving = separation(stopping.progress(shares, times), times)
-    standing = separation(np.zeros_like(times), times)
-    worse = np.asarray((driving < 0) & (driving < standing - _NO_APPROACH_M))
-    refused = np.asarray(worse.any(axis=1), np.bool_)
+    refused = np.asarray(too_near(stopping.progress(shares, times), times).any(axis=1), np.bool_)
     stop_share, stopper = 1.0, None
     if refused.any():
         first = int(np.argmax(refused.any(axis=1)))
         stop_share = float(shares[max(0, first - 1), 0])
         stopper = obstacles[int(np.argmax(refused[first]))].id
     ahead = np.linspace(0.0, p.slow_time_s, 2 * _INSTANTS)
-    meets = separation(ahead, ahead)
-    still = separation(np.zeros_like(ahead), ahead)
-    near = np.asarray((meets < 0) & (meets < still - _NO_APPROACH_M))
+    near = too_near(ahead, ahead)
     if not near.any():
         return Approach(stop_share, stopper, None, stopper)
     k = int(np.argmax(near.any(axis=1)))

@@ -39,9 +39,6 @@ class SonarView:
     echo_m: Float64Array
     clear_m: Float64Array
 
-    def __len__(self) -> int:
-        return len(self.index)
-
 
 def sonar_rows(sonars: Sequence[SonarReading]) -> Float64Array:
     """Return rows (S, 5) of received, x, y, heading and range, infinite where none echoed."""

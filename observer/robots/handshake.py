@@ -126,21 +126,14 @@ def speed_up(line: PacketLine, baud: int) -> bool:
     before = line.port.baud
     if before is None or baud not in _HOSTBAUD:
         return False
-    line.send(command(Command.HOSTBAUD, _HOSTBAUD[baud]))
-    line.change_baud(baud)
-    if _tells_status(line):
-        return True
-    # It may have changed its rate though nothing arrives.
-    line.send(command(Command.HOSTBAUD, _HOSTBAUD[before]))
-    line.change_baud(before)
-    if _tells_status(line):
-        return False
+    # It may have changed its rate though nothing arrives, so it is asked for the old one as well.
+    for rate in (baud, before):
+        line.send(command(Command.HOSTBAUD, _HOSTBAUD[rate]))
+        line.change_baud(rate)
+        # Two packets, as a single one may be an old one.
+        if all(line.wait_for(is_status, _BAUD_S) is not None for _ in range(2)):
+            return rate == baud
     raise NoSession(f"the robot at {line.port.name} fell silent at {baud} baud")
-
-
-def _tells_status(line: PacketLine) -> bool:
-    """Return whether two status packets come: a single one may be an old one."""
-    return all(line.wait_for(is_status, _BAUD_S) is not None for _ in range(2))
 
 
 def _counts(payload: bytes, *, step: int) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 from observer.errors import InputError
 from observer.rig.rig import RobotModel
@@ -67,11 +66,9 @@ def robot_spec(model: str) -> RobotSpec:
     Raises:
         InputError: it is not known; the sentence lists those that are.
     """
-    found = SPECS.get(model)  # type: ignore[call-overload]
-    if found is None:
+    if model not in SPECS:
         raise InputError(f"there is no robot model {model!r}; there are {', '.join(SPECS)}")
-    assert isinstance(found, RobotSpec)
-    return found
+    return SPECS[model]
 
 
 def _ring(*poses: tuple[float, float, float]) -> tuple[SonarPose, ...]:
@@ -107,12 +104,10 @@ def _amigo(model: RobotModel, distance_mm: float, speed_mmps: float) -> RobotSpe
     )  # fmt: skip
 
 
-SPECS: Mapping[RobotModel, RobotSpec] = MappingProxyType(
-    {
-        "p3dx-sh": _p3dx("p3dx-sh", 1.0),
-        "p3dx": _p3dx("p3dx", 0.485),
-        # p2os takes 1.3746 for the speed; the vendor's own file says 1.
-        "amigo-sh": _amigo("amigo-sh", 1.0, 1.0),
-        "amigo": _amigo("amigo", 0.5083, 0.6154),
-    }
-)
+SPECS: Mapping[str, RobotSpec] = {
+    "p3dx-sh": _p3dx("p3dx-sh", 1.0),
+    "p3dx": _p3dx("p3dx", 0.485),
+    # p2os takes 1.3746 for the speed; the vendor's own file says 1.
+    "amigo-sh": _amigo("amigo-sh", 1.0, 1.0),
+    "amigo": _amigo("amigo", 0.5083, 0.6154),
+}

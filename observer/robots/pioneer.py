@@ -30,7 +30,7 @@ from observer.robots.odometry import WheelOdometry
 from observer.robots.packet_line import Closing, PacketLine
 from observer.robots.robot_limits import limit_commands, limits_in_force, setpoint_within
 from observer.robots.robot_watch import RobotWatch
-from observer.robots.serial_port import Port, PortLost, open_port
+from observer.robots.serial_port import PortLost, open_port
 from observer.robots.setpoint_writer import SetpointWriter
 from observer.robots.sip import decode_status, is_status
 
@@ -64,8 +64,6 @@ class Pioneer:
         port: ``/dev/...`` or ``socket://HOST:PORT``.
         model: of ``observer.robots.models``, whatever the robot calls itself; None: as it does.
         clock: monotonic; of all times that are told.
-        limits: never to be exceeded, beside those of the model and of the robot itself.
-        open_port: opens the port.
 
     Raises:
         InputError: there is no such model.
@@ -77,14 +75,10 @@ class Pioneer:
         model: str | None = None,
         *,
         clock: Callable[[], float] = time.monotonic,
-        limits: RobotLimits | None = None,
-        open_port: Callable[[str], Port] = open_port,
     ) -> None:
         self._port_text = port
         self._model = None if model is None else robot_spec(model)
         self._clock = clock
-        self._wanted = limits
-        self._open_port = open_port
         # Guards everything below; held briefly.
         self._lock = threading.Lock()
         self._phase = RobotPhase.CONNECTING
@@ -194,7 +188,7 @@ class Pioneer:
             self._watch.closed()
 
     def _connect_and_serve(self) -> None:
-        port = self._open_port(self._port_text)
+        port = open_port(self._port_text)
         line = PacketLine(port, self._closing.is_set)
         writer: SetpointWriter | None = None
         discard = True
@@ -226,7 +220,7 @@ class Pioneer:
         identity = shake_hands(line)
         with self._lock:
             self._identity = identity
-            self._spec = self._model or SPECS.get(identity.subtype)  # type: ignore[call-overload]
+            self._spec = self._model or SPECS.get(identity.subtype)
         spec = self._spec
         if spec is None:
             line.send(command(Command.CLOSE))
@@ -315,7 +309,7 @@ class Pioneer:
         assert self._spec is not None
         with self._lock:
             self._config = config
-            self._limits = limits_in_force(self._spec, config, self._wanted)
+            self._limits = limits_in_force(self._spec, config)
 
     def _say_goodbye(self, line: PacketLine, writer: SetpointWriter | None) -> None:
         farewell = (*STANDSTILL, MOTORS_OFF)

@@ -10,26 +10,23 @@ from observer.robots.contract import RobotLimits
 from observer.robots.models import RobotSpec
 
 
-def limits_in_force(
-    spec: RobotSpec, config: ConfigReply, wanted: RobotLimits | None = None
-) -> RobotLimits:
-    """Return the least of the model's limits, the robot's own and those asked for.
+def limits_in_force(spec: RobotSpec, config: ConfigReply) -> RobotLimits:
+    """Return the lesser of the model's limits and the robot's own.
 
     A zero in the robot's reply says nothing. Its accelerations as set are no limits: they are
     what ``limit_commands`` changes.
     """
 
-    def least(name: str, most: float, unit: float, *told: int | None) -> float:
-        asked = getattr(wanted, name, None)
-        return min(most, asked or most, *(each * unit for each in told if each))
+    def least(most: float, unit: float, *told: int | None) -> float:
+        return min([most, *(each * unit for each in told if each)])
 
     degree = math.pi / 180
     turn_rate, turn_acceleration = spec.turn_rate_max_radps, spec.turn_acceleration_max_radps2
     return RobotLimits(
-        least("speed_mps", spec.speed_max_mps, 1e-3, config.speed_top, config.speed_max),
-        least("turn_rate_radps", turn_rate, degree, config.turn_rate_top, config.turn_rate_max),
-        least("acceleration_mps2", spec.acceleration_max_mps2, 1e-3, config.acceleration_top),
-        least("turn_acceleration_radps2", turn_acceleration, degree, config.turn_acceleration_top),
+        least(spec.speed_max_mps, 1e-3, config.speed_top, config.speed_max),
+        least(turn_rate, degree, config.turn_rate_top, config.turn_rate_max),
+        least(spec.acceleration_max_mps2, 1e-3, config.acceleration_top),
+        least(turn_acceleration, degree, config.turn_acceleration_top),
     )
 
 

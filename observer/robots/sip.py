@@ -7,7 +7,6 @@ import struct
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from types import MappingProxyType
 
 from observer.robots.models import RobotSpec
 
@@ -17,9 +16,13 @@ _FIXED = struct.Struct("<xHHhhhBHhHBB")
 BUMPERS = 7
 # Maximum range; the firmware reports it where there was no echo.
 SONAR_REACH_MM = 5000
-_CHARGING: Mapping[int, str] = MappingProxyType(
-    {0: "not charging", 1: "bulk", 2: "overcharge", 3: "float", 4: "balance"}
-)
+_CHARGING: Mapping[int, str] = {
+    0: "not charging",
+    1: "bulk",
+    2: "overcharge",
+    3: "float",
+    4: "balance",
+}
 _NO_TEMPERATURE = -127
 
 

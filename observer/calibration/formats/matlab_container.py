@@ -6,7 +6,6 @@ apart (``matlab_objects``), with limits on time and memory, and answer in JSON.
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import struct
@@ -42,11 +41,6 @@ class MatlabObject:
 
 # A 1x1 struct is a mapping; what calibrations need none of is None.
 MatlabValue: TypeAlias = "Float64Array | str | dict[str, MatlabValue] | MatlabObject | None"
-
-
-def is_mat_io_installed() -> bool:
-    """Return whether the extra ``matlab`` is there, which reads objects."""
-    return importlib.util.find_spec("matio") is not None
 
 
 def read_matlab_variables(content: bytes, *, name: str) -> dict[str, MatlabValue]:

@@ -6,16 +6,15 @@ from one; ImageSize is [height, width]; lengths are in the units of the board.
 
 from __future__ import annotations
 
+import importlib.util
 from collections.abc import Mapping
 from dataclasses import dataclass
-from types import MappingProxyType
 
 import numpy as np
 
 from observer.calibration.formats.matlab_container import (
     MatlabObject,
     MatlabValue,
-    is_mat_io_installed,
     read_matlab_variables,
 )
 from observer.calibration.formats.understanding import (
@@ -31,14 +30,12 @@ from observer.geometry import Float64Array
 
 _CLASS = "stereoParameters"
 _INTRINSICS = ("IntrinsicMatrix", "K", "IntrinsicMatrixInternal")
-_UNITS: Mapping[str, Unit] = MappingProxyType(
-    {
-        "mm": "mm", "millimeters": "mm", "millimetres": "mm",
-        "cm": "cm", "centimeters": "cm", "centimetres": "cm",
-        "m": "m", "meters": "m", "metres": "m",
-        "in": "in", "inches": "in",
-    }
-)  # fmt: skip
+_UNITS: Mapping[str, Unit] = {
+    "mm": "mm", "millimeters": "mm", "millimetres": "mm",
+    "cm": "cm", "centimeters": "cm", "centimetres": "cm",
+    "m": "m", "meters": "m", "metres": "m",
+    "in": "in", "inches": "in",
+}  # fmt: skip
 _AS_STRUCT = (
     "in MATLAB: stereoParams = toStruct(stereoParams); "
     "save('stereoParams.mat', 'stereoParams', '-v7')"
@@ -133,7 +130,7 @@ def _stereo_parameters(name: str, content: bytes) -> tuple[str, _Struct]:
     title, value = found.popitem()
     if isinstance(value, dict):
         return title, _Struct(name, value)
-    if not is_mat_io_installed():
+    if importlib.util.find_spec("matio") is None:
         raise CalibrationError(
             f"{name}: {title} is a MATLAB object, which needs the package mat-io to be read; "
             f"install it by: pip install 'dynamic-observer[matlab]' -- or save it as a struct, "

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import MappingProxyType
 from typing import Annotated
 
 from pydantic import PlainValidator
@@ -31,37 +30,37 @@ from observer.geometry import Float64Array, rotation_matrix
 from observer.text_files import FileModel, PlainData, dotted, one_of, read_text, validated
 
 # The names people and programs give to one and the same thing; the first is ours.
-_KEYS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "K1": (
-            "K1", "M1", "cameraMatrix1", "camera_matrix_1", "CM1", "K_LEFT", "K_left",
-            "camera_matrix_left", "left_camera_matrix", "cameraMatrixL", "mtxL", "Kl", "KL",
-        ),
-        "D1": (
-            "D1", "distCoeffs1", "dist_coeffs_1", "distortion_1", "D_LEFT", "D_left",
-            "D_LEFT_FE", "dist_coeffs_left", "left_distortion_coefficients", "distCoeffsL",
-            "distL", "Dl", "DL",
-        ),
-        "K2": (
-            "K2", "M2", "cameraMatrix2", "camera_matrix_2", "CM2", "K_RIGHT", "K_right",
-            "camera_matrix_right", "right_camera_matrix", "cameraMatrixR", "mtxR", "Kr", "KR",
-        ),
-        "D2": (
-            "D2", "distCoeffs2", "dist_coeffs_2", "distortion_2", "D_RIGHT", "D_right",
-            "D_RIGHT_FE", "dist_coeffs_right", "right_distortion_coefficients", "distCoeffsR",
-            "distR", "Dr", "DR",
-        ),
-        "R": ("R", "rotation_matrix", "rotationMatrix", "rotation", "Rot"),
-        "T": ("T", "translation_vector", "translationVector", "translation", "Trans"),
-    }
-)  # fmt: skip
+_KEYS: Mapping[str, tuple[str, ...]] = {
+    "K1": (
+        "K1", "M1", "cameraMatrix1", "camera_matrix_1", "CM1", "K_LEFT", "K_left",
+        "camera_matrix_left", "left_camera_matrix", "cameraMatrixL", "mtxL", "Kl", "KL",
+    ),
+    "D1": (
+        "D1", "distCoeffs1", "dist_coeffs_1", "distortion_1", "D_LEFT", "D_left",
+        "D_LEFT_FE", "dist_coeffs_left", "left_distortion_coefficients", "distCoeffsL",
+        "distL", "Dl", "DL",
+    ),
+    "K2": (
+        "K2", "M2", "cameraMatrix2", "camera_matrix_2", "CM2", "K_RIGHT", "K_right",
+        "camera_matrix_right", "right_camera_matrix", "cameraMatrixR", "mtxR", "Kr", "KR",
+    ),
+    "D2": (
+        "D2", "distCoeffs2", "dist_coeffs_2", "distortion_2", "D_RIGHT", "D_right",
+        "D_RIGHT_FE", "dist_coeffs_right", "right_distortion_coefficients", "distCoeffsR",
+        "distR", "Dr", "DR",
+    ),
+    "R": ("R", "rotation_matrix", "rotationMatrix", "rotation", "Rot"),
+    "T": ("T", "translation_vector", "translationVector", "translation", "Trans"),
+}  # fmt: skip
 _SIZE_KEYS = ("image_size", "imageSize", "size", "Size")
 # Stereolabs' calibration tool marks fisheye coefficients by their key.
 _FISHEYE_KEYS = ("D_LEFT_FE", "D_RIGHT_FE")
 _MODEL_KEY = "distortion_model"
-_DISTORTION_MODELS: Mapping[str, DistortionModel] = MappingProxyType(
-    {"radtan": "radtan", "equidistant": "equidistant", "fisheye": "equidistant"}
-)
+_DISTORTION_MODELS: Mapping[str, DistortionModel] = {
+    "radtan": "radtan",
+    "equidistant": "equidistant",
+    "fisheye": "equidistant",
+}
 
 
 def _rotation(value: PlainData) -> Float64Array:
@@ -93,11 +92,7 @@ class _Stereo(FileModel):
 
 @calibration_errors()
 def read_calibration_file(path: Path | str) -> StereoCalibration:
-    """Read a calibration from a file.
-
-    Raises:
-        CalibrationError: the file cannot be read, or what ``read_calibration`` refuses.
-    """
+    """Read a calibration from a file, as ``read_calibration`` does from its text."""
     path = Path(path)
     return read_calibration(read_text(path, CALIBRATION), name=path.name)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
 from typing import Literal
 
 import numpy as np
@@ -23,10 +22,13 @@ Unit = Literal["m", "mm", "cm", "in"]
 Cameras = Literal["grey", "colour"]
 Size = tuple[int, int]
 
-_METRES: Mapping[Unit, float] = MappingProxyType({"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254})
-_UNIT_WORDS: Mapping[Unit, str] = MappingProxyType(
-    {"m": "metres", "mm": "millimetres", "cm": "centimetres", "in": "inches"}
-)
+_METRES: Mapping[Unit, float] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254}
+_UNIT_WORDS: Mapping[Unit, str] = {
+    "m": "metres",
+    "mm": "millimetres",
+    "cm": "centimetres",
+    "in": "inches",
+}
 # A skew that moves no pixel further than this is rounding, px; rectification knows no skew.
 _MAX_SKEW_PX = 0.1
 # Where the principal point of images of the right size lies, as a part of width and height.

@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from types import MappingProxyType
 
 import numpy as np
 
@@ -26,18 +25,16 @@ from observer.errors import CalibrationError
 from observer.geometry import rotation_matrix
 
 # Sections by what Stereolabs calls the resolution; the files do not tell the sizes.
-_SIZES: Mapping[str, Size] = MappingProxyType(
-    {
-        "hd": (1280, 720),
-        "fhd": (1920, 1080),
-        "2k": (2208, 1242),
-        "vga": (672, 376),
-        "fhd1200": (1920, 1200),
-        "svga": (960, 600),
-        "qhdplus": (3200, 1800),
-        "4k": (3840, 2160),
-    }
-)
+_SIZES: Mapping[str, Size] = {
+    "hd": (1280, 720),
+    "fhd": (1920, 1080),
+    "2k": (2208, 1242),
+    "vga": (672, 376),
+    "fhd1200": (1920, 1200),
+    "svga": (960, 600),
+    "qhdplus": (3200, 1800),
+    "4k": (3840, 2160),
+}
 _SECTION = re.compile(r"^\s*\[\s*([^\]]*?)\s*\]\s*$")
 # Absent ones are zero: older files have no tangential coefficients.
 _RADTAN = ("k1", "k2", "p1", "p2", "k3")

@@ -330,14 +330,14 @@ class DemoRobot:
         x, y, yaw, speed, turn_rate: metres, radians, seconds.
     """
 
-    def __init__(self, acceleration: float = 0.5, braking: float = 2.0) -> None:
-        self._acceleration, self._braking = acceleration, braking
+    def __init__(self) -> None:
         self.x = self.y = self.yaw = self.speed = self.turn_rate = 0.0
 
     def step(self, permit: Permitted, dt: float) -> None:
         """Drive for ``dt`` seconds by what is permitted."""
         slower = abs(permit.speed_mps) < abs(self.speed)
-        most = dt * (self._braking if slower or permit.stop else self._acceleration)
+        # m/s^2: it brakes harder than it accelerates.
+        most = dt * (2.0 if slower or permit.stop else LIMITS["acceleration_mps2"])
         self.speed += max(-most, min(most, permit.speed_mps - self.speed))
         self.turn_rate = permit.turn_rate_radps
         self.yaw += self.turn_rate * dt
@@ -360,14 +360,8 @@ def demo(client: ExternalClient, seconds: float = math.inf, period_s: float = 0.
         try:
             if not client.connected:
                 client.connect()
-            client.report(
-                robot.x,
-                robot.y,
-                robot.yaw,
-                robot.speed,
-                robot.turn_rate,
-                enabled=not client.permitted().stop,
-            )
+            state = robot.x, robot.y, robot.yaw, robot.speed, robot.turn_rate
+            client.report(*state, enabled=not client.permitted().stop)
         except ExternalClientError as error:
             if str(error) != told:
                 told = str(error)

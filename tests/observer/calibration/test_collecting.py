@@ -226,7 +226,7 @@ def test_whoever_follows_the_outline_fills_all_bars(
             if look.view:
                 break
     assert look.ghost is None
-    assert look.coverage.complete
+    assert min(look.coverage.bars.values()) == 1
     assert look.coverage.enough
     assert len(collector.views) <= 25
     assert set(look.coverage.reached.values()) == {1.0}

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from observer.calibration.board import Board, BoardSighting
-from observer.calibration.coverage import PairMeasures, ViewMeasures
+from observer.calibration.coverage import ViewMeasures
 from observer.calibration.guidance import Guide, SeenPose, WantedPose
 
 from .drawn_boards import SIZE, camera_matrix
@@ -17,7 +17,7 @@ NOTHING = ViewMeasures(np.zeros(4), np.zeros(4))
 def wanted(centre: tuple[float, float], depth: float, normal: tuple[float, ...]) -> WantedPose:
     direction = np.array(normal) / np.linalg.norm(normal)
     pose = SeenPose(np.array(centre), depth, direction)
-    return WantedPose(0, np.zeros((4, 2)), pose, PairMeasures(NOTHING, NOTHING))
+    return WantedPose(0, np.zeros((4, 2)), pose, NOTHING.beside(NOTHING))
 
 
 @pytest.mark.parametrize(
@@ -72,7 +72,7 @@ def test_the_side_that_is_said_to_be_away_is_away() -> None:
 
 def test_the_outline_has_the_perspective_of_its_pose() -> None:
     # Every pose wanted in turn, as if each were taken exactly.
-    kept: list[PairMeasures] = []
+    kept: list[ViewMeasures] = []
     poses: list[SeenPose] = []
     told = 0
     for _ in range(8):

@@ -63,9 +63,12 @@ def test_nothing_but_enabling_switches_motors_on_and_nothing_moves_before(driven
     assert all(each.stands for each in it.there.log.since(before))
 
 
-def test_velocities_are_clamped_to_the_least_limit(driven: Drivens) -> None:
+def test_velocities_are_clamped_to_the_limits_in_force(
+    driven: Drivens, monkeypatch: pytest.MonkeyPatch
+) -> None:
     limits = RobotLimits(0.25, math.radians(30), 0.5, 1.0)
-    it = driven(limits=limits)
+    monkeypatch.setattr(pioneer, "limits_in_force", lambda *_: limits)
+    it = driven()
     it.arm()
     assert it.robot.report().limits == limits
     assert {(6, 250), (10, 30), (5, 500), (5, -500)} <= set(it.heard())
@@ -370,7 +373,7 @@ class TamperedPort:
 
 
 @pytest.fixture
-def tampered(driven: Drivens) -> tuple[Any, TamperedPort]:
+def tampered(driven: Drivens, monkeypatch: pytest.MonkeyPatch) -> tuple[Any, TamperedPort]:
     """An armed robot, and the port it is driven by."""
     ports: list[TamperedPort] = []
 
@@ -378,7 +381,8 @@ def tampered(driven: Drivens) -> tuple[Any, TamperedPort]:
         ports.append(TamperedPort(text))
         return ports[-1]
 
-    it = driven(open_port=opened)
+    monkeypatch.setattr(pioneer, "open_port", opened)
+    it = driven()
     it.arm()
     it.drive(0.3)
     return it, ports[-1]

@@ -35,9 +35,6 @@ def test_the_least_wins_whoever_tells_it() -> None:
     assert limits.turn_rate_radps == pytest.approx(math.radians(120))
     assert limits.acceleration_mps2 == 1.0
     assert limits.turn_acceleration_radps2 == P3DX.turn_acceleration_max_radps2
-    assert limits_in_force(P3DX, config, LIMITS) == LIMITS
-    wide = RobotLimits(99.0, 99.0, 99.0, 99.0)
-    assert limits_in_force(P3DX, config, wide) == limits
 
 
 def test_the_robot_is_told_of_speed_and_acceleration_both_ways() -> None:
