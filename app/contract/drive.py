@@ -263,7 +263,7 @@ class StoppedEvent:
     separation_m: float | None
 
 
-DriveProcessMessage = DriveState | WheelSpeedEvent | IncidentEvent | StoppedEvent
+FromDriveProcess = DriveState | WheelSpeedEvent | IncidentEvent | StoppedEvent
 
 
 # --- made by the supervisor ------------------------------------------------------------------
@@ -285,4 +285,4 @@ class DriveLostEvent:
     reason: str
 
 
-DriveMessage = DriveProcessMessage | DriveStartedEvent | DriveLostEvent
+FromDrive = FromDriveProcess | DriveStartedEvent | DriveLostEvent

@@ -10,9 +10,9 @@ from typing import Any
 
 from app.contract.drive import (
     DriveLostEvent,
-    DriveMessage,
     DriveStartedEvent,
     DriveState,
+    FromDrive,
     LeaveDrive,
     ToDrive,
 )
@@ -27,7 +27,7 @@ DRIVE_LIMITS = SupervisorLimits(
 )
 
 
-class DriveSupervisor(ProcessSupervisor[ToDrive[Any], DriveMessage]):
+class DriveSupervisor(ProcessSupervisor[ToDrive[Any], FromDrive]):
     """Drive supervisor that implements ``app.server.contracts.Drive``.
 
     All methods belong to the event loop's thread.

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Protocol
 
 from app.contract.commands import Answer, ToEngine
-from app.contract.drive import DriveMessage, ToDrive
+from app.contract.drive import FromDrive, ToDrive
 from app.contract.events import Event, ObservationEvent
 from app.runtime.latest import Latest
 
@@ -95,7 +95,7 @@ class Drive(Protocol):
         """
         ...
 
-    def subscribe(self, callback: Callable[[DriveMessage], None]) -> Callable[[], None]:
+    def subscribe(self, callback: Callable[[FromDrive], None]) -> Callable[[], None]:
         """Pass every event to ``callback`` in the event loop; return how to unsubscribe."""
         ...
 

@@ -16,9 +16,9 @@ from app.contract.drive import (
     DisconnectRobot,
     DriveCommand,
     DriveLostEvent,
-    DriveMessage,
     DriveStartedEvent,
     DriveState,
+    FromDrive,
     IncidentEvent,
     Presence,
     ReallySent,
@@ -69,7 +69,7 @@ class FakeDrive:
 
     def __init__(self) -> None:
         self.commands: list[ToDrive[Any]] = []
-        self.subscribers: list[Callable[[DriveMessage], None]] = []
+        self.subscribers: list[Callable[[FromDrive], None]] = []
         self.health = FakeHealth()
         self.refuse: dict[type, tuple[Any, str]] = {}
         self.hangs = False
@@ -109,11 +109,11 @@ class FakeDrive:
     async def stop(self) -> None:
         self.health.alive, self.health.pid = False, None
 
-    def subscribe(self, callback: Callable[[DriveMessage], None]) -> Callable[[], None]:
+    def subscribe(self, callback: Callable[[FromDrive], None]) -> Callable[[], None]:
         self.subscribers.append(callback)
         return lambda: self.subscribers.remove(callback)
 
-    def publish(self, event: DriveMessage) -> None:
+    def publish(self, event: FromDrive) -> None:
         for callback in tuple(self.subscribers):
             callback(event)
 

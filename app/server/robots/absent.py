@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from app.contract.drive import DriveMessage, ToDrive
+from app.contract.drive import FromDrive, ToDrive
 from app.runtime.errors import ProcessUnavailable
 from app.runtime.supervisor import ProcessHealth
 
@@ -32,7 +32,7 @@ class AbsentDrive:
         del command, timeout_s
         raise ProcessUnavailable("this server drives no robots")
 
-    def subscribe(self, callback: Callable[[DriveMessage], None]) -> Callable[[], None]:
+    def subscribe(self, callback: Callable[[FromDrive], None]) -> Callable[[], None]:
         """Accept a subscription; no event ever follows."""
         del callback
         return lambda: None

@@ -14,9 +14,9 @@ from app.contract.commands import Answer
 from app.contract.drive import (
     ArmRobot,
     DriveLostEvent,
-    DriveMessage,
     DriveStartedEvent,
     DriveState,
+    FromDrive,
     IncidentEvent,
     ResetStop,
     StartProgramme,
@@ -164,7 +164,7 @@ class RobotManager:
         """Handle changed parameters."""
         self._connecting.look()
 
-    def _on_event(self, event: DriveMessage) -> None:
+    def _on_event(self, event: FromDrive) -> None:
         match event:
             case DriveState():
                 self._facts = event.facts
