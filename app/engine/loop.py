@@ -208,11 +208,13 @@ class Engine:
 
     def _observe(self, session: Session, played: PlayedFrame) -> None:
         frame = self._with_odometry(played.frame, session)
+        recorder = session.recorder
         observer = session.observer
         if played.new_segment:
             observer.begin_segment()
         # This only puts it into a queue, and a frame that breaks the observer is worth keeping.
-        session.record(frame, played)
+        if recorder is not None:
+            recorder.frame(replace(played, frame=frame))
         trace = FullTrace()
         observation = observer.observe(frame, trace)
         session.segment = session.first_segment + observation.segment
@@ -227,7 +229,7 @@ class Engine:
         line["segment"] = session.segment
         truth = session.truth
         # Motion capture replaces the truth of a simulation.
-        entries = self._truth.look(observation, line, frame.received, session.recorder)
+        entries = self._truth.look(observation, line, frame.received, recorder)
         if truth is not None and not self._truth.in_place:
             entries = truth.match(observation, played.source_time)
         event = ObservationEvent(
@@ -243,7 +245,7 @@ class Engine:
         )
         self._send(event)
         self._sequence += 1
-        if (recorder := session.recorder) is not None:
+        if recorder is not None:
             recorder.observation(line, frame.received, event.ego_motion, event.truth)
             if truth is not None:
                 recorder.truth(

@@ -20,15 +20,15 @@ from typing import Any
 from app.contract.commands import RecordOrder
 from app.contract.status import EgoMotionStatus, RecordingStatus
 from app.engine.errors import NotNow
+from app.engine.playback import PlayedFrame
 from observer.guard.parameters import AllParameters
 from observer.recording.errors import RecordingError
-from observer.recording.payloads import Begins, Incident, ParameterRevision, RobotRow
+from observer.recording.payloads import Incident, ParameterRevision, RobotRow
 from observer.recording.ring import Ring
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame
 from observer.truth.csv_file import TruthSample
 from observer.truth.motion_capture import BodySample
-from observer.types import StereoFrame
 
 _log = logging.getLogger(__name__)
 
@@ -90,8 +90,8 @@ class RunRecorder(threading.Thread):
         self._untold = 0
         self._ending = False
         self._done: Callable[[], None] | None = None
-        # A frame that began something was dropped: that beginning moves to the next frame.
-        self._owed: Begins | None = None
+        # A frame that began a segment was dropped: the next frame begins it.
+        self._owed = False
         self._disk_looked_at = time.monotonic()
         self.start()
 
@@ -109,22 +109,20 @@ class RunRecorder(threading.Thread):
 
     # --- what is recorded --------------------------------------------------------------------
 
-    def frame(
-        self, frame: StereoFrame, *, position: int, source_time: float, begins: Begins | None
-    ) -> None:
-        """Record a frame exactly as it will be observed; the arrays must not change.
-
-        Args:
-            position, source_time: within the source.
-            begins: the beginnings at this frame.
-        """
-        begins = begins or self._owed
+    def frame(self, played: PlayedFrame) -> None:
+        """Record a frame exactly as it will be observed; the arrays must not change."""
+        frame, begins = played.frame, played.new_segment or self._owed
 
         def write(writer: RecordingWriter) -> None:
-            writer.frame(frame, source_position=position, source_time=source_time, begins=begins)
+            writer.frame(
+                frame,
+                source_position=played.position,
+                source_time=played.source_time,
+                begins="segment" if begins else None,
+            )
 
         taken = self._give(write, frame.left.nbytes + frame.right.nbytes)
-        self._owed = None if taken else begins
+        self._owed = begins and not taken
 
     def observation(
         self,

@@ -11,7 +11,7 @@ from typing import Protocol
 from app.contract.commands import OpenSource
 from app.contract.events import EngineState, StateEvent
 from app.engine.ageing import CalibrationAgeing
-from app.engine.playback import PlayedFrame, Player
+from app.engine.playback import Player
 from app.engine.played_source import (
     FIRST_PAIR_S,
     TRIES_FOR_A_PAIR,
@@ -169,16 +169,6 @@ class Session(PlayedSource):
             next_index = self.player.next_index
             self.recorder.parameters(parameters, revision, before=before, frame=next_index)
         self.parameters_revision = revision
-
-    def record(self, frame: StereoFrame, played: PlayedFrame) -> None:
-        """Record a frame that is about to be observed, where the run is recorded."""
-        if self.recorder is not None:
-            self.recorder.frame(
-                frame,
-                position=played.position,
-                source_time=played.source_time,
-                begins="segment" if played.new_segment else None,
-            )
 
     def end_run(self) -> RunRecorder | None:
         """End the run and keep nothing from now on; the caller ends the returned recorder."""

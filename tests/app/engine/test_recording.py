@@ -16,6 +16,7 @@ import pytest
 
 from app.contract.commands import OpenSource, RecordOrder
 from app.engine.errors import NotNow
+from app.engine.playback import PlayedFrame
 from app.engine.recorders import Recorders
 from app.engine.recording import RunRecorder
 from observer.calibration.formats.opencv_file import calibration_text
@@ -60,8 +61,8 @@ def begin(wanted: OpenSource) -> RunRecorder:
     return recorder
 
 
-def give(recorder: RunRecorder, index: int, begins: Any = None) -> None:
-    recorder.frame(frame(index), position=index, source_time=index / 10, begins=begins)
+def give(recorder: RunRecorder, index: int, *, begins: bool = False) -> None:
+    recorder.frame(PlayedFrame(frame(index), index / 10, index, begins))
 
 
 def ended(recorder: RunRecorder) -> None:
@@ -110,7 +111,7 @@ def test_what_is_given_stands_in_the_file_in_order(tmp_path: Path) -> None:
     recorder = begin(command(path))
     recorder.skipped(SkippedFrame(7, "frame 7 is damaged"))
     for index in range(5):
-        give(recorder, index, "segment" if index == 3 else None)
+        give(recorder, index, begins=index == 3)
     recorder.incident("failed", "a stage broke")
     done = threading.Event()
     recorder.end(done.set)
@@ -133,7 +134,7 @@ def test_a_disk_that_stands_still_costs_frames_not_time(tmp_path: Path) -> None:
     recorder = RunRecorder(slow, order(path), most_bytes=3 * FRAME_BYTES)  # type: ignore[arg-type]
     begun = time.monotonic()
     for index in range(100):
-        give(recorder, index, "segment" if index == 50 else None)
+        give(recorder, index, begins=index == 50)
     assert time.monotonic() - begun < 2.0
     # Three have room, the one that is being written among them.
     assert recorder.facts().dropped == 97
@@ -164,7 +165,7 @@ def test_a_full_disk_ends_the_recording_alone(
     while recorder.facts().trouble is None and time.monotonic() < until:
         image = noise.integers(0, 255, (HEIGHT, WIDTH), dtype=np.uint8)
         noisy = StereoFrame(index, index / 10, image, image, received=time.monotonic())
-        recorder.frame(noisy, position=index, source_time=index / 10, begins=None)
+        recorder.frame(PlayedFrame(noisy, index / 10, index, False))
         index += 1
         time.sleep(0.02)
     assert "disk is full" in recorder.facts().trouble
