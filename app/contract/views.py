@@ -1,4 +1,4 @@
-"""What a person can watch; each is a slot of shared memory, not a message."""
+"""Views that a person can watch; each is a slot of shared memory, not a message."""
 
 from __future__ import annotations
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, File, Form, Query, Response, UploadFile
 from pydantic import Field
@@ -28,6 +28,7 @@ from app.server.calibrations.library import (
 )
 from app.server.status import status
 from app.storage import CalibrationRecord
+from observer.calibration.formats.exporting import ExportKind
 from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
@@ -149,7 +150,7 @@ async def get_file(record: Kept) -> Response:
     response_class=Response,
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404, 503)},
 )
-async def get_export(record: Kept, kind: Literal["opencv", "ros", "kalibr"]) -> Response:
+async def get_export(record: Kept, kind: ExportKind) -> Response:
     """``opencv`` and ``kalibr`` are one file, ``ros`` a ZIP archive of left.yaml and right.yaml."""
     file = await asyncio.to_thread(exported, record, kind)
     return attachment(file.content, file.name, "application/octet-stream")
