@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from app.contract.events import DenseStereoEvent
-from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES
+from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES, ViewHeader
 from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
 from app.engine.latest_worker import LatestWorker
 from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
@@ -155,15 +155,21 @@ class Publisher:
     def _write_dense(
         self, job: _DenseJob, dense: DenseStereo | None, watched: frozenset[str]
     ) -> None:
-        pair, values = job.pair, []
+        pair, instant = job.pair, job.pair.instant
+        values: list[tuple[str, Mapping[str, Any], list[bytes]]] = []
         if CLOUD_NAME in watched and dense is not None:
             values.append((CLOUD_NAME, *cloud_value(pair, dense)))
         if DISPARITY_NAME in watched:
-            facts = {name: pair.instant[name] for name in ("frame", "time", "received")}
             width, height = jpeg_size(*pair.left.shape[1::-1])
-            header = {**facts, "width": width, "height": height}
+            header: ViewHeader = {
+                "frame": instant["frame"],
+                "time": instant["time"],
+                "received": instant["received"],
+                "width": width,
+                "height": height,
+            }
             values.append((DISPARITY_NAME, header, [draw_disparity(pair, dense)]))
         with self._writing:
             if job.epoch == self._epoch:
-                for name, header, payload in values:
-                    self._slots[name].write(header, *payload)
+                for name, facts, payload in values:
+                    self._slots[name].write(facts, *payload)
