@@ -1,4 +1,4 @@
-"""What the engine answers commands with, where that is no fact of its own."""
+"""Values of the engine's replies to commands, where they are no facts of their own."""
 
 from __future__ import annotations
 

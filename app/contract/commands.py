@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Generic, Literal, TypeVar
+from typing import Any, Generic, TypeVar
 
 from app.contract.answers import CalibrationPreview, FloorPoints, KeptClip, Opened, ScenePairs
 from app.contract.calibrating import PlaceDepth
@@ -11,7 +11,7 @@ from app.contract.live_truth import LiveTruthStatus
 from app.contract.pixel import Pixel
 from app.contract.status import PlaybackStatus, RecordingStatus
 from observer.calibration.board import Board, BoardView
-from observer.recording.payloads import Incident, RobotRow
+from observer.recording.payloads import Images, Incident, RobotRow
 
 # How much faster or slower than its recorded pace a source can be played.
 MIN_PLAYBACK_RATE = 0.1
@@ -25,7 +25,7 @@ class ToEngine(Generic[Answer]):
 
 @dataclass(frozen=True)
 class RecordOrder:
-    """Where and how a run is recorded.
+    """Order to record a run.
 
     Attributes:
         path: of the file; one that is there already is gone on with where the run goes on.
@@ -35,7 +35,7 @@ class RecordOrder:
     """
 
     path: str
-    images: Literal["none", "jpeg", "lossless"]
+    images: Images
     name: str
     preset: str | None = None
     versions: dict[str, str] = field(default_factory=dict)
@@ -136,7 +136,7 @@ class SaveClip(ToEngine[KeptClip]):
 
 @dataclass(frozen=True)
 class RecordRobots(ToEngine[None]):
-    """What was heard of robots since the last time, for the run's recording; none is no error."""
+    """Rows on robots since the last time, for the run's recording; none is no error."""
 
     rows: tuple[RobotRow, ...] = ()
     incidents: tuple[Incident, ...] = ()
@@ -196,7 +196,7 @@ class PreviewCalibration(ToEngine[CalibrationPreview]):
 
 @dataclass(frozen=True)
 class MeasureDepth(ToEngine[PlaceDepth]):
-    """How far away a pixel of the newest pair is, rectified with this calibration."""
+    """Measure how far away a pixel of the newest pair is, rectified with this calibration."""
 
     calibration_yaml: str
     u: float

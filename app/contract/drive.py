@@ -1,4 +1,4 @@
-"""What the web process and the drive process say to each other; see ``app.runtime.pipe``.
+"""Messages between the web process and the drive process; see ``app.runtime.pipe``.
 
 Sight reaches the drive process from the engine directly, as a latest value in shared memory
 (``SIGHT_NAME``), and what the robots' wheels tell goes back the same way (``WHEELS_NAME``).
@@ -39,7 +39,7 @@ class ToDrive(Generic[Answer]):
 
 @dataclass(frozen=True)
 class ReallySent:
-    """What really went out for a velocity that was asked for, and how old that was."""
+    """Velocity that really went out for one that was asked for, and how old that was."""
 
     speed_mps: float
     turn_rate_radps: float
@@ -192,7 +192,7 @@ class LeaveDrive(ToDrive[None]):
 
 @dataclass(frozen=True)
 class DriveState:
-    """How everything is; ten times a second, and at once when anything but a figure changes."""
+    """State of everything; ten times a second, and at once when anything but a figure changes."""
 
     facts: DriveFacts
     monotonic: float

@@ -26,7 +26,7 @@ from observer.types import Odometry
 
 
 class EngineState(StrEnum):
-    """What the engine does at this moment."""
+    """Present state of the engine."""
 
     IDLE = "idle"
     PREVIEW = "preview"

@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from app.contract.values import means
+from observer.rig.rig import Role
 
 
 @dataclass(frozen=True)
 class CaptureBody:
     name: str
-    role: Literal["observer", "obstacle"] | None
+    role: Role | None
     rate_hz: float
 
 

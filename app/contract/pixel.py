@@ -1,4 +1,4 @@
-"""Why one pixel counts as what it does."""
+"""Reasons why one pixel counts as what it does."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a refused request is answered with: every refusal is a sentence."""
+"""Answers to refused requests: every refusal is a sentence."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the cameras stand on their robot, as it is told."""
+"""Poses of the cameras on their robot, as they are told."""
 
 from __future__ import annotations
 

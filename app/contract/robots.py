@@ -189,7 +189,7 @@ class CheckEntry:
 
 @dataclass(frozen=True)
 class CheckedRobot:
-    """What a robot said of itself; None: nothing."""
+    """Facts that a robot told of itself; None: not told."""
 
     name: str | None = None
     model: str | None = None

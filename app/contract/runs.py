@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from app.contract.values import means
+from observer.recording.payloads import Images
 
 SpeedSource = Literal["estimate", "truth", "commanded", "encoder"]
 
@@ -28,7 +29,7 @@ class Run:
     versions: Mapping[str, str]
     reason: str | None
     record: Annotated[
-        Literal["none", "jpeg", "lossless"] | None,
+        Images | None,
         means("Which images are recorded; None: nothing is."),
     ]
     recording_bytes: int | None

@@ -1,4 +1,4 @@
-"""What the server says on the sockets ``/api/live`` and ``/api/drive``."""
+"""Messages of the server on the sockets ``/api/live`` and ``/api/drive``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class StatusMessage(Status):
 
 @dataclass(frozen=True, kw_only=True)
 class RobotsTold(RobotsNow):
-    """What all pages are told of driving alike."""
+    """Part of ``RobotsMessage`` that all pages are told alike."""
 
     type: Literal["robots"] = "robots"
 
@@ -39,7 +39,7 @@ class RobotsMessage(RobotsTold):
 
 @dataclass(frozen=True)
 class ObservationTold:
-    """What all pages are told of a frame alike."""
+    """Part of ``ObservationMessage`` that all pages are told alike."""
 
     sequence: Annotated[int, means("Counted by the server over all engines, from 1.")]
     line: ObservationLine

@@ -1,4 +1,4 @@
-"""How everything is, as the page and ``GET /api/status`` show it."""
+"""State of the server, as the page and ``GET /api/status`` show it."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Annotated, Literal
 from app.contract.calibrating import CalibratingFacts
 from app.contract.live_truth import LiveTruthStatus
 from app.contract.values import means
+from observer.recording.payloads import Images
 
 EngineWord = Literal["idle", "preview", "running", "calibrating", "failed"]
 
@@ -79,7 +80,7 @@ class LiveStatus:
 class RecordingStatus:
     """The run's recording, which is on."""
 
-    images: Literal["none", "jpeg", "lossless"]
+    images: Images
     bytes: Annotated[int, means("Of the file.")]
     seconds: float
     dropped: Annotated[int, means("Messages lost because the disk did not keep up.")]

@@ -27,7 +27,7 @@ class TruthBody:
 
 @dataclass(frozen=True)
 class TruthReading:
-    """How the file was to be read; None: as it says itself."""
+    """Options by which the file was read; None: as it says itself."""
 
     rate_hz: float | None
     angles: AngleReading | None

@@ -1,4 +1,4 @@
-"""How values of the contract are declared, filled and written as JSON."""
+"""Declaring values of the contract, filling them and writing them as JSON."""
 
 from __future__ import annotations
 

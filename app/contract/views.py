@@ -1,6 +1,8 @@
-"""What a person can watch; each is a slot of shared memory, not a message."""
+"""Views that a person can watch; each is a slot of shared memory, not a message."""
 
 from __future__ import annotations
+
+from typing import TypedDict
 
 # Views that a person can watch; each is one slot of JPEG bytes.
 #   left      rectified left image, green star features, flow vectors, yellow obstacle rectangles
@@ -22,3 +24,34 @@ VIEW_NAMES: tuple[str, ...] = (
 DISPARITY_NAME = "disparity"
 # The slot of the dense cloud; watched like a view.
 CLOUD_NAME = "cloud"
+
+
+class ViewHeader(TypedDict):
+    """Facts of a view's frame, on the source's clock and the host's monotonic one; its size, px."""
+
+    frame: int
+    time: float
+    received: float
+    width: int
+    height: int
+
+
+class FrameInstant(TypedDict):
+    """Facts of a frame; ``T_world_camera`` as 16 numbers by rows, None where it is unknown."""
+
+    frame: int
+    time: float
+    received: float
+    segment: int
+    T_world_camera: list[float] | None
+
+
+class CloudHeader(FrameInstant):
+    """Facts of the cloud's frame, the number of points, and of pixels along one that was matched.
+
+    The payload is points (N, 3) float32, metres, in the camera frame, then colours (N, 3) uint8
+    RGB.
+    """
+
+    count: int
+    coarseness: int

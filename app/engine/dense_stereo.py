@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from app.contract.views import CloudHeader, FrameInstant
 from app.engine.observed import Observed
 from observer.camera import StereoCamera, as_gray
 from observer.parameters import StereoParameters
@@ -37,15 +37,14 @@ class DensePair:
     Attributes:
         left: (H, W) grey or (H, W, 3) BGR. right: the same, or None where none is known.
         disparity: (H, W) pixels, where the method has computed it.
-        instant: facts of this very pair, as the cloud's header holds them: frame, time, received,
-            segment and T_world_camera (16 numbers by rows, or None).
+        instant: facts of this very pair.
         reasons: those given in the observation.
     """
 
     left: Image
     right: Image | None
     disparity: NDArray[np.float32] | None
-    instant: dict[str, Any]
+    instant: FrameInstant
     camera: StereoCamera
     parameters: StereoParameters
     reasons: tuple[str, ...]
@@ -78,7 +77,7 @@ class PairKeeper:
     """
 
     def __init__(self) -> None:
-        self._seen: deque[tuple[Image, dict[str, Any]]] = deque(maxlen=_REMEMBERED)
+        self._seen: deque[tuple[Image, FrameInstant]] = deque(maxlen=_REMEMBERED)
 
     def remember(self, observed: Observed) -> None:
         """Store the frame's pose for the disparity that a later frame may bring."""
@@ -124,16 +123,16 @@ def coarseness(camera: StereoCamera, parameters: StereoParameters) -> int:
     return factor
 
 
-def cloud_value(pair: DensePair, dense: DenseStereo) -> tuple[dict[str, Any], list[bytes]]:
-    """Return header and payload as the cloud slot carries them.
-
-    The payload is points (N, 3) float32, metres, in the camera frame of the header's frame,
-    then colours (N, 3) uint8 RGB.
-    """
+def cloud_value(pair: DensePair, dense: DenseStereo) -> tuple[CloudHeader, list[bytes]]:
+    """Return header and payload as the cloud slot carries them."""
     points, colors = point_cloud(
         dense.disparity, dense.image, dense.camera, dense.parameters, MAX_POINTS
     )
-    header = {**pair.instant, "count": len(points), "coarseness": dense.coarseness}
+    header: CloudHeader = {
+        **pair.instant,
+        "count": len(points),
+        "coarseness": dense.coarseness,
+    }
     return header, [points.tobytes(), colors.tobytes()]
 
 
@@ -170,7 +169,7 @@ def _coarser_camera(camera: StereoCamera, factor: int) -> StereoCamera:
     )
 
 
-def _instant(observed: Observed) -> dict[str, Any]:
+def _instant(observed: Observed) -> FrameInstant:
     observation = observed.observation
     pose = observation.T_world_camera
     return {

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from app.contract.events import DenseStereoEvent
-from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES
+from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES, ViewHeader
 from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
 from app.engine.latest_worker import LatestWorker
 from app.engine.observed import Observed
@@ -141,7 +141,7 @@ class Publisher:
     def _write_dense(
         self, pair: DensePair, dense: DenseStereo | None, epoch: int, watched: frozenset[str]
     ) -> None:
-        values = []
+        values: list[tuple[str, Mapping[str, Any], list[bytes]]] = []
         if CLOUD_NAME in watched and dense is not None:
             values.append((CLOUD_NAME, *cloud_value(pair, dense)))
         if DISPARITY_NAME in watched:
@@ -150,11 +150,11 @@ class Publisher:
             values.append((DISPARITY_NAME, header, [draw_disparity(pair, dense)]))
         with self._writing:
             if epoch == self._epoch:
-                for name, header, payload in values:
-                    self._slots[name].write(header, *payload)
+                for name, facts, payload in values:
+                    self._slots[name].write(facts, *payload)
 
 
-def _header(frame: int, time: float, received: float, image: Image) -> dict[str, Any]:
+def _header(frame: int, time: float, received: float, image: Image) -> ViewHeader:
     """Return the header of a view: its instant, and the size of the image's JPEG."""
     width, height = jpeg_size(*image.shape[1::-1])
     return {"frame": frame, "time": time, "received": received, "width": width, "height": height}

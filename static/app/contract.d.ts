@@ -1563,7 +1563,7 @@ export interface components {
       notes: string[];
       reading: components["schemas"]["TruthReading"];
     };
-    /** @description How the file was to be read; None: as it says itself. */
+    /** @description Options by which the file was read; None: as it says itself. */
     TruthReading: {
       rate_hz: number | null;
       angles: ("helical" | "euler_xyz") | null;

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import re
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, File, Form, Query, Response, UploadFile
 from pydantic import Field
@@ -28,6 +28,7 @@ from app.server.calibrations.library import (
 )
 from app.server.status import status
 from app.storage import CalibrationRecord
+from observer.calibration.formats.exporting import ExportKind
 from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
@@ -48,16 +49,11 @@ class TapeCheckStart(In):
     measured_m: Annotated[Finite, Field(gt=0, le=100)]
 
 
-def _kept(id: NameInPath, server: TheServer) -> CalibrationRecord:
-    return find_kept_calibration(server.storage, id)
-
-
 def _listed(id: NameInPath, server: TheServer) -> CalibrationRecord:
     return find_calibration(server.storage, id)
 
 
-# Read in a thread. Kept are also those that only runs refer to.
-Kept = Annotated[CalibrationRecord, Depends(_kept)]
+# Read in a thread.
 Listed = Annotated[CalibrationRecord, Depends(_listed)]
 
 
@@ -139,7 +135,8 @@ async def activate(id: NameInPath, server: TheServer) -> Status:
     response_class=Response,
     responses={200: {"content": {"application/yaml": {}}}, **refusals(404, 503)},
 )
-async def get_file(record: Kept) -> Response:
+async def get_file(id: NameInPath, server: TheServer) -> Response:
+    record = await asyncio.to_thread(find_kept_calibration, server.storage, id)
     return attachment(record.text, f"calibration-{record.id[:12]}.yaml", "application/yaml")
 
 
@@ -149,8 +146,9 @@ async def get_file(record: Kept) -> Response:
     response_class=Response,
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404, 503)},
 )
-async def get_export(record: Kept, kind: Literal["opencv", "ros", "kalibr"]) -> Response:
+async def get_export(id: NameInPath, kind: ExportKind, server: TheServer) -> Response:
     """``opencv`` and ``kalibr`` are one file, ``ros`` a ZIP archive of left.yaml and right.yaml."""
+    record = await asyncio.to_thread(find_kept_calibration, server.storage, id)
     file = await asyncio.to_thread(exported, record, kind)
     return attachment(file.content, file.name, "application/octet-stream")
 

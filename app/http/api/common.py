@@ -1,4 +1,4 @@
-"""What the routers share: the server, who asks, names in paths."""
+"""Common parts of the routers: the server, who asks, names in paths."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NameInPath = Annotated[str, Path(max_length=100)]
 
 
 def who(request: Request, name: str | None = None) -> str:
-    """Who asks, in words: there is one token for all, so it is where they are.
+    """Say who asks: there is one token for all, so it is where they are.
 
     Args:
         name: as they call themselves.
@@ -46,13 +46,13 @@ def who(request: Request, name: str | None = None) -> str:
 
 
 def attachment(content: str | bytes, name: str, media_type: str) -> Response:
-    """A file for the client to save."""
+    """Answer with a file for the client to save."""
     headers = {"Content-Disposition": f'attachment; filename="{name}"'}
     return Response(content, media_type=media_type, headers=headers)
 
 
 def plain_name(name: str | None, otherwise: str) -> str:
-    """An uploaded file's name without its folders and without what is no text.
+    """Return an uploaded file's name without its folders and without what is no text.
 
     Args:
         otherwise: where nothing of it is left.

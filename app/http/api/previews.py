@@ -28,7 +28,7 @@ PREVIEW_RESPONSES: dict[int | str, dict[str, Any]] = {
 
 
 async def preview_response(server: Server, calibration_yaml: str) -> Response:
-    """The reply of ``PreviewCalibration`` as HTTP."""
+    """Answer with the newest pair rectified by a calibration."""
     command = PreviewCalibration(calibration_yaml)
     preview = await ask(server.engine, command, field=("path", "id"), timeout_s=20.0)
     headers = {"X-Matches": str(preview.matches)}

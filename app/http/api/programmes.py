@@ -37,7 +37,7 @@ class ProgrammeText(In):
 
 
 async def programme_command(server: Server, wanted: ProgrammeStart) -> StartProgramme:
-    """What a request to drive a programme asks for.
+    """Return the command that a request to drive a programme asks for.
 
     Raises:
         NotThere: there is no such programme. FieldError: a lease is missing.

@@ -1,4 +1,4 @@
-"""How the interface describes its refusals: every one is a sentence."""
+"""Description of the interface's refusals: every one is a sentence."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ GATE_RESPONSES: dict[int | str, dict[str, Any]] = {
 
 
 def refusals(*codes: int) -> dict[int | str, dict[str, Any]]:
-    """The ``responses`` of a route that may answer with these codes."""
+    """Return the ``responses`` of a route that may answer with these codes."""
     return {
         code: _answer(Problems, "Values were refused; nothing was changed.")
         if code == 422
@@ -45,7 +45,7 @@ def refusals(*codes: int) -> dict[int | str, dict[str, Any]]:
 
 
 def refusal_schemas() -> dict[str, Any]:
-    """What the references above refer to, by name."""
+    """Return the schemas that the references above name."""
     both: TypeAdapter[Any] = TypeAdapter(Problems | Refused)
     schema = both.json_schema(mode="serialization", ref_template=_SCHEMAS + "{model}")
     found: dict[str, Any] = schema["$defs"]

@@ -1,4 +1,4 @@
-"""What is made of a run: its chart, its report, and files for other tools."""
+"""Files made of a run: its chart, its report, and files for other tools."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ _TABLES = ("csv", "parquet")
 
 
 def _file(*kinds: str) -> dict[int | str, dict[str, Any]]:
-    """What a route answers that makes a file."""
+    """Return the ``responses`` of a route that makes a file."""
     return {
         200: {"content": {kind.partition(";")[0]: {} for kind in kinds}},
         **refusals(404, 409, 422, 503, 507),

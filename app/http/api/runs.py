@@ -21,6 +21,7 @@ from app.http.api.programmes import ProgrammeStart, programme_command
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, Identifier, In, Name, Spec, Tag, Text, notes_on
 from app.storage import SpeedRow
+from observer.recording.payloads import Images
 
 router = APIRouter(prefix="/runs", tags=["runs"])
 
@@ -36,7 +37,7 @@ class RunStart(In):
     programme: ProgrammeStart | None = Field(
         None, description="Driven from the run's beginning, and ended with it."
     )
-    record: Literal["none", "jpeg", "lossless"] = Field(
+    record: Images = Field(
         "jpeg", description="Which images its recording keeps; all else is always recorded."
     )
 

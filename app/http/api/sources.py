@@ -1,4 +1,4 @@
-"""What frames come from, and how they are played."""
+"""Sources of frames, and their playback."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How everything is."""
+"""State of the server."""
 
 from __future__ import annotations
 

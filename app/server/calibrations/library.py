@@ -7,7 +7,7 @@ import io
 import math
 import zipfile
 from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
 from app.contract.calibrating import TapeCheck
 from app.contract.commands import MeasureDepth, TakeScenePairs
@@ -19,7 +19,7 @@ from app.server.errors import Conflict, FieldError, NotThere
 from app.storage import CalibrationRecord, RunRecord, Storage, utc_now
 from app.workers.calibration.messages import Refined, RefineRows
 from app.workers.calibration.process import work
-from observer.calibration.formats.exporting import export_calibration
+from observer.calibration.formats.exporting import ExportKind, export_calibration
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.calibration.formats.recognition import read_any
 from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
@@ -131,7 +131,7 @@ def find_calibration(storage: Storage, id: str) -> CalibrationRecord:
     return record
 
 
-def exported(record: CalibrationRecord, kind: Literal["opencv", "ros", "kalibr"]) -> NamedFile:
+def exported(record: CalibrationRecord, kind: ExportKind) -> NamedFile:
     """Convert the calibration for another tool; several files become one ZIP archive."""
     calibration = read_calibration(record.text, name=record.name)
     name = f"calibration-{record.id[:12]}"

@@ -65,8 +65,9 @@ class Step(CheckStep):
 
 
 def _step(name: str, title: str, instruction: str, *kinds: str) -> Step:
-    unknown = (each.name for each in fields(CheckStep)[4:])
-    return Step(name, title, instruction, "waiting", **dict.fromkeys(unknown), kinds=kinds)
+    """Return a step that waits for a stop; nothing of the stop is known yet."""
+    of_stop = [each.name for each in fields(CheckStep)[4:]]
+    return Step(name, title, instruction, "waiting", **dict.fromkeys(of_stop), kinds=kinds)
 
 
 _WALK_IN = _step(

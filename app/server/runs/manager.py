@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any
 
 from app.contract.commands import MAX_PLAYBACK_RATE
 from app.contract.drive import StartProgramme, StopProgramme
@@ -36,6 +36,7 @@ from app.server.source.opening import Opening, make_opening
 from app.storage import RunRecord, RunState, StorageError
 from app.versions import versions
 from observer.opening import shown_spec
+from observer.recording.payloads import Images
 from observer.rig.rig import ROLES
 
 # Interval; at most this much of the robots' data is lost with the server.
@@ -123,7 +124,7 @@ class RunManager:
         preset: str | None,
         parameters: dict[str, Any],
         programme: StartProgramme | None = None,
-        record: Literal["none", "jpeg", "lossless"] = "jpeg",
+        record: Images = "jpeg",
         rerun_of: str | None = None,
     ) -> RunRecord:
         """Record observations from now on, from the source's beginning.
@@ -179,7 +180,7 @@ class RunManager:
         name: str | None,
         opening: Opening,
         parameters: ParametersInForce,
-        record: str,
+        record: Images,
         rerun_of: str | None,
     ) -> RunRecord:
         return await asyncio.to_thread(
