@@ -91,7 +91,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(truth).to_contain_text("capture.csv")
     expect(truth.locator(".figures")).to_contain_text(re.compile(r"1[12]\d\.\d ± \d\.\d ms"))
     errors = page.locator("observer-run .chart-errors")
-    samples = int(errors.locator("tbody .number").first.inner_text())
+    samples = int(errors.locator("tbody td").first.inner_text())
     said = server.get(f"/runs/{kept_run}/chart")["choices"]["camera_on_body"]
     assert (said["x_m"], said["tilt_deg"]) == (0.25, 10)
     keep_picture(page, "run")
@@ -102,7 +102,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     none = second.get_by_role("button", name="none of them", pressed=True)
     expect(none).to_be_focused(timeout=_MADE_MS)
     expect(truth.locator(".matches tbody tr").nth(1)).to_contain_text("as you said")
-    assert int(errors.locator("tbody .number").first.inner_text()) < samples
+    assert int(errors.locator("tbody td").first.inner_text()) < samples
     assert server.get(f"/runs/{kept_run}/chart")["choices"]["camera_on_body"] == said
 
     page.get_by_role("button", name="Delete run", exact=True).click()

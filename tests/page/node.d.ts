@@ -13,3 +13,12 @@ declare module "node:assert/strict" {
   };
   export default assert;
 }
+
+declare module "node:fs" {
+  export function readdirSync(folder: URL, options: { recursive: true }): string[];
+  export function readFileSync(file: URL, encoding: "utf8"): string;
+}
+
+interface ImportMeta {
+  url: string;
+}

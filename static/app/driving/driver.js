@@ -135,7 +135,7 @@ export class Driver extends Teller {
     if (refusal) throw new Error(sentence(refusal));
   }
 
-  /** Have Space and Esc stop in a window. @param {Window} inside the page's, or a same-origin frame's */
+  /** Have Space and Esc stop in a window of this page. @param {Window} inside */
   listenForStop(inside) {
     listenForStop(inside, this);
   }

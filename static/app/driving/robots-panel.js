@@ -96,7 +96,11 @@ class RobotsPanel extends Part {
     this.#render();
   }
 
-  /** @param {string} words @param {(hub: Hub) => unknown} act @param {Record<string, unknown>} [more] */
+  /**
+   * @param {string} words
+   * @param {(hub: Hub) => unknown} act
+   * @param {Record<string, unknown>} [more]
+   */
   #act(words, act, more) {
     return button(words, () => this.#do(() => act(this.hub)), more);
   }

@@ -255,7 +255,12 @@ export function dropZone(file, words, help, take, ...more) {
   return place;
 }
 
-/** Show an image at its own size; it is closed. @param {HTMLCanvasElement} canvas @param {ImageBitmap} bitmap */
+/**
+ * Show an image at its own size.
+ *
+ * @param {HTMLCanvasElement} canvas
+ * @param {ImageBitmap} bitmap closed after it was drawn
+ */
 export function paint(canvas, bitmap) {
   const { width, height } = bitmap;
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });

@@ -66,7 +66,8 @@ export async function attempt(action) {
  * @returns {Promise<boolean>} whether it was done
  */
 export async function attemptIn(place, action) {
-  refuse(place, "");
+  // What was wrong before is taken away; where else is told, it stays until there is news.
+  if (place.getAttribute("role") === "alert") refuse(place, "");
   try {
     await action();
     return true;

@@ -1,0 +1,25 @@
+import assert from "node:assert/strict";
+import { readdirSync, readFileSync } from "node:fs";
+import { test } from "node:test";
+
+const APP = new URL("../../../static/app/", import.meta.url);
+
+/** What a place may import beside itself; whatever has no entry: elements and shell. @type {Record<string, string[]>} */
+const ALLOWED = {
+  elements: [],
+  shell: ["elements"],
+  calibration: ["elements", "shell", "live"],
+  runs: ["elements", "shell", "chart", "parameters"],
+};
+
+test("places of the page import one way", () => {
+  const files = readdirSync(APP, { recursive: true }).filter((name) => /.\/.+\.js$/.test(name));
+  assert.ok(files.length > 50);
+  for (const name of files) {
+    const [place = ""] = name.split("/");
+    const allowed = [place, ...(ALLOWED[place] ?? ["elements", "shell"])];
+    const text = readFileSync(new URL(name, APP), "utf8");
+    for (const [, other = ""] of text.matchAll(/^(?:import|\}) [^;]*?"\.\.\/(\w+)\//gm))
+      assert.ok(allowed.includes(other), `${name} imports ${other}`);
+  }
+});
