@@ -587,7 +587,7 @@ export interface components {
      *         battery_v: averaged. battery: how that is to be taken. charging: in words.
      *         sonars: those it has, in order; a reading keeps its time.
      *         watchdog_s: after how long without a command its firmware stops it, as it says.
-     *         limits: in force: the least of what is known, asked for and allowed.
+     *         limits: in force: the least of what is known and allowed.
      *         sent: the newest velocity that really went out.
      *         wanted: speed (m/s) and turn rate (rad/s) that a robot which drives by itself would drive,
      *             and asks to be permitted; None of one that is only driven.
