@@ -10,7 +10,7 @@ class DynamicObserverError(Exception):
 
 
 class InputError(DynamicObserverError):
-    """What the user handed in (a path, a file, a name, a value) cannot be used as it is."""
+    """Refusal of input (a path, a file, a name, a value) that cannot be used as it is."""
 
 
 class SourceError(InputError):

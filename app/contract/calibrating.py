@@ -20,7 +20,7 @@ class BoardFacts:
 
 @dataclass(frozen=True)
 class BoardLook:
-    """What was made of the newest pair."""
+    """Result of looking for the board in the newest pair."""
 
     words: str
     next: Annotated[str | None, means("Where to hold the board next.")] = None

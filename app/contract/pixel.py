@@ -18,7 +18,7 @@ class PixelObstacle:
 
 @dataclass(frozen=True)
 class Pixel:
-    """Why one pixel of the newest observed frame counts as what it does."""
+    """Reason why a pixel of the newest observed frame is classified as it is."""
 
     frame: int
     segment: int

@@ -27,6 +27,6 @@ class Problems:
 
 @dataclass(frozen=True)
 class Refused:
-    """Why not, in one sentence."""
+    """Reason for a refusal, in one sentence."""
 
     detail: str

@@ -35,7 +35,7 @@ class Velocity:
 
 @dataclass(frozen=True)
 class GuardVerdict:
-    """What the guard permits; zones are corners in the robot's base frame, metres."""
+    """Velocity that the guard permits; zones are corners in the robot's base frame, metres."""
 
     level: Literal["clear", "slow", "stop"]
     reason: str | None
@@ -55,7 +55,7 @@ class SightNow:
 
 @dataclass(frozen=True)
 class DriveLoop:
-    """How punctual the drive loop is."""
+    """Punctuality of the drive loop."""
 
     ticks: int
     late_p99_ms: float | None
@@ -216,7 +216,7 @@ Robots = Mapping[Role, RobotNow | None]
 
 @dataclass(frozen=True)
 class DriveFacts:
-    """What the drive process knows at one instant."""
+    """State of the drive process at one instant."""
 
     stopped: Annotated[Latch | None, means("The stop holds until it is reset.")]
     sight: SightNow | None

@@ -125,7 +125,7 @@ class AlignmentMatch:
 
 @dataclass(frozen=True)
 class CameraOnBodyFacts:
-    """Where the left camera sits on a body of motion capture, in the body's axes."""
+    """Place of the left camera on a body of motion capture, in the body's axes."""
 
     x_m: float
     y_m: float
@@ -137,7 +137,7 @@ class CameraOnBodyFacts:
 
 @dataclass(frozen=True, kw_only=True)
 class AlignmentFacts:
-    """How truth was laid over a run."""
+    """Alignment of ground truth with a run."""
 
     offset_s: Annotated[float, means("To be added to truth's times.")]
     sigma_s: float
@@ -167,7 +167,7 @@ class AlignedRunEntry(Run):
 
 @dataclass(frozen=True)
 class AlignChoicesEntry:
-    """What a person said before truth was laid over a run."""
+    """A person's choices before ground truth was aligned with a run."""
 
     observer: str | None
     ignore: Sequence[str]

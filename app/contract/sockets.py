@@ -18,7 +18,7 @@ from observer.truth.matching import TrueBodyEntry
 
 @dataclass(frozen=True, kw_only=True)
 class StatusMessage(Status):
-    """How everything is: at every change, and twice a second."""
+    """State of everything: at every change, and twice a second."""
 
     type: Literal["status"] = "status"
 
@@ -79,7 +79,7 @@ class OperatorMessage:
 
 @dataclass(frozen=True)
 class LinkMessage:
-    """How fast this connection is."""
+    """Speed of this connection."""
 
     quality: Literal["good", "slow", "lost"]
     rtt_ms: float | None
@@ -98,7 +98,7 @@ class PingMessage:
 
 @dataclass(frozen=True)
 class LeaseMessage:
-    """Who drives a role has changed, or has not."""
+    """Answer to taking or releasing a role: its driver has changed, or has not."""
 
     role: Role
     state: Literal["yours", "refused", "lost"]
@@ -110,7 +110,7 @@ class LeaseMessage:
 
 @dataclass(frozen=True)
 class SentMessage:
-    """What really went out for one command."""
+    """Velocity that was really sent for one command."""
 
     role: Role
     sequence: int

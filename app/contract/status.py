@@ -64,7 +64,7 @@ class LiveCamera:
 
 @dataclass(frozen=True)
 class LiveStatus:
-    """How a live source is."""
+    """State of a live source."""
 
     cameras: Sequence[LiveCamera]
     pairs: int
@@ -89,7 +89,7 @@ class RecordingStatus:
 
 @dataclass(frozen=True)
 class MountStatus:
-    """How the left camera is mounted, as the method uses it."""
+    """Mount of the left camera, as the method uses it."""
 
     height_m: float
     tilt_rad: float
@@ -101,7 +101,7 @@ class MountStatus:
 
 @dataclass(frozen=True)
 class RowDriftStatus:
-    """How far the rows of left and right are apart."""
+    """Distance between the rows of the left and right image."""
 
     now_px: float | None
     median_px: float | None
@@ -173,7 +173,7 @@ class DenseStereoStatus:
 
 @dataclass(frozen=True)
 class LatencyStatus:
-    """From a frame's reception to the page's acknowledgement after painting, milliseconds."""
+    """Time from a frame's reception to the page's acknowledgement after painting, milliseconds."""
 
     median: float | None
     p95: float | None
@@ -192,7 +192,7 @@ class Decomposition:
 
 @dataclass(frozen=True)
 class CameraMotion:
-    """Where the camera went, in its own axes: right, down, forward."""
+    """Translation of the camera in its own axes: right, down, forward."""
 
     rotation_rad: Annotated[Sequence[float], means("Rotation vector.")]
     translation_m: Sequence[float]
@@ -200,7 +200,7 @@ class CameraMotion:
 
 @dataclass(frozen=True)
 class EgoMotionStatus:
-    """How the camera moved from the frame that the newest one was compared with."""
+    """Motion of the camera from the frame that the newest one was compared with."""
 
     model: str
     status: Literal["ok", "degraded", "lost"]

@@ -40,7 +40,7 @@ class Anchor(msgspec.Struct, frozen=True):
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """What is known when a run begins, and what it needs to be observed once more.
+    """Facts known when a run begins, and all it needs to be observed again.
 
     Attributes:
         id, name: of the run. source: the text it was opened by, without passwords.
@@ -114,7 +114,7 @@ class ParameterRevision(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class EgoMotionPayload(msgspec.Struct, frozen=True, kw_only=True):
-    """How the camera moved, as in the engine's events: plain values by name."""
+    """Motion of the camera, as in the engine's events: plain values by name."""
 
     frame: int
     time: float
@@ -184,7 +184,7 @@ class SamplePayload(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class CapturePayload(msgspec.Struct, frozen=True):
-    """What motion capture told since the last message."""
+    """Motion capture received since the last message."""
 
     samples: list[SamplePayload]
 

@@ -7,7 +7,7 @@ export type paths = Record<string, never>;
 export type webhooks = Record<string, never>;
 export interface components {
   schemas: {
-    /** @description Who drives a role has changed, or has not. */
+    /** @description Answer to taking or releasing a role: its driver has changed, or has not. */
     LeaseMessage: {
       /** @enum {string} */
       role: "observer" | "obstacle";
@@ -28,7 +28,7 @@ export interface components {
        */
       type: "lease";
     };
-    /** @description How fast this connection is. */
+    /** @description Speed of this connection. */
     LinkMessage: {
       /** @enum {string} */
       quality: "good" | "slow" | "lost";
@@ -71,7 +71,7 @@ export interface components {
        */
       type: "refused";
     };
-    /** @description What really went out for one command. */
+    /** @description Velocity that was really sent for one command. */
     SentMessage: {
       /** @enum {string} */
       role: "observer" | "obstacle";
@@ -98,7 +98,7 @@ export interface components {
       square_mm: number;
       words: string;
     };
-    /** @description What was made of the newest pair. */
+    /** @description Result of looking for the board in the newest pair. */
     BoardLook: {
       words: string;
       /** @description Where to hold the board next. */
@@ -153,7 +153,7 @@ export interface components {
       id: string;
       name: string;
     };
-    /** @description Where the camera went, in its own axes: right, down, forward. */
+    /** @description Translation of the camera in its own axes: right, down, forward. */
     CameraMotion: {
       /** @description Rotation vector. */
       rotation_rad: number[];
@@ -243,7 +243,7 @@ export interface components {
       /** @description How many pixels lie along one that is matched: more than 1 for large images. */
       coarseness: number | null;
     };
-    /** @description How punctual the drive loop is. */
+    /** @description Punctuality of the drive loop. */
     DriveLoop: {
       ticks: number;
       late_p99_ms: number | null;
@@ -267,7 +267,7 @@ export interface components {
       /** @description Not kept, because the database was not to be had. */
       writes_dropped: number;
     };
-    /** @description How the camera moved from the frame that the newest one was compared with. */
+    /** @description Motion of the camera from the frame that the newest one was compared with. */
     EgoMotionStatus: {
       model: string;
       /** @enum {string} */
@@ -293,7 +293,7 @@ export interface components {
       /** @description Since its loop's last sign of life. */
       heartbeat_age_s: number | null;
     };
-    /** @description What the guard permits; zones are corners in the robot's base frame, metres. */
+    /** @description Velocity that the guard permits; zones are corners in the robot's base frame, metres. */
     GuardVerdict: {
       /** @enum {string} */
       level: "clear" | "slow" | "stop";
@@ -321,7 +321,7 @@ export interface components {
       /** @description The host's monotonic clock, s. */
       since: number;
     };
-    /** @description From a frame's reception to the page's acknowledgement after painting, milliseconds. */
+    /** @description Time from a frame's reception to the page's acknowledgement after painting, milliseconds. */
     LatencyStatus: {
       median: number | null;
       p95: number | null;
@@ -358,7 +358,7 @@ export interface components {
       /** @description Settings that it did not accept. */
       refused: string[];
     };
-    /** @description How a live source is. */
+    /** @description State of a live source. */
     LiveStatus: {
       cameras: components["schemas"]["LiveCamera"][];
       pairs: number;
@@ -387,7 +387,7 @@ export interface components {
       sentence: string;
       alignment: components["schemas"]["LiveAlignment"] | null;
     };
-    /** @description How the left camera is mounted, as the method uses it. */
+    /** @description Mount of the left camera, as the method uses it. */
     MountStatus: {
       height_m: number;
       tilt_rad: number;
@@ -641,7 +641,7 @@ export interface components {
       /** @description Since the last message, oldest first. */
       wheels: components["schemas"]["WheelSpeed"][];
     };
-    /** @description How far the rows of left and right are apart. */
+    /** @description Distance between the rows of the left and right image. */
     RowDriftStatus: {
       now_px: number | null;
       median_px: number | null;
@@ -719,7 +719,7 @@ export interface components {
       /** @description Names by which live cameras are found again. */
       devices: string[];
     };
-    /** @description How everything is: at every change, and twice a second. */
+    /** @description State of everything: at every change, and twice a second. */
     StatusMessage: components["schemas"]["Status"] & {
       /**
        * @default status
@@ -786,7 +786,7 @@ export interface components {
       /** @description None where the robot tells none. */
       encoder_mps: number | null;
     };
-    /** @description What a person said before truth was laid over a run. */
+    /** @description A person's choices before ground truth was aligned with a run. */
     AlignChoicesEntry: {
       observer: string | null;
       ignore: string[];
@@ -819,7 +819,7 @@ export interface components {
       alignment: components["schemas"]["AlignmentFacts"] | null;
       sentence: string;
     };
-    /** @description How truth was laid over a run. */
+    /** @description Alignment of ground truth with a run. */
     AlignmentFacts: {
       /** @description To be added to truth's times. */
       offset_s: number;
@@ -881,11 +881,11 @@ export interface components {
       /** @description How Vicon's three angles are meant, where that cannot be found out. */
       angles: ("helical" | "euler_xyz") | null;
     };
-    /** @description Who asks, as others shall read it; the address is added. */
+    /** @description Name of the person who asks, shown to others; the address is added. */
     By: {
       name?: string | null;
     };
-    /** @description What is given is done. */
+    /** @description Applies the given fields. */
     CalibratingChange: {
       /** @default false */
       capture: boolean;
@@ -952,7 +952,7 @@ export interface components {
       /** @default true */
       activate: boolean;
     };
-    /** @description Where the left camera sits on a body of motion capture, in the body's axes. */
+    /** @description Place of the left camera on a body of motion capture, in the body's axes. */
     CameraOnBodyFacts: {
       x_m: number;
       y_m: number;
@@ -964,7 +964,7 @@ export interface components {
       /** @description Clockwise as seen from behind the camera. */
       roll_deg: number;
     };
-    /** @description With all angles 0 it looks along the body's x and has the body's z above. */
+    /** @description Pose with all angles 0: it looks along the body's x axis, with the body's z axis up. */
     CameraOnBodyIn: {
       x_m: number;
       y_m: number;
@@ -1146,7 +1146,7 @@ export interface components {
       /** @description The first frame they act on, as far as known. */
       frame: number | null;
     };
-    /** @description Why one pixel of the newest observed frame counts as what it does. */
+    /** @description Reason why a pixel of the newest observed frame is classified as it is. */
     Pixel: {
       frame: number;
       segment: number;
@@ -1179,7 +1179,7 @@ export interface components {
       depth_m: number;
       disparity_px: number;
     };
-    /** @description What is given is changed. */
+    /** @description Changes the given settings. */
     PlaybackChange: {
       paused?: boolean | null;
       rate?: number | null;
@@ -1267,7 +1267,7 @@ export interface components {
     RigFile: {
       text: string;
     };
-    /** @description Of the left camera; metres and degrees. None: it is not known. */
+    /** @description Mount of the left camera; metres and degrees. None: not known. */
     RigMount: {
       height_m?: components["schemas"]["RigNumber"] | null;
       /** @description By which it looks down. */
@@ -1379,7 +1379,7 @@ export interface components {
       /** @description Since when it is hidden. */
       deleted_at: string | null;
     };
-    /** @description What is given is changed. */
+    /** @description Changes the given fields. */
     RunChange: {
       name?: string | null;
       /** @description All of them, in place of those before. */
@@ -1596,7 +1596,7 @@ export interface components {
     Problems: {
       detail: components["schemas"]["Problem"][];
     };
-    /** @description Why not, in one sentence. */
+    /** @description Reason for a refusal, in one sentence. */
     Refused: {
       detail: string;
     };

@@ -46,7 +46,7 @@ class CalibratingStart(In):
 
 
 class CalibratingChange(In):
-    """What is given is done."""
+    """Applies the given fields."""
 
     capture: StrictBool = False
     undo: StrictBool = False
@@ -90,7 +90,7 @@ async def begin(start: CalibratingStart, server: TheServer) -> CalibratingStatus
 
 @router.delete("", summary="Leave without saving", responses=refusals(409, 503))
 async def leave(server: TheServer) -> Status:
-    """What was captured is forgotten; what was open before is observed again."""
+    """Drops the captured views and observes the previous source again."""
     await server.calibrating.end()
     return status(server)
 
@@ -99,7 +99,7 @@ async def leave(server: TheServer) -> Status:
     "", summary="Capture, undo, remove a view", responses=refusals(404, 409, 415, 422, 503)
 )
 async def change(change: CalibratingChange, server: TheServer) -> CalibratingStatus:
-    """What is given is done. ``cover_check`` begins or ends the question which lens is left."""
+    """Applies the given fields. ``cover_check`` begins or ends the question which lens is left."""
     await server.calibrating.change(ChangeCalibration(**change.model_dump()))
     return _facts(server)
 

@@ -24,7 +24,7 @@ _FORMATS = {"json": ("json", "application/json"), "markdown": ("md", "text/markd
 
 
 class By(In):
-    """Who asks, as others shall read it; the address is added."""
+    """Name of the person who asks, shown to others; the address is added."""
 
     name: Name | None = None
 
@@ -82,7 +82,7 @@ async def give_up_check(
     server: TheServer,
     name: Annotated[str | None, Query(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")] = None,
 ) -> Response:
-    """What there is so far is kept, and says so. ``name``: who asks."""
+    """Keeps the record so far, marked as given up. ``name``: the person who asks."""
     await server.driving.checks.give_up(who(request, name or None))
     return _facts(server)
 
@@ -105,7 +105,7 @@ async def list_checks(server: TheServer) -> list[CheckEntry]:
 async def get_check_record(
     name: NameInPath, server: TheServer, format: Literal["json", "markdown"] = "json"
 ) -> Response:
-    """As it was kept: JSON for programs, Markdown for people."""
+    """Returns the stored record: JSON for programs, Markdown for people."""
     suffix, media = _FORMATS[format]
     text = await asyncio.to_thread(server.driving.checks.records.text, name, suffix)
     return attachment(text, f"{name}.{suffix}", media)

@@ -32,7 +32,7 @@ class LiveTruthChoice(In):
 
 @router.get("", summary="Live motion capture")
 async def get_live_truth(server: TheServer) -> LiveTruthStatus | None:
-    """As in the status; null where none is listened to."""
+    """Same as in the status; null where no motion capture is connected."""
     return server.source.state.truth
 
 
@@ -40,7 +40,7 @@ async def get_live_truth(server: TheServer) -> LiveTruthStatus | None:
     "", summary="Listen to live motion capture", responses=refusals(413, 415, 422, 503, 507)
 )
 async def put_live_truth(choice: LiveTruthChoice, server: TheServer) -> LiveTruthStatus | None:
-    """What is open stays open, also in a run. It is kept over restarts of the server."""
+    """Keeps the source open, also during a run. The setting survives restarts of the server."""
     order = None
     if choice.spec is not None:
         order = LiveTruthOrder(choice.spec, choice.observer, tuple(choice.ignore))

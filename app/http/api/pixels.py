@@ -24,5 +24,5 @@ Coordinate = Annotated[float, Query(ge=-_MOST_PX, le=_MOST_PX, allow_inf_nan=Fal
     responses=refusals(409, 422, 503),
 )
 async def get_pixel(u: Coordinate, v: Coordinate, server: TheServer) -> Pixel:
-    """Of the newest observed frame: u to the right and v down in the rectified left image."""
+    """Pixel of the newest observed frame: u to the right and v down in the rectified left image."""
     return await ask(server.engine, ExplainPixel(u, v), field=("query",))

@@ -77,7 +77,7 @@ async def keep_programme(wanted: ProgrammeText, server: TheServer) -> ProgrammeD
 
 @router.get("/{name}", summary="One programme", responses=refusals(404))
 async def get_programme(name: NameInPath, server: TheServer) -> ProgrammeDetail:
-    """With its YAML."""
+    """Includes its YAML."""
     return _detail(await asyncio.to_thread(server.programmes.find, name))
 
 

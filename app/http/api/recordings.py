@@ -17,7 +17,9 @@ router = APIRouter(prefix="/recording", tags=["runs"])
     "/ring", status_code=201, summary="Save the last half minute", responses=refusals(409, 503, 507)
 )
 async def save_clip(server: TheServer) -> RingFile:
-    """Of live cameras at any time, and of every run; beside the run, or in the folder rings."""
+    """Works for live cameras at any time, and during every run. Saved with the run, or in the
+    folder ``rings``.
+    """
     return await server.runs.clips.save()
 
 

@@ -22,7 +22,7 @@ router = APIRouter(prefix="/rig", tags=["rig"])
 
 
 class RigMount(In):
-    """Of the left camera; metres and degrees. None: it is not known."""
+    """Mount of the left camera; metres and degrees. None: not known."""
 
     height_m: RigNumber | None = None
     tilt_deg: RigNumber | None = Field(None, description="By which it looks down.")
@@ -127,7 +127,7 @@ async def get_drive(server: TheServer) -> DriveNow:
 
 @router.delete("/drive", summary="End the drive")
 async def delete_drive(server: TheServer) -> DriveNow:
-    """What it says stays; nothing is changed."""
+    """Keeps what the drive found; the rig stays as it is."""
     server.survey.end()
     return await _drive(server)
 

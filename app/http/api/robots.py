@@ -69,7 +69,7 @@ async def reset_stop(request: Request, server: TheServer) -> Response:
     summary="Drive a programme",
 )
 async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response:
-    """As long as the operators of its robots stay present on their drive sockets."""
+    """Plays while the operators of its robots stay present on their drive sockets."""
     await server.driving.ask(await programme_command(server, wanted))
     return _facts(server)
 

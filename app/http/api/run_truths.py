@@ -28,7 +28,7 @@ def _up_to(limit: float) -> Any:
 
 
 class CameraOnBodyIn(In):
-    """With all angles 0 it looks along the body's x and has the body's z above."""
+    """Pose with all angles 0: it looks along the body's x axis, with the body's z axis up."""
 
     x_m: Annotated[Finite, _up_to(FARTHEST_M)]
     y_m: Annotated[Finite, _up_to(FARTHEST_M)]

@@ -43,7 +43,7 @@ class RunStart(In):
 
 
 class RunChange(In):
-    """What is given is changed."""
+    """Changes the given fields."""
 
     name: Name | None = None
     tags: Annotated[list[Tag], Field(max_length=50)] | None = Field(

@@ -25,7 +25,7 @@ class SourceChoice(In):
 
 
 class PlaybackChange(In):
-    """What is given is changed."""
+    """Changes the given settings."""
 
     paused: StrictBool | None = None
     rate: Annotated[Finite, Field(ge=0.1, le=4.0)] | None = None
