@@ -61,7 +61,7 @@ class Drawing:
         inverse_depth: Float32Array | None = None,
     ) -> None:
         self._texture = texture
-        self._view = view
+        self.view = view
         self._image = image
         self._blank = inverse_depth is None
         if inverse_depth is None:
@@ -75,7 +75,7 @@ class Drawing:
             nearest = 1 / seen.nearest if hides else None
             self._band(facet, seen, seen.image_corners, seen.bounds, gain, nearest)
             return
-        for band in _bands(seen, self._view):
+        for band in _bands(seen, self.view):
             corners = self._project(band)
             nearest = 1 / min([corner[2] for corner in band]) if hides else None
             self._band(facet, seen, corners, _bounds(corners), gain, nearest)
@@ -87,7 +87,7 @@ class Drawing:
             polygon = clip_depth(polygon, NEAR_M, True, 0.0)
         if not polygon:
             return
-        window = self._view.window(*_bounds(self._project(polygon)))
+        window = self.view.window(*_bounds(self._project(polygon)))
         if window is None:
             return
         u0, v0, u1, v1 = window
@@ -114,7 +114,7 @@ class Drawing:
         nearest: float | None,
     ) -> None:
         """Draw one band; ``nearest`` is its largest inverse depth, None where it hides nothing."""
-        window = self._view.window(*bounds)
+        window = self.view.window(*bounds)
         if window is None:
             return
         u0, v0, u1, v1 = window
@@ -155,6 +155,21 @@ class Drawing:
         self._pending.append((behind, depth, share >= 0.5))
         return share
 
+    def blend(
+        self, window: Window, patch: Image, share: Float32Array, inverse_depth: Float32Array
+    ) -> None:
+        """Draw a patch (h, w, 3) that covers ``share`` (h, w) of each pixel, in front of the rest.
+
+        Args:
+            inverse_depth: (h, w) 1/m of what is drawn.
+        """
+        u0, v0, u1, v1 = window
+        behind = self.inverse_depth[v0:v1, u0:u1]
+        share = share * (inverse_depth >= behind)
+        region = self._image[v0:v1, u0:u1]
+        region[:] = cv2.blendLinear(patch, region, share, 1 - share)
+        np.maximum(behind, inverse_depth, out=behind, where=share >= 0.5)
+
     def hide_behind(self) -> None:
         """Let the part whose facets were drawn since the last call hide what is drawn later.
 
@@ -171,8 +186,8 @@ class Drawing:
         w, h = u1 - u0, v1 - v0
         # Chosen by what the whole image shows of the band, so that rows drawn by themselves
         # look as they do in the whole.
-        left, right = max(bounds[0], 0.0), min(bounds[2], self._view.width)
-        above, below = max(bounds[1], 0.0), min(bounds[3], self._view.height)
+        left, right = max(bounds[0], 0.0), min(bounds[2], self.view.width)
+        above, below = max(bounds[1], 0.0), min(bounds[3], self.view.height)
         pixels = (right - left) * (below - above)
         level, nu, nv = self._level(facet, m, (left + right) / 2, (above + below) / 2, pixels)
         patch = cv2.warpPerspective(
@@ -207,7 +222,7 @@ class Drawing:
         return texture.level(1 / math.sqrt(fine * coarse)), nu, nv
 
     def _project(self, polygon: list[Corner]) -> list[ImageCorner]:
-        v = self._view
+        v = self.view
         return [(v.fx * x / z + v.cx, v.fy * y / z + v.cy, g) for x, y, z, g in polygon]
 
 

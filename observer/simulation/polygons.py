@@ -8,6 +8,7 @@ because its neighbour there is drawn later and on top.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ Corner = Sequence[float]
 # u, v, grow: pixels.
 ImageCorner = Sequence[float]
 Float32Array = NDArray[np.float32]
+FloatArray = NDArray[np.floating[Any]]
 
 # Up to this many values it is faster to compute the distances to all edges at once.
 _AT_ONCE = 12000

@@ -9,18 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
-import numpy as np
-
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Pose
 from observer.simulation.batches import FacetBatch, SeenFacet, View
 from observer.simulation.drawing import NEAR_M, Drawing, Image
 from observer.simulation.facets import Facet, Material, Part, moved
+from observer.simulation.lighting import light
 from observer.simulation.motion import Parked
+from observer.simulation.people.drawing import PersonDrawing, SeenPerson
 from observer.simulation.polygons import Float32Array
 from observer.simulation.textures import Texture, paint
 from observer.simulation.world import Body, World
-
-_SIDE_LIGHT = np.array([-0.6, 0.8])
 
 
 class Renderer:
@@ -31,8 +29,13 @@ class Renderer:
         shadows: list[Part] = []
         standing: list[Part] = []
         moving: list[Body] = []
+        self._people = tuple(
+            PersonDrawing(body.person, body.T_room_body, self._paint)
+            for body in world.bodies
+            if body.person is not None
+        )
         for body in world.bodies:
-            if not isinstance(body.motion, Parked):
+            if not isinstance(body.motion, Parked) or body.person is not None:
                 moving.append(body)
                 continue
             T_room_body = body.T_room_body(0.0)
@@ -87,24 +90,25 @@ class Renderer:
         for one in seen:
             for facet, part, _ in one.facets(one.thing.shadows):
                 drawing.shadow(facet, part)
-        ordered = [(one.distance(k), one, k) for one in seen for k in one.thing.solids]
-        ordered.sort(key=lambda item: -item[0])
-        for _, one, k in ordered:
-            for facet, part, gain in one.facets(range(k, k + 1)):
-                drawing.facet(facet, part, gain, hides=True)
-            drawing.hide_behind()
+        drawn: list[_SeenThing | SeenPerson] = [*seen]
+        drawn += [person.seen(T_room_camera, time) for person in self._people]
+        ordered = [(distance, one, k) for one in drawn for distance, k in one.solids()]
+        for _, solid, k in sorted(ordered, key=lambda item: -item[0]):
+            solid.draw(k, drawing)
 
     def texture(self, facet: Facet) -> Texture:
         """Return the texture of a facet, painted at its first use."""
         # Facets live as long as the world, so their identity is a key.
         found = self._textures.get(id(facet))
         if found is None:
-            key = (facet.material, facet.extent)
-            found = self._painted.get(key)
-            if found is None:
-                found = self._painted[key] = paint(facet.material, facet.extent)
-            self._textures[id(facet)] = found
+            found = self._textures[id(facet)] = self._paint(facet.material, facet.extent)
         return found
+
+    def _paint(self, material: Material, extent: tuple[float, float]) -> Texture:
+        key = (material, extent)
+        if key not in self._painted:
+            self._painted[key] = paint(material, extent)
+        return self._painted[key]
 
 
 class _Thing:
@@ -153,10 +157,17 @@ class _SeenThing:
         if self.may_be_in_view:
             self._seen = thing.batch.seen(R, t, self._eye, view, NEAR_M)
 
-    def distance(self, part: int) -> float:
-        """Return the squared distance of a part's centre from the eye, m^2."""
-        to_eye = self.thing.parts[part].sphere[0] - self._eye
-        return float(to_eye @ to_eye)
+    def solids(self) -> Iterator[tuple[float, int]]:
+        """Yield the squared distance from the eye, m^2, and the number of each solid part."""
+        for k in self.thing.solids:
+            to_eye = self.thing.parts[k].sphere[0] - self._eye
+            yield float(to_eye @ to_eye), k
+
+    def draw(self, part: int, drawing: Drawing) -> None:
+        """Draw one solid part in front of what is farther."""
+        for facet, seen, gain in self.facets(range(part, part + 1)):
+            drawing.facet(facet, seen, gain, hides=True)
+        drawing.hide_behind()
 
     def facets(self, parts: range) -> Iterator[tuple[Facet, SeenFacet, float]]:
         """Yield the facets of some parts that may be in the image, with their brightness."""
@@ -167,11 +178,4 @@ class _SeenThing:
             for index, facet in enumerate(self.thing.parts[k].facets):
                 one = self._seen[first + index]
                 if one is not None:
-                    yield facet, one, _light(self._R_room @ facet.normal)
-
-
-def _light(normal: Float64Array) -> float:
-    """Return the brightness for a normal (3,) in the room: lamps above, a window to the left."""
-    up = max(0.0, float(normal[2]))
-    side = 0.86 + 0.14 * float(normal[:2] @ _SIDE_LIGHT)
-    return (1 - up) * side + up * 1.06
+                    yield facet, one, float(light(self._R_room @ facet.normal))

@@ -20,6 +20,7 @@ from observer.errors import ScenarioError
 from observer.simulation.specs.base import Spec
 from observer.simulation.specs.boards import BoardSpec
 from observer.simulation.specs.cameras import CameraSpec, FaultSpec, ShakeSpec
+from observer.simulation.specs.people import PersonSpec
 from observer.simulation.specs.places import ObjectSpec, RoomSpec, TextureSpec
 from observer.simulation.specs.vehicles import RobotSpec, VehicleSpec
 from observer.text_files import problem
@@ -30,7 +31,9 @@ class VariationSpec(Spec):
 
     Attributes:
         position_m, heading_deg: of every start and every object.
-        speed: relative, of each vehicle.
+        speed: relative, of each vehicle and person.
+        stature_m: of each person's height. build: of each person's girth, relative. The clothes
+            that a scenario leaves open are drawn too.
         board_shift: of the board's poses, as a share of their depth.
         board_turn_deg: of the board's poses, about each axis.
     """
@@ -38,6 +41,8 @@ class VariationSpec(Spec):
     position_m: float = Field(0.0, ge=0, le=2)
     heading_deg: float = Field(0.0, ge=0, le=45)
     speed: float = Field(0.0, ge=0, le=0.8)
+    stature_m: float = Field(0.0, ge=0, le=0.2)
+    build: float = Field(0.0, ge=0, le=0.3)
     board_shift: float = Field(0.0, ge=0, le=0.5)
     board_turn_deg: float = Field(0.0, ge=0, le=45)
 
@@ -71,6 +76,7 @@ class Scenario(Spec):
     room: RoomSpec = RoomSpec()
     objects: tuple[ObjectSpec, ...] = ()
     robots: tuple[RobotSpec, ...] = ()
+    people: tuple[PersonSpec, ...] = ()
     observer: VehicleSpec = VehicleSpec()
     board: BoardSpec | None = None
     shake: ShakeSpec = ShakeSpec()

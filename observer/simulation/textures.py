@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.simulation.facets import Material
-from observer.simulation.painting import boards, posters, surfaces, things
+from observer.simulation.painting import boards, clothes, posters, surfaces, things
 from observer.simulation.painting.canvas import Canvas
 
 # Levels smaller than this are never needed: nothing is that small in the image.
@@ -60,6 +60,14 @@ _PAINTERS: dict[str, tuple[Painter, float]] = {
     "board_chessboard": (boards.chessboard, 2500),
     "board_charuco": (boards.charuco, 2500),
     "poster_checkerboard": (posters.checkerboard, 320),
+    "cloth_plain": (clothes.plain, 400),
+    "cloth_folded": (clothes.folded, 400),
+    "cloth_denim": (clothes.denim, 400),
+    "cloth_striped": (clothes.striped, 400),
+    "cloth_checked": (clothes.checked, 400),
+    "cloth_printed": (clothes.printed, 400),
+    "skin": (clothes.skin, 400),
+    "hair": (clothes.hair, 400),
 }
 
 

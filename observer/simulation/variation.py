@@ -14,6 +14,7 @@ from observer.simulation.rig import true_calibration
 from observer.simulation.scenarios import Scenario
 from observer.simulation.specs.base import SineSpec, Spec
 from observer.simulation.specs.boards import BoardSpec
+from observer.simulation.specs.people import PersonSpec
 from observer.simulation.specs.places import BoxSpec, PosterSpec
 from observer.simulation.specs.vehicles import (
     ArcLeg,
@@ -147,7 +148,15 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
         board = drawn_anew(
             scenario.board, calibration, bounds.board_shift, bounds.board_turn_deg, rng
         )
-    things = {"robots": tuple(robots), "objects": tuple(objects)}
+    people: list[PersonSpec] = []
+    for person in scenario.people:
+        walking = _faster(person, 1 + draw(bounds.speed))
+        build = {
+            "height_m": person.height_m + draw(bounds.stature_m),
+            "build": person.build * (1 + draw(bounds.build)),
+        }
+        people.append(walking.model_copy(update={**moved(person), **build}))
+    things = {"robots": tuple(robots), "objects": tuple(objects), "people": tuple(people)}
     return scenario.model_copy(update={**things, "observer": observer, "board": board})
 
 

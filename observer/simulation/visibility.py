@@ -41,15 +41,17 @@ class Hits:
 def cast(world: World, T_camera_room: Pose, rays: Float64Array, time: float) -> Hits:
     """Cast rays (..., 2), given by their points on z = 1, from a camera."""
     room = (world.room, *(Part((poster,)) for poster in world.posters))
-    things: list[tuple[int, Iterable[Part], Pose]] = [(ROOM, room, T_camera_room)]
-    things += [(b.id, b.parts, T_camera_room @ b.T_room_body(time)) for b in world.bodies]
+    found = [(ROOM, _nearest_inverse_depth(room, T_camera_room, rays))]
+    for thing in world.bodies:
+        T_camera_body = T_camera_room @ thing.T_room_body(time)
+        found.append((thing.id, _inverse_depth(thing, T_camera_body, rays, time)))
     if world.board is not None:
         T_camera_board = T_camera_room @ world.T_room_board(time)
-        things.append((BOARD, (world.board.part,), T_camera_board))
+        board = _nearest_inverse_depth((world.board.part,), T_camera_board, rays)
+        found.append((BOARD, board))
     inverse = np.zeros(rays.shape[:-1])
     body = np.full(rays.shape[:-1], ROOM, dtype=np.int64)
-    for number, parts, T_camera_parts in things:
-        depth = _nearest_inverse_depth(parts, T_camera_parts, rays)
+    for number, depth in found:
         nearer = depth > inverse
         inverse[nearer], body[nearer] = depth[nearer], number
     return Hits(inverse, body)
@@ -105,8 +107,10 @@ def visible_share(world: World, body: Body, time: float) -> float:
     """
     T_camera_room = world.T_room_left(time).inverse()
     T_camera_body = T_camera_room @ body.T_room_body(time)
-    vertices = np.concatenate([f.vertices for part in body.parts for f in part.facets])
-    points = T_camera_body.apply(vertices)
+    vertices = [f.vertices for part in body.parts for f in part.facets]
+    if body.person is not None:
+        vertices.append(body.person.corners(time))
+    points = T_camera_body.apply(np.concatenate(vertices))
     if points[:, 2].max() <= _NEAR_M:
         return 0.0
     # Points beside or behind the camera project far outside; a bound keeps the window finite.
@@ -115,7 +119,7 @@ def visible_share(world: World, body: Body, time: float) -> float:
     steps = (np.arange(_SHARE_RAYS) + 0.5) / _SHARE_RAYS
     x, y = (a + steps * (b - a) for a, b in zip(low, high, strict=True))
     rays = np.stack(np.meshgrid(x, y), axis=-1)
-    own = _nearest_inverse_depth(body.parts, T_camera_body, rays)
+    own = _inverse_depth(body, T_camera_body, rays, time)
     covered = own > 0
     if not covered.any():
         return 0.0
@@ -126,15 +130,38 @@ def visible_share(world: World, body: Body, time: float) -> float:
     if not seen.any():
         return 0.0
     blocked = np.zeros_like(own)
-    others = [(b.parts, b.T_room_body(time)) for b in world.bodies if b is not body]
+    for other in world.bodies:
+        if other is not body:
+            T_camera_other = T_camera_room @ other.T_room_body(time)
+            depth = _inverse_depth(other, T_camera_other, rays, time, (low, high))
+            np.maximum(blocked, depth, out=blocked)
     if world.board is not None:
-        others.append(((world.board.part,), world.T_room_board(time)))
-    for parts, T_room_other in others:
-        T_camera_other = T_camera_room @ T_room_other
-        near = [part for part in parts if not _apart(part, T_camera_other, low, high)]
-        np.maximum(blocked, _nearest_inverse_depth(near, T_camera_other, rays), out=blocked)
+        T_camera_board = T_camera_room @ world.T_room_board(time)
+        depth = _nearest_inverse_depth((world.board.part,), T_camera_board, rays)
+        np.maximum(blocked, depth, out=blocked)
     seen &= own >= blocked
     return float(seen.sum() / covered.sum())
+
+
+def _inverse_depth(
+    body: Body,
+    T_camera_body: Pose,
+    rays: Float64Array,
+    time: float,
+    window: tuple[Float64Array, Float64Array] | None = None,
+) -> Float64Array:
+    """Return (...) 1/m where rays first meet a body; 0 where they do not.
+
+    Args:
+        window: (2,) least and (2,) largest of the rays; what lies beside it is not computed.
+    """
+    parts = body.parts
+    if window is not None:
+        parts = tuple(part for part in parts if not _apart(part, T_camera_body, *window))
+    nearest = _nearest_inverse_depth(parts, T_camera_body, rays)
+    if body.person is not None:
+        np.maximum(nearest, body.person.inverse_depth(T_camera_body, rays, time), out=nearest)
+    return nearest
 
 
 def _nearest_inverse_depth(

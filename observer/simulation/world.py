@@ -35,6 +35,7 @@ from observer.simulation.bodies import (
 from observer.simulation.facets import Facet, Part
 from observer.simulation.held_board import HeldBoard, held_board
 from observer.simulation.motion import Parked, PlanarMotion, PlanarState
+from observer.simulation.people.person import Person
 from observer.simulation.rig import small_rotation, true_calibration
 from observer.simulation.scenarios import Scenario
 from observer.simulation.specs.vehicles import AMIGOBOT_SIZE
@@ -54,7 +55,7 @@ class Body:
         id: 0 for the observer, then counted. role: ``observer``, ``obstacle`` or ``scenery``.
         size: length, width, height, metres. bottom: height of its underside, metres.
         parts: convex solids in the body's frame; none for the observer, who never sees itself.
-        shadow: drawn on the floor below it, or None.
+        shadow: drawn on the floor below it, or None. person: whose body it is, or None.
     """
 
     id: int
@@ -65,6 +66,7 @@ class Body:
     motion: PlanarMotion
     parts: tuple[Part, ...]
     shadow: Facet | None
+    person: Person | None = None
 
     def T_room_body(self, time: float) -> Pose:
         return pose_on_floor(self.motion.state(time))
@@ -116,6 +118,17 @@ class World:
             bodies.append(
                 Body(k + 1, robot.name, "obstacle", robot.size, 0.0, motion, parts, shadow)
             )
+        count = len(s.robots) + len(s.objects)
+        for k, spec in enumerate(s.people, start=1):
+            motion = build_motion(spec)
+            person = Person.of(spec, motion, s.texture, s.duration_s, texture_seed + 300 + 10 * k)
+            shadow = shadow_facet(0.3, 0.4)
+            bodies.append(
+                Body(
+                    count + k, spec.name, "obstacle", person.size, 0.0, motion, person.carried,
+                    shadow, person,
+                )
+            )  # fmt: skip
         posters: list[Facet] = []
         for k, item in enumerate(s.objects):
             item_seed = texture_seed + 200 + k

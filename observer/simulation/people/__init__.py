@@ -1,0 +1,1 @@
+"""People who walk, stand and wave in the simulated lab."""

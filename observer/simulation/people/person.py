@@ -1,0 +1,76 @@
+"""A person of the simulated lab: figure, clothes, and what is carried."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.simulation.bodies import box_parts
+from observer.simulation.facets import Material, Part, moved
+from observer.simulation.motion import PlanarMotion
+from observer.simulation.people.ellipsoids import Ellipsoids, silhouettes
+from observer.simulation.people.figure import Cloth, Figure
+from observer.simulation.people.gait import Gait
+from observer.simulation.people.outfit import dressed
+from observer.simulation.specs.people import PersonSpec
+from observer.simulation.specs.places import BoxSpec, TextureSpec
+
+# Shares of the height: how far a walking person reaches along the heading and across.
+_LENGTH, _WIDTH = 0.36, 0.30
+# What is carried: its size, metres, and where it is held, shares of the height.
+_CARRIED_M = (0.30, 0.42, 0.28)
+_HELD_AHEAD, _HELD_ABOVE = 0.19, 0.56
+
+
+@dataclass(frozen=True, eq=False)
+class Person:
+    """How one person is built and dressed.
+
+    Attributes:
+        size: length, width, height, metres, while walking. carried: in the body's frame.
+    """
+
+    figure: Figure
+    outfit: Mapping[Cloth, Material]
+    size: tuple[float, float, float]
+    carried: tuple[Part, ...]
+
+    @staticmethod
+    def of(
+        spec: PersonSpec, motion: PlanarMotion, texture: TextureSpec, duration_s: float, seed: int
+    ) -> Person:
+        """Build a person who walks along ``motion`` for a scenario's duration."""
+        height = spec.height_m
+        gait = Gait(motion, height, Figure.leg_m(height), spec.gesture, spec.swing, duration_s)
+        return Person(
+            Figure(height, spec.build, gait),
+            dressed(spec.clothes, seed),
+            (_LENGTH * height, _WIDTH * height * spec.build, height),
+            _carried(height, texture, seed) if spec.gesture == "carry" else (),
+        )
+
+    def inverse_depth(self, T_camera_body: Pose, rays: Float64Array, time: float) -> Float64Array:
+        """Return (...) 1/m where rays (..., 2), on z = 1, first meet the figure; 0 without."""
+        nearest = np.zeros(rays.shape[:-1])
+        for outline in silhouettes(self._seen(T_camera_body, time)):
+            if outline is not None:
+                disc, inverse = outline.meet(rays[..., 0], rays[..., 1])
+                np.maximum(nearest, inverse, out=nearest, where=disc >= 0)
+        return nearest
+
+    def corners(self, time: float) -> Float64Array:
+        """Return (8, 3) metres, body frame, of a box around the figure at an instant."""
+        low, high = self.figure.shape(time).extent()
+        return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
+
+    def _seen(self, T_camera_body: Pose, time: float) -> Ellipsoids:
+        return self.figure.shape(time).moved(T_camera_body.rotation, T_camera_body.translation)
+
+
+def _carried(height: float, texture: TextureSpec, seed: int) -> tuple[Part, ...]:
+    box = BoxSpec(kind="cardboard", x=0, y=0, size=_CARRIED_M, above_m=_HELD_ABOVE * height)
+    ahead = Pose(np.eye(3), np.array([_HELD_AHEAD * height, 0.0, 0.0]))
+    return tuple(moved(part, ahead) for part in box_parts(box, texture, seed))

@@ -1,0 +1,173 @@
+"""People of the simulated lab: their steps, their outline, and what a camera sees of them."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.geometry import Float64Array
+from observer.simulation.imaging import LEFT, StereoImager
+from observer.simulation.motion import Course, Leg, Parked, PlanarMotion
+from observer.simulation.people.ellipsoids import Ellipsoids, silhouettes
+from observer.simulation.people.figure import Figure
+from observer.simulation.people.gait import Gait
+from observer.simulation.people.outfit import PATTERNS, TONES, dressed
+from observer.simulation.scenarios import load_scenario, scenario_from_text
+from observer.simulation.specs.people import ClothesSpec, Pattern, Tone
+from observer.simulation.truth import SimulatedTruth
+from observer.simulation.visibility import visible_share
+from observer.simulation.world import World
+
+from ..pixel_truth import left_hits
+
+SCENES = sorted((Path(__file__).parent / "scenes").glob("*.yaml"))
+# Left foot and right foot among the limbs of a figure.
+FEET = [k for k, limb in enumerate(Figure.limbs) if limb.cloth == "shoes"]
+
+
+def walking(speed: float) -> PlanarMotion:
+    return Course(
+        0, 0, 0, [Leg(distance=20, speed=speed)],
+        after="stay", acceleration=2.0, angular_acceleration=1.0,
+    )  # fmt: skip
+
+
+def figure(motion: PlanarMotion, height: float = 1.75, gesture: str = "walk") -> Figure:
+    return Figure(height, 1.0, Gait(motion, height, Figure.leg_m(height), gesture, 1.0, 10.0))
+
+
+def turned(rng: np.random.Generator) -> Float64Array:
+    q, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    return np.asarray(q)
+
+
+@given(st.integers(0, 10_000))
+@settings(deadline=None, max_examples=60)
+def test_a_ray_meets_an_ellipsoid_where_it_lies_on_its_surface(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    centre = np.array([*rng.uniform(-1, 1, 2), rng.uniform(1.0, 5.0)])
+    axes, semi = turned(rng), rng.uniform(0.05, 0.6, 3)
+    (outline,) = silhouettes(Ellipsoids(centre[None], axes[None], semi[None]))
+    assert outline is not None
+    x, y = (rng.uniform(-1.5, 1.5, 400) for _ in range(2))
+    disc, inverse = outline.meet(x, y)
+    hit = disc > 1e-9
+    points = np.stack([x, y, np.ones_like(x)], axis=1)[hit] / inverse[hit, None]
+    length = np.linalg.norm((points - centre) @ axes / semi, axis=1)
+    assert length == pytest.approx(1.0, abs=1e-6)
+    # Nothing of it lies outside the bounds of its outline.
+    x0, y0, x1, y1 = outline.bounds
+    assert ((x[hit] >= x0) & (x[hit] <= x1) & (y[hit] >= y0) & (y[hit] <= y1)).all()
+
+
+def test_what_is_behind_the_camera_is_not_seen() -> None:
+    behind = Ellipsoids(np.array([[0.0, 0.0, -2.0]]), np.eye(3)[None], np.full((1, 3), 0.5))
+    assert silhouettes(behind) == [None]
+
+
+@pytest.mark.parametrize("speed", [0.4, 0.9, 1.4])
+def test_one_foot_stands_on_the_floor_while_the_body_moves_on(speed: float) -> None:
+    motion = walking(speed)
+    it = figure(motion)
+    slides, step = [], 0.02
+    for time in np.arange(3.0, 5.0, step):
+        low = [it.shape(t).centres[FEET] for t in (time, time + step)]
+        standing = int(np.argmin(low[0][:, 2]))
+        soles = low[0][standing, 2] - it.shape(time).semi[FEET[standing], 2]
+        assert soles == pytest.approx(0.0, abs=0.02)
+        moved = low[1][standing, 0] - low[0][standing, 0]
+        slides.append(moved / step + speed)
+    # In the body's frame a standing foot goes backwards as fast as the body goes on.
+    assert abs(np.median(slides)) < 0.35 * speed
+
+
+def test_steps_follow_the_way_and_a_person_who_stands_keeps_still() -> None:
+    standing = figure(Parked(1.0, 2.0, 0.5))
+    assert np.array_equal(standing.shape(0.3).centres, standing.shape(7.1).centres)
+    slow, quick = figure(walking(0.5)), figure(walking(1.4))
+    reach = [np.ptp([f.shape(t).centres[FEET[0], 0] for t in np.arange(3, 6, 0.05)])
+             for f in (slow, quick)]  # fmt: skip
+    assert reach[0] < 0.8 * reach[1]
+
+
+def test_a_waving_person_moves_one_arm_alone() -> None:
+    it = figure(Parked(0, 0, 0), gesture="wave")
+    places = np.array([it.shape(t).centres for t in np.arange(0, 2, 0.1)])
+    moves = np.ptp(places, axis=0).max(axis=1)
+    assert np.count_nonzero(moves > 0.05) == 2, "forearm and hand"
+    assert moves[FEET].max() == 0
+
+
+@given(st.integers(0, 500))
+@settings(deadline=None, max_examples=30)
+def test_clothes_that_are_given_are_worn_and_others_drawn_alike_for_equal_seeds(seed: int) -> None:
+    given_clothes = ClothesSpec(top="printed", top_tone="red")
+    first, again = dressed(given_clothes, seed), dressed(given_clothes, seed)
+    assert first == again
+    assert first["top"].kind == "cloth_printed"
+    assert first["trousers"].kind.removeprefix("cloth_") in PATTERNS
+
+
+def test_scenarios_know_every_pattern_and_tone() -> None:
+    assert set(Pattern.__args__) == set(PATTERNS)  # type: ignore[attr-defined]
+    assert set(Tone.__args__) == set(TONES)  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda path: path.stem)
+def test_a_person_is_drawn_where_the_rays_meet_them(scene: Path) -> None:
+    """Where an image with people differs from one without is where rays say that people are."""
+    scenario = load_scenario(str(scene))
+    world = World(scenario, seed=1)
+    empty = World(scenario.model_copy(update={"people": ()}), seed=1)
+    time = 2.4
+    images = [
+        cv2.cvtColor(StereoImager(w).clean(LEFT, time), cv2.COLOR_BGR2GRAY).astype(int)
+        for w in (world, empty)
+    ]
+    drawn = np.abs(images[0] - images[1]) > 4
+    people = {body.id for body in world.bodies if body.person is not None}
+    hit = np.isin(left_hits(world, time).body, list(people))
+    assert hit.sum() > 500
+    # A tone may happen to be the background's, and a shadow lies beside the feet.
+    assert (drawn & hit).sum() > 0.85 * hit.sum()
+    beside = cv2.dilate(hit.astype(np.uint8), np.ones((5, 5), np.uint8)) == 0
+    horizon = world.scenario.camera.height // 2
+    above = np.arange(len(hit))[:, None] < horizon
+    assert (drawn & beside & above).mean() < 0.01
+
+
+def test_truth_tells_the_trunks_velocity_and_what_is_seen_of_a_person() -> None:
+    text = """
+title: One person
+help: A person walks across.
+declares: ideal
+duration_s: 5
+camera: {height_m: 0.9}
+room: {x: [-2, 7], y: [-3, 3], height_m: 2.6}
+people:
+  - {name: Ada, x: 3.0, y: -1.4, heading_deg: 90, height_m: 1.7,
+     motion: {kind: course, legs: [{kind: drive, distance_m: 3, speed: 1.1}], acceleration: 5}}
+"""
+    world = World(scenario_from_text(text, "one"))
+    truth = SimulatedTruth(world)
+    (person,) = (body for body in truth.bodies(1.5) if body.role == "obstacle")
+    assert person.name == "Ada"
+    assert person.speed == pytest.approx(1.1)
+    assert person.size[2] == pytest.approx(1.7)
+    assert person.visible is not None
+    assert person.visible > 0.9
+    (body,) = world.obstacles
+    assert visible_share(world, body, 0.0) < person.visible, "half out of view at first"
+
+
+def test_another_seed_draws_another_person() -> None:
+    scenario = load_scenario(str(SCENES[0]))
+    people = [World(scenario, seed).scenario.people[0] for seed in (0, 1, 2)]
+    assert len({person.height_m for person in people}) == 3
+    assert all(math.isfinite(person.build) for person in people)
