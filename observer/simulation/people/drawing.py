@@ -40,9 +40,7 @@ class PersonDrawing:
 
     def seen(self, T_room_camera: Pose, time: float) -> SeenPerson:
         """Return the person as one camera sees it at an instant."""
-        T_camera_body = T_room_camera.inverse() @ self.T_room(time)
-        shape = self.person.figure.shape(time)
-        shape = shape.moved(T_camera_body.rotation, T_camera_body.translation)
+        shape = self.person.seen(T_room_camera.inverse() @ self.T_room(time), time)
         return SeenPerson(self, shape, silhouettes(shape), T_room_camera.rotation)
 
 
