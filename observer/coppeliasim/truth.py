@@ -106,4 +106,5 @@ def _state(
         yaw=math.atan2(float(ahead[0]), float(ahead[2])),
         visible=None,
         commanded_speed=sum(targets) / 2 * robot.wheel_radius_m,
+        kind="robot",
     )

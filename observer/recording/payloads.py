@@ -133,6 +133,8 @@ class BodyPayload(msgspec.Struct, frozen=True, kw_only=True):
     yaw: float
     visible: float | None = None
     commanded_speed: float | None = None
+    box_px: list[float] | None = None
+    kind: Literal["robot", "person"] | None = None
 
 
 class TruthPayload(msgspec.Struct, frozen=True, kw_only=True):

@@ -309,7 +309,8 @@ def _truth_sample(payload: TruthPayload) -> TruthSample:
     bodies = []
     for body in payload.bodies:
         vectors = {name: np.array(getattr(body, name)) for name in ("position", "velocity", "size")}
-        bodies.append(TrueBody(**{**msgspec.structs.asdict(body), **vectors}))
+        box = None if body.box_px is None else tuple(body.box_px)
+        bodies.append(TrueBody(**{**msgspec.structs.asdict(body), **vectors, "box_px": box}))
     return TruthSample(payload.frame, payload.time, tuple(bodies), pose)
 
 

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from observer.geometry import Pose
-from observer.simulation.visibility import visible_share
+from observer.simulation.visibility import VisiblePart, visible_parts
 from observer.simulation.world import Body, World
 from observer.truth.contract import TrueBody
 
@@ -36,11 +36,11 @@ class SimulatedTruth:
         return self._world.T_world_camera(time)
 
     def _bodies(self, _: int, time: float) -> tuple[TrueBody, ...]:
-        world = self._world
-        obstacles = (self._state(b, time, visible_share(world, b, time)) for b in world.obstacles)
-        return (self._state(world.observer, time, None), *obstacles)
+        seen = visible_parts(self._world, time)
+        obstacles = (self._state(body, time, seen[body.id]) for body in self._world.obstacles)
+        return (self._state(self._world.observer, time, None), *obstacles)
 
-    def _state(self, body: Body, time: float, visible: float | None) -> TrueBody:
+    def _state(self, body: Body, time: float, seen: VisiblePart | None) -> TrueBody:
         T_world_room = self._world.T_world_room
         state = body.motion.state(time)
         T_world_body = T_world_room @ body.T_room_body(time)
@@ -53,6 +53,8 @@ class SimulatedTruth:
             velocity=T_world_room.rotate(np.array([state.vx, state.vy, 0.0])),
             size=np.array(body.size),
             yaw=math.atan2(float(heading[0]), float(heading[2])),
-            visible=visible,
+            visible=None if seen is None else seen.share,
             commanded_speed=body.motion.commanded_speed(time),
+            box_px=None if seen is None else seen.box_px,
+            kind="robot" if body.person is None else "person",
         )

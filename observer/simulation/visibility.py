@@ -1,4 +1,4 @@
-"""Exact ray casting: depth, body and visible share.
+"""Exact ray casting: depth, body, and what a camera sees of each body.
 
 Independent of the renderer: every ray is intersected with every facet in closed form. On the
 plane n . p = d the inverse depth along the ray (x, y, 1) is n . (x, y, 1) / d.
@@ -8,20 +8,23 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose
-from observer.simulation.facets import Part
+from observer.simulation.facets import Facet, Part
+from observer.simulation.people.ellipsoids import Silhouette, silhouettes
 from observer.simulation.world import Body, World
+from observer.truth.contract import Box
 
 # Body numbers of the room with its posters, and of a board that is held before the cameras.
 ROOM = -1
 BOARD = -2
-# Rays per body and axis by which the visible share is measured.
-_SHARE_RAYS = 48
+# Rays across a body, along each axis, by which its visible part is measured.
+_PART_RAYS = 48
 _NEAR_M = 0.05
 
 
@@ -38,17 +41,31 @@ class Hits:
     body: NDArray[np.int64]
 
 
+@dataclass(frozen=True, eq=False)
+class VisiblePart:
+    """What the left camera sees of a body, other bodies being in its way.
+
+    Attributes:
+        share: of its silhouette that is within the left image as delivered, 0 to 1.
+        box_px: around what is within the rectified left image; None where nothing is.
+    """
+
+    share: float
+    box_px: Box | None
+
+
+_NOTHING = VisiblePart(0.0, None)
+
+
 def cast(world: World, T_camera_room: Pose, rays: Float64Array, time: float) -> Hits:
     """Cast rays (..., 2), given by their points on z = 1, from a camera."""
     room = (world.room, *(Part((poster,)) for poster in world.posters))
     found = [(ROOM, _nearest_inverse_depth(room, T_camera_room, rays))]
     for thing in world.bodies:
-        T_camera_body = T_camera_room @ thing.T_room_body(time)
-        found.append((thing.id, _inverse_depth(thing, T_camera_body, rays, time)))
+        seen = _SeenBody.of(thing, T_camera_room, time)
+        found.append((thing.id, seen.inverse_depth(rays)))
     if world.board is not None:
-        T_camera_board = T_camera_room @ world.T_room_board(time)
-        board = _nearest_inverse_depth((world.board.part,), T_camera_board, rays)
-        found.append((BOARD, board))
+        found.append((BOARD, _board_inverse_depth(world, T_camera_room, rays, time)))
     inverse = np.zeros(rays.shape[:-1])
     body = np.full(rays.shape[:-1], ROOM, dtype=np.int64)
     for number, depth in found:
@@ -61,9 +78,7 @@ def _intersections(
     part: Part, T_camera_part: Pose, rays: Float64Array
 ) -> Iterator[tuple[NDArray[np.bool_], Float64Array]]:
     """Yield for each facet that faces the camera a mask of the rays that meet it, and 1/depth."""
-    eye = T_camera_part.inverse().translation
-    for index in np.flatnonzero(part.facing(eye) > 1e-9):
-        facet = part.facets[index]
+    for facet in _facing(part, T_camera_part):
         points = T_camera_part.apply(facet.vertices)
         normal = T_camera_part.rotate(facet.normal)
         plane = normal / (normal @ points[0])
@@ -75,6 +90,12 @@ def _intersections(
         for edge in edges:
             hit &= _along(rays, edge) >= 0
         yield hit, depth
+
+
+def _facing(part: Part, T_camera_part: Pose) -> list[Facet]:
+    """Return the facets of which the camera sees the front."""
+    towards = part.facing(T_camera_part.inverse().translation)
+    return [part.facets[index] for index in np.flatnonzero(towards > 1e-9)]
 
 
 def _along(rays: Float64Array, vector: Float64Array) -> Float64Array:
@@ -100,68 +121,181 @@ def project(world: World, points: Float64Array) -> Float64Array:
     return np.where(front[..., None], uv, np.nan)
 
 
-def visible_share(world: World, body: Body, time: float) -> float:
-    """Return the visible share of a body's silhouette in the left image.
+def visible_parts(world: World, time: float) -> dict[int, VisiblePart]:
+    """Return what the left camera sees of each obstacle, by the obstacle's id."""
+    T_left_camera = Pose(world.R_camera_left.T, np.zeros(3))
+    T_camera_room = (world.T_room_left(time) @ T_left_camera).inverse()
+    seen = {body.id: _SeenBody.of(body, T_camera_room, time) for body in world.bodies}
+    parts = {}
+    for body in world.obstacles:
+        others = [other for number, other in seen.items() if number != body.id]
+        parts[body.id] = _visible_part(world, T_camera_room, time, seen[body.id], others)
+    return parts
 
-    What lies outside the image or behind another body counts as not visible.
-    """
-    T_camera_room = world.T_room_left(time).inverse()
-    T_camera_body = T_camera_room @ body.T_room_body(time)
-    vertices = [f.vertices for part in body.parts for f in part.facets]
-    if body.person is not None:
-        vertices.append(body.person.corners(time))
-    points = T_camera_body.apply(np.concatenate(vertices))
-    if points[:, 2].max() <= _NEAR_M:
-        return 0.0
-    # Points beside or behind the camera project far outside; a bound keeps the window finite.
-    xy = np.clip(points[:, :2] / np.maximum(points[:, 2:], _NEAR_M), -20, 20)
-    low, high = xy.min(axis=0), xy.max(axis=0)
-    steps = (np.arange(_SHARE_RAYS) + 0.5) / _SHARE_RAYS
-    x, y = (a + steps * (b - a) for a, b in zip(low, high, strict=True))
-    rays = np.stack(np.meshgrid(x, y), axis=-1)
-    own = _inverse_depth(body, T_camera_body, rays, time)
+
+def _visible_part(
+    world: World, T_camera_room: Pose, time: float, body: _SeenBody, others: Iterable[_SeenBody]
+) -> VisiblePart:
+    """Cast rays at a body and at what may be in front of it, in the ``camera`` frame."""
+    window = body.window()
+    if window is None:
+        return _NOTHING
+    x, y = _axes(world, *window)
+    rays = np.stack(np.meshgrid(x.middles, y.middles), axis=-1)
+    own = body.inverse_depth(rays)
     covered = own > 0
     if not covered.any():
-        return 0.0
-    uv = project(world, np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1))
-    c = world.true_calibration
-    inside = ((uv >= -0.5) & (uv <= np.array([c.width, c.height]) - 0.5)).all(axis=-1)
-    seen = covered & inside
-    if not seen.any():
-        return 0.0
-    blocked = np.zeros_like(own)
-    for other in world.bodies:
-        if other is not body:
-            T_camera_other = T_camera_room @ other.T_room_body(time)
-            depth = _inverse_depth(other, T_camera_other, rays, time, (low, high))
-            np.maximum(blocked, depth, out=blocked)
+        return _NOTHING
+    delivered = _delivered(world, rays)
+    inside = y.inside[:, None] & x.inside
+    front = covered & (delivered | inside)
+    if not front.any():
+        return _NOTHING
+    for other in others:
+        front &= own >= other.inverse_depth(rays, window)
     if world.board is not None:
-        T_camera_board = T_camera_room @ world.T_room_board(time)
-        depth = _nearest_inverse_depth((world.board.part,), T_camera_board, rays)
-        np.maximum(blocked, depth, out=blocked)
-    seen &= own >= blocked
-    return float(seen.sum() / covered.sum())
+        front &= own >= _board_inverse_depth(world, T_camera_room, rays, time)
+    area = y.shares[:, None] * x.shares
+    share = float(area[front & delivered].sum() / area[covered].sum())
+    return VisiblePart(share, _box(world, x, y, covered, front & inside))
 
 
-def _inverse_depth(
-    body: Body,
-    T_camera_body: Pose,
-    rays: Float64Array,
-    time: float,
-    window: tuple[Float64Array, Float64Array] | None = None,
-) -> Float64Array:
-    """Return (...) 1/m where rays first meet a body; 0 where they do not.
+def _delivered(world: World, rays: Float64Array) -> NDArray[np.bool_]:
+    """Mask of the rays (..., 2) of the ``camera`` frame that meet the left image as delivered."""
+    directions = np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1)
+    uv = project(world, directions @ world.R_camera_left)
+    c = world.true_calibration
+    return np.asarray(((uv >= -0.5) & (uv <= np.array([c.width, c.height]) - 0.5)).all(axis=-1))
 
-    Args:
-        window: (2,) least and (2,) largest of the rays; what lies beside it is not computed.
+
+def _box(
+    world: World, x: _Axis, y: _Axis, covered: NDArray[np.bool_], seen: NDArray[np.bool_]
+) -> Box | None:
+    """Return the box around the seen ones of the cells (rows, columns) that a body covers."""
+    if not seen.any():
+        return None
+    x0, x1 = x.extent(np.nonzero(covered)[1], np.nonzero(seen)[1])
+    y0, y1 = y.extent(np.nonzero(covered)[0], np.nonzero(seen)[0])
+    K, c = world.K_camera, world.true_calibration
+    u = np.clip(np.array([x0, x1]) * K[0, 0] + K[0, 2], -0.5, c.width - 0.5)
+    v = np.clip(np.array([y0, y1]) * K[1, 1] + K[1, 2], -0.5, c.height - 0.5)
+    return float(u[0]), float(v[0]), float(u[1]), float(v[1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Axis:
+    """Cells along one axis of a body's window on z = 1.
+
+    Attributes:
+        edges: (N + 1,) and middles: (N,), ascending. shares: (N,) of the widest cell's width.
+        inside: (N,) True within the rectified image.
     """
-    parts = body.parts
-    if window is not None:
-        parts = tuple(part for part in parts if not _apart(part, T_camera_body, *window))
-    nearest = _nearest_inverse_depth(parts, T_camera_body, rays)
-    if body.person is not None:
-        np.maximum(nearest, body.person.inverse_depth(T_camera_body, rays, time), out=nearest)
-    return nearest
+
+    edges: Float64Array
+    middles: Float64Array
+    shares: Float64Array
+    inside: NDArray[np.bool_]
+
+    @staticmethod
+    def across(low: float, high: float, first: float, last: float) -> _Axis:
+        """Divide a window into cells; what lies within the image, ``first`` to ``last``, is finer.
+
+        No cell lies across the border of the image, on which an empty one lies: there a slanting
+        limb leaves the image farther out than half a cell before it.
+        """
+        borders = [border for border in (first, last) if low < border < high]
+        edges, inside = [np.array([low])], []
+        for a, b in pairwise([low, *borders, high]):
+            within = first <= a and b <= last
+            count = _PART_RAYS if within else max(1, round(_PART_RAYS * (b - a) / (high - low)))
+            ends = [a] * (within and a in borders) + [b] * (within and b in borders)
+            cells = np.sort([*(a + np.arange(1, count + 1) / count * (b - a)), *ends])
+            edges.append(cells)
+            inside.append(np.full(len(cells), within))
+        edge = np.concatenate(edges)
+        width = np.diff(edge)
+        middles = (edge[:-1] + edge[1:]) / 2
+        return _Axis(edge, middles, width / width.max(), np.concatenate(inside))
+
+    def extent(self, covered: NDArray[np.intp], seen: NDArray[np.intp]) -> tuple[float, float]:
+        """Return where a body begins and ends, by the numbers of covered and of seen cells.
+
+        Where a body is seen to its end it reaches to the end of the window, which fits tightly;
+        its tips may lie between the rays.
+        """
+        begin, end = seen.min(), seen.max() + 1
+        if begin == covered.min():
+            begin = 0
+        if end == covered.max() + 1:
+            end = len(self.middles)
+        return float(self.edges[begin]), float(self.edges[end])
+
+
+def _axes(world: World, low: Float64Array, high: Float64Array) -> tuple[_Axis, _Axis]:
+    """Return the cells of a window on z = 1, given by its corners (2,), along x and y."""
+    K, c = world.K_camera, world.true_calibration
+    first = (-0.5 - K[:2, 2]) / K[[0, 1], [0, 1]]
+    last = (np.array([c.width, c.height]) - 0.5 - K[:2, 2]) / K[[0, 1], [0, 1]]
+    corners = np.stack([low, high, first, last], axis=1).tolist()
+    return _Axis.across(*corners[0]), _Axis.across(*corners[1])
+
+
+@dataclass(frozen=True, eq=False)
+class _SeenBody:
+    """A body in a camera's frame: its flat parts, and a person's ellipsoids."""
+
+    parts: tuple[Part, ...]
+    T_camera_body: Pose
+    outlines: tuple[Silhouette, ...]
+
+    @staticmethod
+    def of(body: Body, T_camera_room: Pose, time: float) -> _SeenBody:
+        T_camera_body = T_camera_room @ body.T_room_body(time)
+        if body.person is None:
+            return _SeenBody(body.parts, T_camera_body, ())
+        outlines = silhouettes(body.person.seen(T_camera_body, time))
+        return _SeenBody(body.parts, T_camera_body, tuple(o for o in outlines if o is not None))
+
+    def window(self) -> tuple[Float64Array, Float64Array] | None:
+        """Return least and largest x, y (2,) on z = 1; None if nothing faces the camera."""
+        corners = [np.reshape(outline.bounds, (2, 2)) for outline in self.outlines]
+        facets = [facet for part in self.parts for facet in _facing(part, self.T_camera_body)]
+        if facets:
+            points = self.T_camera_body.apply(np.concatenate([f.vertices for f in facets]))
+            if points[:, 2].max() > _NEAR_M:
+                corners.append(points[:, :2] / np.maximum(points[:, 2:], _NEAR_M))
+        if not corners:
+            return None
+        # Points beside or behind the camera project far outside; a bound keeps the window finite.
+        xy = np.clip(np.concatenate(corners), -20, 20)
+        return xy.min(axis=0), xy.max(axis=0)
+
+    def inverse_depth(
+        self, rays: Float64Array, window: tuple[Float64Array, Float64Array] | None = None
+    ) -> Float64Array:
+        """Return (...) 1/m where rays first meet the body; 0 where they do not.
+
+        Args:
+            window: (2,) least and (2,) largest of the rays; what lies beside it is not computed.
+        """
+        parts, outlines = self.parts, self.outlines
+        if window is not None:
+            parts = tuple(p for p in parts if not _apart(p, self.T_camera_body, *window))
+            outlines = tuple(outline for outline in outlines if not outline.apart(*window))
+        nearest = _nearest_inverse_depth(parts, self.T_camera_body, rays)
+        for outline in outlines:
+            disc, inverse = outline.meet(rays[..., 0], rays[..., 1])
+            np.maximum(nearest, inverse, out=nearest, where=disc >= 0)
+        return nearest
+
+
+def _board_inverse_depth(
+    world: World, T_camera_room: Pose, rays: Float64Array, time: float
+) -> Float64Array:
+    """Return (...) 1/m where rays meet the board that is held before the cameras; 0 beside it."""
+    assert world.board is not None
+    T_camera_board = T_camera_room @ world.T_room_board(time)
+    return _nearest_inverse_depth((world.board.part,), T_camera_board, rays)
 
 
 def _nearest_inverse_depth(

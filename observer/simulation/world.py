@@ -198,14 +198,27 @@ class World:
         return StereoCalibration(true.width, true.height, K, true.D1, K, true.D2, R, T)
 
     @cached_property
-    def R_camera_left(self) -> Float64Array:
-        """Rotation (3, 3) from the left camera's axes to the rectified ones, OpenCV's R1."""
+    def _rectification(self) -> tuple[Float64Array, Float64Array]:
+        """Rotation (3, 3) and projection (3, 3) of the rectified left camera, OpenCV's R1, P1."""
         c = self.calibration
         if c.is_rectified:
-            return np.eye(3)
+            return np.eye(3), c.K1
         size = (c.width, c.height)
-        R1 = cv2.stereoRectify(c.K1, c.D1, c.K2, c.D2, size, c.R, c.T, alpha=0)[0]
-        return np.asarray(R1, dtype=np.float64)
+        R1, _, P1, *_ = cv2.stereoRectify(c.K1, c.D1, c.K2, c.D2, size, c.R, c.T, alpha=0)
+        return np.asarray(R1, np.float64), np.asarray(P1[:, :3], np.float64)
+
+    @property
+    def R_camera_left(self) -> Float64Array:
+        """Rotation (3, 3) from the left camera's axes to the rectified ones."""
+        return self._rectification[0]
+
+    @cached_property
+    def K_camera(self) -> Float64Array:
+        """Matrix (3, 3) from true directions in the ``camera`` frame to rectified left pixels."""
+        K = self._rectification[1].copy()
+        # A wrong focal length puts what is seen elsewhere in the image that is made by it.
+        K[[0, 1], [0, 1]] *= self.true_calibration.K1[0, 0] / self.calibration.K1[0, 0]
+        return K
 
     @cached_property
     def T_right_left(self) -> Pose:

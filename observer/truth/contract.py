@@ -3,9 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol, get_args
 
 from observer.geometry import Float64Array, Pose
+
+# u0 v0 u1 v1 in the rectified left image; the centre of a pixel has whole coordinates.
+Box = tuple[float, float, float, float]
+
+Kind = Literal["robot", "person"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +28,9 @@ class TrueBody:
             (sin yaw, 0, cos yaw), so 0 is straight ahead and positive is to the right.
         visible: share of the body that the left camera sees, 0 to 1; None where unknown.
         commanded_speed: m/s as commanded to the robot, None where unknown.
+        box_px: around what the left camera sees of it; None where nothing of it is seen, or
+            that is unknown.
+        kind: of thing; None where unknown.
     """
 
     id: int
@@ -33,6 +42,8 @@ class TrueBody:
     yaw: float
     visible: float | None
     commanded_speed: float | None
+    box_px: Box | None = None
+    kind: Kind | None = None
 
     @property
     def speed(self) -> float:

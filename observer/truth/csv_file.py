@@ -2,9 +2,10 @@
 
 Columns: ``frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw`` (metres, m/s, radians,
 seconds on the source's clock; sizes are length, width, height as in ``TrueBody``), and optionally
-``name,role,commanded_speed`` and ``T_world_camera`` as ``camera_x`` ... ``camera_qw`` ....
-Further columns are ignored. An empty ``visible`` or ``commanded_speed`` is unknown, an empty
-position says that the body was not seen at that instant, an empty id leaves only the camera.
+``name,role,commanded_speed``, ``box_u0,box_v0,box_u1,box_v1`` (pixels), ``kind`` and
+``T_world_camera`` as ``camera_x`` ... ``camera_qw`` .... Further columns are ignored. An empty
+``visible``, ``commanded_speed``, box or ``kind`` is unknown, an empty position says that the body
+was not seen at that instant, an empty id leaves only the camera.
 """
 
 from __future__ import annotations
@@ -23,12 +24,13 @@ import scipy
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array, Pose
-from observer.truth.contract import TrueBody
+from observer.truth.contract import KINDS, Box, TrueBody
 
 _POSITION, _VELOCITY, _SIZE = ("x", "y", "z"), ("vx", "vy", "vz"), ("size_x", "size_y", "size_z")
 _REQUIRED = ("frame", "t", "id", *_POSITION, *_VELOCITY, "visible", *_SIZE, "yaw")
 _CAMERA = tuple(f"camera_{name}" for name in ("x", "y", "z", "qw", "qx", "qy", "qz"))
-_COLUMNS = (*_REQUIRED, "name", "role", "commanded_speed", *_CAMERA)
+_BOX = ("box_u0", "box_v0", "box_u1", "box_v1")
+_COLUMNS = (*_REQUIRED, "name", "role", "commanded_speed", *_BOX, "kind", *_CAMERA)
 _ROLES = ("obstacle", "observer")
 
 # Between samples further apart than this nothing is known: a gap.
@@ -166,6 +168,10 @@ def _body_between(a: TrueBody, b: TrueBody, weight: float) -> TrueBody:
     visible = None
     if a.visible is not None and b.visible is not None:
         visible = a.visible + weight * (b.visible - a.visible)
+    box = None
+    if a.box_px is not None and b.box_px is not None:
+        u0, v0, u1, v1 = (p + weight * (q - p) for p, q in zip(a.box_px, b.box_px, strict=True))
+        box = (u0, v0, u1, v1)
     # A command holds until the next one.
     return replace(
         a,
@@ -173,6 +179,7 @@ def _body_between(a: TrueBody, b: TrueBody, weight: float) -> TrueBody:
         velocity=a.velocity + weight * (b.velocity - a.velocity),
         yaw=a.yaw + weight * turn,
         visible=visible,
+        box_px=box,
     )
 
 
@@ -235,9 +242,12 @@ def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
                 f"{name}: the header lacks the column {missing[0]}; "
                 f"it must name {','.join(_REQUIRED)}"
             )
-        some = [column for column in _CAMERA if column in (reader.fieldnames or ())]
-        if some and len(some) != len(_CAMERA):
-            raise TruthError(f"{name}: the header has {some[0]} but not all of {','.join(_CAMERA)}")
+        for group in (_BOX, _CAMERA):
+            some = [column for column in group if column in (reader.fieldnames or ())]
+            if some and len(some) != len(group):
+                raise TruthError(
+                    f"{name}: the header has {some[0]} but not all of {','.join(group)}"
+                )
         for cells in reader:
             where = f"{name} line {reader.line_num}"
             if None in cells or None in cells.values():
@@ -272,6 +282,10 @@ class _Row:
         role = self._text("role") or "obstacle"
         if role not in _ROLES:
             raise TruthError(f"{self.where}: role must be {' or '.join(_ROLES)}, not {role[:40]!r}")
+        kind = self._text("kind")
+        known = next((each for each in KINDS if each == kind), None)
+        if kind and known is None:
+            raise TruthError(f"{self.where}: kind must be {' or '.join(KINDS)}, not {kind[:40]!r}")
         id_ = self.whole("id")
         return TrueBody(
             id=id_,
@@ -283,7 +297,20 @@ class _Row:
             yaw=self.number("yaw"),
             visible=visible,
             commanded_speed=self._optional("commanded_speed"),
+            box_px=self._box(),
+            kind=known,
         )
+
+    def _box(self) -> Box | None:
+        if not any(self._text(column) for column in _BOX):
+            return None
+        u0, v0, u1, v1 = (self.number(column) for column in _BOX)
+        if u0 > u1 or v0 > v1:
+            raise TruthError(
+                f"{self.where}: box_u0 and box_v0 must not exceed box_u1 and box_v1, but the box "
+                f"is {u0:g} {v0:g} {u1:g} {v1:g}"
+            )
+        return u0, v0, u1, v1
 
     def camera_pose(self) -> Pose | None:
         """Return ``T_world_camera`` where the line gives it."""
@@ -339,9 +366,10 @@ def _camera_cells(pose: Pose | None) -> dict[str, str]:
 
 
 def _body_cells(body: TrueBody) -> dict[str, str]:
-    columns = (*_POSITION, *_VELOCITY, *_SIZE, "yaw", "visible", "commanded_speed")
+    columns = (*_POSITION, *_VELOCITY, *_SIZE, "yaw", "visible", "commanded_speed", *_BOX)
     numbers = (*body.position, *body.velocity, *body.size)
-    numbers += (body.yaw, body.visible, body.commanded_speed)
+    numbers += (body.yaw, body.visible, body.commanded_speed, *(body.box_px or [None] * 4))
     told = zip(columns, numbers, strict=True)
     cells = {column: repr(float(v)) for column, v in told if v is not None}
-    return cells | {"id": str(body.id), "name": body.name, "role": body.role}
+    words = {"id": str(body.id), "name": body.name, "role": body.role, "kind": body.kind or ""}
+    return cells | words

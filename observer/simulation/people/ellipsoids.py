@@ -38,11 +38,6 @@ class Ellipsoids:
         """Return them in another frame, of which ``R``, ``t`` is ``T_target_frame``."""
         return Ellipsoids(self.centres @ R.T + t, R @ self.axes, self.semi)
 
-    def extent(self) -> tuple[Float64Array, Float64Array]:
-        """Return (3,) lower and (3,) upper corner of the box around all of them, metres."""
-        reach = np.sqrt(np.einsum("lij,lj->li", self.axes**2, self.semi**2))
-        return (self.centres - reach).min(axis=0), (self.centres + reach).max(axis=0)
-
 
 @dataclass(frozen=True, eq=False)
 class Silhouette:
@@ -77,6 +72,11 @@ class Silhouette:
         if outside <= 0:
             return np.full_like(disc, -1.0), np.zeros_like(disc)
         return disc, (towards + np.sqrt(np.maximum(disc, 0.0))) / outside
+
+    def apart(self, low: Float64Array, high: Float64Array) -> bool:
+        """Return True if it lies outside a window on z = 1, given by its corners (2,) x, y."""
+        x0, y0, x1, y1 = self.bounds
+        return bool(x1 < low[0] or x0 > high[0] or y1 < low[1] or y0 > high[1])
 
 
 def silhouettes(seen: Ellipsoids) -> list[Silhouette | None]:

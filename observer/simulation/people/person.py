@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Pose
 from observer.simulation.bodies import box_parts
 from observer.simulation.facets import Material, Part, moved
 from observer.simulation.motion import PlanarMotion
-from observer.simulation.people.ellipsoids import Ellipsoids, silhouettes
+from observer.simulation.people.ellipsoids import Ellipsoids
 from observer.simulation.people.figure import Cloth, Figure
 from observer.simulation.people.gait import Gait
 from observer.simulation.people.outfit import dressed
@@ -55,20 +55,6 @@ class Person:
     def seen(self, T_camera_body: Pose, time: float) -> Ellipsoids:
         """Return the figure at an instant, in a camera's frame."""
         return self.figure.shape(time).moved(T_camera_body.rotation, T_camera_body.translation)
-
-    def inverse_depth(self, T_camera_body: Pose, rays: Float64Array, time: float) -> Float64Array:
-        """Return (...) 1/m where rays (..., 2), on z = 1, first meet the figure; 0 without."""
-        nearest = np.zeros(rays.shape[:-1])
-        for outline in silhouettes(self.seen(T_camera_body, time)):
-            if outline is not None:
-                disc, inverse = outline.meet(rays[..., 0], rays[..., 1])
-                np.maximum(nearest, inverse, out=nearest, where=disc >= 0)
-        return nearest
-
-    def corners(self, time: float) -> Float64Array:
-        """Return (8, 3) metres, body frame, of a box around the figure at an instant."""
-        low, high = self.figure.shape(time).extent()
-        return np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, -1).T
 
 
 def _carried(height: float, texture: TextureSpec, seed: int) -> tuple[Part, ...]:

@@ -182,9 +182,9 @@ def test_what_is_drawn_in_front_is_what_is_hit_first() -> None:
 
 
 def _share_hidden(world: World, time: float) -> float:
-    from observer.simulation.visibility import visible_share
+    from observer.simulation.visibility import visible_parts
 
-    return 1 - visible_share(world, world.obstacles[1], time)
+    return 1 - visible_parts(world, time)[world.obstacles[1].id].share
 
 
 def test_nothing_is_left_unpainted() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from observer.calibration.formats.opencv_file import read_calibration_file
 from observer.camera import StereoCalibration
@@ -19,7 +20,7 @@ from observer.simulation.export import export_stereo_folder
 from observer.simulation.scenarios import load_scenario, scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.truth import SimulatedTruth
-from observer.simulation.visibility import visible_share
+from observer.simulation.visibility import cast, visible_parts
 from observer.simulation.world import World
 from observer.truth.csv_file import CsvTruth
 
@@ -35,6 +36,10 @@ camera: {tilt_deg: 0, forward_m: 0.1, height_m: 0.4}
 room: {x: [-2, 6], y: [-3, 3]}
 """
 AHEAD = "robots:\n  - {x: 3, y: 0.06, heading_deg: 0, size: [0.5, 0.4, 0.3]}\n"
+
+
+def share(world: World, time: float = 0.0, obstacle: int = 0) -> float:
+    return visible_parts(world, time)[world.obstacles[obstacle].id].share
 
 
 def truth_of(text: str) -> SimulatedTruth:
@@ -111,19 +116,19 @@ def test_a_distorted_rigs_world_is_the_rectified_camera() -> None:
 
 def test_visible_share_by_construction() -> None:
     world = World(scenario_from_text(PLAIN + AHEAD, "plain"))
-    assert visible_share(world, world.obstacles[0], 0.0) == 1.0
+    assert share(world) == 1.0
     # Half of it outside the image: its centre lies on the left edge's ray.
     edge = math.tan(math.radians(30)) * 2.9
     half = AHEAD.replace("y: 0.06", f"y: {0.06 + edge}").replace(
         "size: [0.5, 0.4, 0.3]", "size: [0.02, 0.4, 0.237]"
     )
     world = World(scenario_from_text(PLAIN + half, "half"))
-    assert visible_share(world, world.obstacles[0], 0.0) == pytest.approx(0.5, abs=0.06)
+    assert share(world) == pytest.approx(0.5, abs=0.06)
     behind = World(scenario_from_text(PLAIN + AHEAD.replace("x: 3", "x: -1"), "behind"))
-    assert visible_share(behind, behind.obstacles[0], 0.0) == 0.0
+    assert share(behind) == 0.0
     hidden = AHEAD + "objects:\n  - {kind: crate, x: 2, y: 0.06, size: [0.4, 1.2, 0.8]}\n"
     world = World(scenario_from_text(PLAIN + hidden, "hidden"))
-    assert visible_share(world, world.obstacles[0], 0.0) == 0.0
+    assert share(world) == 0.0
 
 
 def test_visible_share_agrees_with_counted_pixels() -> None:
@@ -137,11 +142,82 @@ def test_visible_share_agrees_with_counted_pixels() -> None:
         t = 1.0 + k * 0.4
         seen = (left_hits(world, t).body == far.id).sum()
         whole = (left_hits(alone, t).body == alone.obstacles[0].id).sum()
-        share = visible_share(world, far, t)
-        shares.append(share)
-        assert share == pytest.approx(seen / whole, abs=0.04)
+        shares.append(share(world, t, 1))
+        assert shares[-1] == pytest.approx(seen / whole, abs=0.03)
     assert min(shares) < 0.3
     assert max(shares) > 0.95
+
+
+def bodies_in_the_rectified_image(world: World, time: float) -> NDArray[np.int64]:
+    """(H, W) the body that each pixel of the rectified left image shows."""
+    c, true = world.calibration, world.true_calibration
+    raw = np.stack(np.meshgrid(np.arange(c.width), np.arange(c.height)), axis=-1).astype(float)
+    if not c.is_rectified:
+        size = (c.width, c.height)
+        R1, _, P1, *_ = cv2.stereoRectify(c.K1, c.D1, c.K2, c.D2, size, c.R, c.T, alpha=0)
+        maps = cv2.initUndistortRectifyMap(c.K1, c.D1, R1, P1, size, cv2.CV_32FC1)
+        raw = np.stack(maps, axis=-1).astype(float)
+    flat = cv2.undistortPoints(raw.reshape(-1, 1, 2), true.K1, true.D1)
+    rays = np.asarray(flat, np.float64).reshape(raw.shape)
+    return cast(world, world.T_room_left(time).inverse(), rays, time).body
+
+
+def box_around(mask: NDArray[np.uint8]) -> tuple[float, float, float, float]:
+    v, u = np.nonzero(mask)
+    return u.min() - 0.5, v.min() - 0.5, u.max() + 0.5, v.max() + 0.5
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["crossing", "distorted_tilted", "miscalibrated", "toward", "people", "people_meeting",
+     "people_near", "people_standing", "people_carrying"],
+)  # fmt: skip
+def test_the_box_encloses_the_pixels_that_show_a_body(name: str) -> None:
+    """In the rectified image, behind others and at its border, to about 2 px or 3 % of its side.
+
+    Slivers that are hardly wider than a pixel may be within the box or not.
+    """
+    world = World(load_scenario(name), 5)
+    compared = 0
+    for time in np.linspace(0.4, world.scenario.duration_s - 0.4, 11):
+        shown = bodies_in_the_rectified_image(world, time)
+        for number, part in visible_parts(world, time).items():
+            mask = (shown == number).astype(np.uint8)
+            broad = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
+            if broad.sum() < 100:
+                continue
+            assert part.box_px is not None
+            outer, inner = np.array(box_around(mask)), np.array(box_around(broad))
+            tolerance = np.maximum(2.5, 0.03 * np.tile(outer[2:] - outer[:2], 2))
+            least, most = np.minimum(outer, inner) - tolerance, np.maximum(outer, inner) + tolerance
+            assert ((least <= part.box_px) & (part.box_px <= most)).all(), (time, number, part)
+            compared += 1
+    assert compared >= 5
+
+
+def test_the_box_by_construction() -> None:
+    world = World(scenario_from_text(PLAIN + AHEAD, "plain"))
+    (part,) = visible_parts(world, 0.0).values()
+    assert part.box_px is not None
+    u0, _, u1, v1 = part.box_px
+    # 0.4 m wide and tapered, its rear 2.65 m ahead, the floor 0.4 m below the camera.
+    focal = 256 / math.tan(math.radians(30))
+    assert 0.9 < (u1 - u0) / (0.4 / 2.65 * focal) <= 1.0
+    assert (u0 + u1) / 2 == pytest.approx(255.5, abs=0.3)
+    assert v1 < 127.5 + 0.4 / 2.65 * focal
+    # A crate before its left half hides it there.
+    crate = "objects:\n  - {kind: crate, x: 1.5, y: 0.56, size: [0.2, 1.0, 1.2]}\n"
+    (half,) = visible_parts(World(scenario_from_text(PLAIN + AHEAD + crate, "half")), 0.0).values()
+    assert half.box_px is not None
+    assert half.box_px[0] == pytest.approx(255.5, abs=2.0)
+    assert half.box_px[2] == u1
+    behind = World(scenario_from_text(PLAIN + AHEAD.replace("x: 3", "x: -1"), "behind"))
+    assert [p.box_px for p in visible_parts(behind, 0.0).values()] == [None]
+
+
+def test_the_observer_has_no_box_and_robots_are_told_from_people() -> None:
+    observer, robot = truth_of(PLAIN + AHEAD).bodies(0.0)
+    assert (observer.box_px, observer.kind, robot.kind) == (None, "robot", "robot")
 
 
 def test_truth_lies_inside_what_the_images_show() -> None:
@@ -227,7 +303,8 @@ def test_export_writes_what_a_stereo_folder_needs(tmp_path: Path) -> None:
     )
     for k in (0, 5):
         for a, b in zip(written.bodies(k / 15), made.bodies(k / 15), strict=True):
-            assert (a.id, a.name, a.role, a.visible) == (b.id, b.name, b.role, b.visible)
+            for told in ("id", "name", "role", "visible", "box_px", "kind"):
+                assert getattr(a, told) == getattr(b, told), told
             assert a.position == pytest.approx(b.position, abs=1e-9)
             assert a.velocity == pytest.approx(b.velocity, abs=1e-9)
 

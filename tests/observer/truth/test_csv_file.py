@@ -12,14 +12,25 @@ from hypothesis import strategies as st
 
 from observer.errors import TruthError
 from observer.geometry import Pose
-from observer.truth.contract import TrueBody
+from observer.truth.contract import KINDS, Box, Kind, TrueBody
 from observer.truth.csv_file import CsvTruth, TruthSample, write_truth_csv
 
 HEADER = "frame,t,id,x,y,z,vx,vy,vz,visible,size_x,size_y,size_z,yaw"
 ROW = "0,0.0,1,1,2,3,0.1,0,0.2,0.5,0.4,0.5,0.6,0.7"
 
 
-def body(id_: int = 1, *, x: float = 0.0, yaw: float = 0.0, visible: float | None = 1) -> TrueBody:
+BOXED = f"{HEADER},box_u0,box_v0,box_u1,box_v1"
+
+
+def body(
+    id_: int = 1,
+    *,
+    x: float = 0.0,
+    yaw: float = 0.0,
+    visible: float | None = 1,
+    box_px: Box | None = None,
+    kind: Kind | None = None,
+) -> TrueBody:
     return TrueBody(
         id=id_,
         name=f"robot {id_}, the 'red'",
@@ -30,6 +41,8 @@ def body(id_: int = 1, *, x: float = 0.0, yaw: float = 0.0, visible: float | Non
         yaw=yaw,
         visible=visible,
         commanded_speed=0.5,
+        box_px=box_px,
+        kind=kind,
     )
 
 
@@ -39,7 +52,7 @@ def written(path: Path, *samples: TruthSample) -> CsvTruth:
 
 
 def assert_same(a: TrueBody, b: TrueBody) -> None:
-    for name in ("id", "name", "role", "yaw", "visible", "commanded_speed"):
+    for name in ("id", "name", "role", "yaw", "visible", "commanded_speed", "box_px", "kind"):
         assert getattr(a, name) == getattr(b, name), name
     for name in ("position", "velocity", "size"):
         assert np.array_equal(getattr(a, name), getattr(b, name)), name
@@ -47,13 +60,14 @@ def assert_same(a: TrueBody, b: TrueBody) -> None:
 
 def test_round_trip_keeps_every_digit(tmp_path: Path) -> None:
     pose = Pose.from_rotvec([0.1, -0.2, 0.3], [1 / 3, 2, 3])
+    boxed = body(1, x=0.1, box_px=(-0.5, 1 / 3, 100.1, 255.5), kind="person")
     truth = written(
         tmp_path,
-        TruthSample(0, 0.1, (body(1, x=0.1), body(2, visible=None)), pose),
+        TruthSample(0, 0.1, (boxed, body(2, visible=None)), pose),
         TruthSample(1, 0.2, ()),
     )
     first, second = truth.bodies(0.1)
-    assert_same(first, body(1, x=0.1))
+    assert_same(first, boxed)
     assert_same(second, body(2, visible=None))
     assert truth.bodies(0.2) == ()
     read = truth.camera_pose(0.1)
@@ -67,13 +81,25 @@ def test_round_trip_keeps_every_digit(tmp_path: Path) -> None:
 finite = st.floats(-1e6, 1e6)
 
 
-@given(numbers=st.lists(finite, min_size=10, max_size=10), name=st.text(max_size=20))
+@given(
+    numbers=st.lists(finite, min_size=10, max_size=10),
+    name=st.text(max_size=20),
+    box=st.none() | st.tuples(finite, finite, finite, finite),
+    kind=st.sampled_from((None, *KINDS)),
+)
 @settings(deadline=None, max_examples=50)
 def test_round_trip_of_any_numbers(
-    numbers: list[float], name: str, tmp_path_factory: pytest.TempPathFactory
+    numbers: list[float],
+    name: str,
+    box: Box | None,
+    kind: Kind | None,
+    tmp_path_factory: pytest.TempPathFactory,
 ) -> None:
     # A cell is trimmed, and a file holds no lone surrogates and one kind of line end.
     name = name.encode("utf-8", "ignore").decode().replace("\r", "").replace("\0", "").strip()
+    if box is not None:
+        (u0, u1), (v0, v1) = sorted(box[::2]), sorted(box[1::2])
+        box = (u0, v0, u1, v1)
     made = TrueBody(
         id=7,
         name=name or "x",
@@ -84,6 +110,8 @@ def test_round_trip_of_any_numbers(
         yaw=numbers[9],
         visible=None,
         commanded_speed=None,
+        box_px=box,
+        kind=kind,
     )
     truth = written(tmp_path_factory.mktemp("truth"), TruthSample(3, 0.0, (made,)))
     assert_same(truth.bodies(0.0)[0], made)
@@ -107,6 +135,19 @@ def test_values_between_frames_are_interpolated(tmp_path: Path) -> None:
     assert pose is not None
     assert pose.rotvec == pytest.approx([0, 0.1, 0])
     assert pose.translation == pytest.approx([0.5, 0, 0])
+
+
+def test_boxes_between_frames_are_interpolated_where_both_are_known(tmp_path: Path) -> None:
+    truth = written(
+        tmp_path,
+        TruthSample(0, 0.0, (body(1, box_px=(0, 0, 10, 20), kind="robot"), body(2)), None),
+        TruthSample(1, 0.1, (body(1, box_px=(4, 8, 14, 20)), body(2, box_px=(1, 2, 3, 4))), None),
+    )
+    first, second = truth.bodies(0.025)
+    assert first.box_px == pytest.approx((1, 2, 11, 20))
+    assert first.kind == "robot"
+    assert second.box_px is None
+    assert truth.bodies(0.1)[1].box_px == (1, 2, 3, 4)
 
 
 def test_nothing_is_known_before_after_and_in_gaps(tmp_path: Path) -> None:
@@ -156,6 +197,12 @@ def test_reads_rows_in_any_order_and_further_columns(tmp_path: Path) -> None:
         (f"{HEADER}\n{ROW}\n{ROW}\n", "line 3: id 1 appears twice in frame 0"),
         (f"{HEADER}\n{ROW}\n0,0.5,2{ROW[7:]}\n", "line 3: frame 0 has the time 0.5"),
         (f"{HEADER}\n{ROW}\n1,0.0,1{ROW[7:]}\n", "frame 1 has the time 0.0, which is not later"),
+        (BOXED.replace(",box_v1", "") + f"\n{ROW},1,2,3\n", "has box_u0 but not all of box_u0,"),
+        (f"{BOXED}\n{ROW},1,2,3,\n", "line 2: box_v1 must be a number, not ''"),
+        (f"{BOXED}\n{ROW},1,2,3,wide\n", "line 2: box_v1 must be a number, not 'wide'"),
+        (f"{BOXED}\n{ROW},1,2,inf,4\n", "line 2: box_u1 must be finite"),
+        (f"{BOXED}\n{ROW},5,2,3,4\n", "must not exceed box_u1 and box_v1, but the box is 5 2 3 4"),
+        (f"{HEADER},kind\n{ROW},ghost\n", "kind must be robot or person, not 'ghost'"),
         (f"{HEADER},role\n{ROW},ghost\n", "role must be obstacle or observer"),
         (f'{HEADER}\n{ROW[:-3]}"0.7"x\n', "line 2: the line is not valid CSV"),
         (
