@@ -124,15 +124,21 @@ def _preset_result(
     kinds: dict[str, list[Tally]] = defaultdict(list)
     for each, declares in judged:
         if declares is not None:
-            kinds[declares].append(each)
+            kinds[f"{declares}, people" if each.people else declares].append(each)
     return PresetResult(
         preset=name,
         timings=timings,
         opencv=opencv,
         evaluation=summarise(tallies),
-        breakdown=break_down(tallies, scale, {kind: kinds[kind] for kind in sorted(kinds)[::-1]}),
+        breakdown=break_down(tallies, scale, _ordered(kinds)),
         targets=targets(judged, _cost(runs, timings, opencv)) if scale is LAB else (),
     )
+
+
+def _ordered(kinds: Mapping[str, list[Tally]]) -> dict[str, list[Tally]]:
+    """Return the kinds of scenarios, people last and ideal before faulty."""
+    names = sorted(kinds, key=lambda kind: ("people" in kind, "faulty" in kind))
+    return {name: kinds[name] for name in names}
 
 
 def _timings(runs: Sequence[SourceRun]) -> dict[str, Timing]:

@@ -1,4 +1,4 @@
-"""Accuracy by range, true speed, direction of motion and kind of scenario.
+"""Accuracy by range, true speed, direction of motion, kind of obstacle and of scenario.
 
 **Direction** is the angle between the true velocity and the line of sight, told by the share of
 the velocity that lies along that line (its cosine): *lateral* below 0.35 (more than about 70
@@ -15,9 +15,11 @@ from math import inf
 from typing import Literal
 
 from observer.evaluation.evaluate import (
+    box_iou_median,
     coverage,
     delay_median,
     markdown_table,
+    misses_not_told,
     recall,
     rms,
     shown,
@@ -30,6 +32,7 @@ from observer.evaluation.tally import (
     Sample,
     Tally,
 )
+from observer.truth.contract import Kind
 
 LATERAL_BELOW = 0.35
 RADIAL_FROM = 0.85
@@ -75,6 +78,8 @@ class Group:
     velocity_rmse_mps: float | None
     centre_rmse_m: float | None
     coverage: float | None
+    box_iou_median: float | None
+    misses_not_told: int
 
 
 @dataclass(frozen=True)
@@ -94,6 +99,7 @@ class Breakdown:
     by_range: tuple[Group, ...]
     by_speed: tuple[Group, ...]
     by_direction: tuple[Group, ...]
+    by_body: tuple[Group, ...]
     by_kind: tuple[Group, ...]
     delays: tuple[DelayGroup, ...]
 
@@ -103,8 +109,11 @@ GROUPINGS: Mapping[str, str] = {
     "by_range": "range",
     "by_speed": "true speed",
     "by_direction": "direction",
+    "by_body": "obstacles",
     "by_kind": "scenarios",
 }
+
+_BODIES: Mapping[Kind | None, str] = {"robot": "robots", "person": "people", None: "unknown"}
 
 
 def direction_of(radial: float) -> Direction:
@@ -122,7 +131,7 @@ def break_down(
     """Return the figures of several runs together, by class.
 
     Args:
-        kinds: the same runs by what their scenarios declare, as ``{"ideal": [...]}``.
+        kinds: the same runs by the kind of their scenarios, as ``{"ideal": [...]}``.
     """
     runs = list(tallies)
     scored = _scored(runs)
@@ -139,6 +148,11 @@ def break_down(
         by_direction=tuple(
             _group(d, [each for each in scored if direction_of(each[0].radial) == d])
             for d in DIRECTIONS
+        ),
+        by_body=tuple(
+            _group(label, [each for each in scored if each[0].kind == kind])
+            for kind, label in _BODIES.items()
+            if any(sample.kind == kind for sample, _ in scored)
         ),
         by_kind=tuple(_group(kind, _scored(each)) for kind, each in (kinds or {}).items()),
         delays=tuple(_delays(label, each) for label, each in by_direction_and_place.items()),
@@ -164,7 +178,8 @@ def breakdown_tables(breakdowns: Mapping[str, Breakdown]) -> str:
 
 
 _COLUMNS = (
-    "n", "recall", "speed RMSE m/s", "velocity RMSE m/s", "centre RMSE m", "coverage",
+    "n", "recall", "speed RMSE m/s", "velocity RMSE m/s", "centre RMSE m", "coverage", "box IoU",
+    "misses not told",
 )  # fmt: skip
 
 
@@ -188,7 +203,7 @@ def _cells(group: Group | DelayGroup) -> list[str]:
         shown(value)
         for value in (
             group.count, group.recall, group.speed_rmse_mps, group.velocity_rmse_mps,
-            group.centre_rmse_m, group.coverage,
+            group.centre_rmse_m, group.coverage, group.box_iou_median, group.misses_not_told,
         )
     ]  # fmt: skip
 
@@ -228,6 +243,8 @@ def _group(label: str, scored: Sequence[tuple[Sample, bool]]) -> Group:
         velocity_rmse_mps=rms(s.velocity_error_mps for s in measured),
         centre_rmse_m=rms(s.centre_error_m for s in measured),
         coverage=coverage(samples),
+        box_iou_median=box_iou_median(samples),
+        misses_not_told=misses_not_told(samples),
     )
 
 

@@ -26,8 +26,11 @@ class Evaluation:
         frames_degraded, frames_lost: of all frames, by the method's status.
         truth_count: obstacles that count, summed over frames. matched: of these, found ones.
         recall: matched / truth_count.
-        false: instances with no moving truth near. false_per_100_frames. duplicates: second
-            instances on one obstacle.
+        missed: the others. missed_told: of these, those of which the lines tell that they may
+            have been missed. misses_not_told: the rest; misses_not_told_share: of all missed.
+        false: instances with no moving truth near. false_per_100_frames.
+        surplus_boxes: second instances on one obstacle. surplus_boxes_per_100_frames.
+        box_iou_median: intersection over union of the reported and the true box in the image.
         surface_rmse_m: of the position, from the middle of the visible surface.
         centre_rmse_m: of the position, from the centre, once two faces were seen.
         speed_rmse_mps, velocity_rmse_mps: of the length, and of the vector.
@@ -48,9 +51,15 @@ class Evaluation:
     truth_count: int
     matched: int
     recall: float | None
+    missed: int
+    missed_told: int
+    misses_not_told: int
+    misses_not_told_share: float | None
     false: int
     false_per_100_frames: float | None
-    duplicates: int
+    surplus_boxes: int
+    surplus_boxes_per_100_frames: float | None
+    box_iou_median: float | None
     surface_rmse_m: float | None
     centre_rmse_m: float | None
     speed_rmse_mps: float | None
@@ -84,8 +93,12 @@ FIGURE_TITLES: dict[str, str] = {
     "frames_lost": "frames lost",
     "truth_count": "moving obstacles in sight, summed over frames",
     "recall": "recall",
+    "missed": "misses",
+    "misses_not_told": "misses not told",
+    "misses_not_told_share": "misses not told, share of misses",
     "false_per_100_frames": "false per 100 frames",
-    "duplicates": "duplicates",
+    "surplus_boxes_per_100_frames": "surplus boxes per 100 frames",
+    "box_iou_median": "box IoU, median",
     "surface_rmse_m": "position RMSE, visible surface, m",
     "centre_rmse_m": "position RMSE, centre, m",
     "speed_rmse_mps": "speed RMSE, m/s",
@@ -109,9 +122,11 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
     episodes = [e for t in tallies for e in t.episodes]
     frames = sum(t.frames for t in tallies)
     false = sum(len(t.false) for t in tallies)
-    duplicates = sum(t.duplicates for t in tallies)
+    surplus = sum(t.surplus_boxes for t in tallies)
+    missed = [s for s in samples if not s.matched]
+    not_told = misses_not_told(samples)
     switches = sum(s.switched for s in pairs)
-    errors = len(samples) - len(pairs) + false + duplicates + switches
+    errors = len(missed) + false + surplus + switches
     return Evaluation(
         frames=frames,
         frames_without_world=sum(t.frames_without_world for t in tallies),
@@ -120,9 +135,15 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
         truth_count=len(samples),
         matched=len(pairs),
         recall=recall(samples),
+        missed=len(missed),
+        missed_told=len(missed) - not_told,
+        misses_not_told=not_told,
+        misses_not_told_share=not_told / len(missed) if missed else None,
         false=false,
-        false_per_100_frames=100 * false / frames if frames else None,
-        duplicates=duplicates,
+        false_per_100_frames=per_100(false, frames),
+        surplus_boxes=surplus,
+        surplus_boxes_per_100_frames=per_100(surplus, frames),
+        box_iou_median=box_iou_median(samples),
         surface_rmse_m=rms(s.surface_error_m for s in measured),
         centre_rmse_m=rms(s.centre_error_m for s in measured),
         speed_rmse_mps=rms(s.speed_error_mps for s in measured),
@@ -141,6 +162,22 @@ def summarise(tallies: Sequence[Tally]) -> Evaluation:
 def recall(samples: Sequence[Sample]) -> float | None:
     """Return the share of the samples that were found."""
     return sum(s.matched for s in samples) / len(samples) if samples else None
+
+
+def misses_not_told(samples: Iterable[Sample]) -> int:
+    """Return the number of samples that were missed without the line telling so."""
+    return sum(not s.matched and not s.told for s in samples)
+
+
+def box_iou_median(samples: Iterable[Sample]) -> float | None:
+    """Return the median intersection over union of the boxes, where both are known."""
+    known = _known(s.box_iou for s in samples)
+    return float(np.median(known)) if known else None
+
+
+def per_100(count: int, frames: int) -> float | None:
+    """Return a count per 100 frames; None without frames."""
+    return 100 * count / frames if frames else None
 
 
 def coverage(samples: Iterable[Sample]) -> float | None:

@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from observer.errors import InputError
 
@@ -16,6 +16,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
 Matrix = tuple[Vector, Vector, Vector]
 Quaternion = tuple[Finite, Finite, Finite, Finite]
+Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class _Entry(BaseModel):
@@ -41,10 +42,33 @@ class ObstacleEntry(_Entry):
     speed: Annotated[float, Field(ge=0, allow_inf_nan=False)]
     velocity_cov: Matrix | None
     velocity_time: Finite
+    box_px: tuple[Finite, Finite, Finite, Finite] | None = None
+
+
+class Unseen(_Entry):
+    """Regions of the rectified left image in which motion could not be noticed.
+
+    Attributes:
+        share: of the image. causes: shares by cause.
+        rows: of square cells of ``cell_px``, from the top, a letter for each cell from the left;
+            "." is a cell in which motion could be noticed, any other letter one in which not.
+    """
+
+    share: Share
+    causes: dict[str, Share]
+    cell_px: Annotated[int, Field(ge=1)]
+    rows: Annotated[tuple[Annotated[str, Field(min_length=1)], ...], Field(min_length=1)]
+
+    @field_validator("rows")
+    @classmethod
+    def _equally_long(cls, rows: tuple[str, ...]) -> tuple[str, ...]:
+        if len({len(row) for row in rows}) > 1:
+            raise ValueError("all rows must be equally long")
+        return rows
 
 
 class Line(_Entry):
-    """Fields of a frame that evaluation needs."""
+    """Fields of a frame that evaluation needs; ``unseen`` is None where the method tells none."""
 
     frame: int
     time: Finite
@@ -52,6 +76,7 @@ class Line(_Entry):
     status: str
     pose: PoseEntry | None
     obstacles: tuple[ObstacleEntry, ...]
+    unseen: Unseen | None = None
 
 
 def checked_lines(lines: Iterable[Mapping[str, Any]]) -> tuple[Line, ...]:

@@ -72,7 +72,8 @@ def _calls(cost: OpenCvCost) -> str:
 
 _SOURCE_HEADER = [
     "source", "preset", "recall", "false / 100", "speed RMSE", "velocity RMSE", "centre RMSE",
-    "coverage", "delay s", "switches", "MOTA", "degraded", "lost",
+    "coverage", "box IoU", "surplus / 100", "not told", "delay s", "switches", "MOTA",
+    "degraded", "lost",
 ]  # fmt: skip
 
 
@@ -82,7 +83,8 @@ def _source_row(result: SourceResult) -> list[str]:
         return [spec, result.preset, *["-"] * (len(_SOURCE_HEADER) - 2)]
     figures = [
         e.recall, e.false_per_100_frames, e.speed_rmse_mps, e.velocity_rmse_mps, e.centre_rmse_m,
-        e.coverage, e.delay_median_s, e.identity_switches, e.mota, e.frames_degraded,
+        e.coverage, e.box_iou_median, e.surplus_boxes_per_100_frames, e.misses_not_told,
+        e.delay_median_s, e.identity_switches, e.mota, e.frames_degraded,
         e.frames_lost,
     ]  # fmt: skip
     return [spec, result.preset, *map(shown, figures)]

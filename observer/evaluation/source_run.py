@@ -139,7 +139,7 @@ def run_opened(
         run.frames = len(lines[name])
         if opened.truth is not None and name not in (during or {}):
             checked = checked_lines(lines[name])
-            run.tally = tally(checked, opened.truth, gate_m, source.scored_for)
+            run.tally = tally(checked, opened.truth, gate_m, source.scored_for, run.image_size)
     return runs
 
 

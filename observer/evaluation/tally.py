@@ -3,14 +3,16 @@
 The definitions, the same for every method:
 
 * An **instance** is a reported obstacle that is ``confirmed`` and ``moving`` and has a position.
-  Coasting ones are neither right nor wrong.
+  Coasting ones are neither right nor wrong, nor is what moves in place (``in_place``).
 * A true obstacle **moves** above 0.05 m/s. It **counts** while it moves and at least half of it
   is visible, from 0.6 s after both began. One whose visibility is unknown is taken as visible.
 * An instance and a true obstacle **belong together** within the gate (0.5 m, 3 m on the road),
   one to one. As CLEAR-MOT has it (Bernardin and Stiefelhagen, 2008), a pair of the frame before
   stays together while it can, and the rest are paired at the least total distance.
 * An instance is **false** if no moving true obstacle, visible or not, lies within the gate.
-* A second instance on one obstacle is not false but a **duplicate**; MOTA counts both.
+* A second instance on one obstacle is not false but a **surplus box**; MOTA counts both.
+* A miss is **told** if the line says that it is lost, or if it is degraded and motion could not be
+  noticed in at least half of the box in which the obstacle is seen.
 """
 
 from __future__ import annotations
@@ -22,13 +24,16 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from observer.evaluation.lines import Line, ObstacleEntry
+from observer.evaluation.image_boxes import box_iou, clipped, unseen_share
+from observer.evaluation.instances import Instance, centre_distance, instances_of
+from observer.evaluation.lines import Line
 from observer.evaluation.surface import visible_surface
 from observer.geometry import Float64Array, Pose
-from observer.truth.contract import TrueBody, Truth
+from observer.truth.contract import Kind, TrueBody, Truth
 
 MOVING_MPS = 0.05
 VISIBLE_SHARE = 0.5
+UNSEEN_SHARE = 0.5
 SETTLING_S = 0.6
 GATE_M = 0.5
 ROAD_GATE_M = 3.0
@@ -53,6 +58,9 @@ class Sample:
         speed_error_mps, velocity_error_mps: signed difference of lengths; length of the difference.
         mahalanobis2: squared distance of the velocity by its covariance; None without one.
         switched: the instance has another identity than the one this obstacle had before.
+        box_iou: intersection over union of the reported and the true box; None where one is
+            unknown.
+        kind: of the obstacle. told: it was missed, and the line tells so.
     """
 
     range_m: float
@@ -66,6 +74,9 @@ class Sample:
     velocity_error_mps: float | None = None
     mahalanobis2: float | None = None
     switched: bool = False
+    box_iou: float | None = None
+    kind: Kind | None = None
+    told: bool = False
 
 
 @dataclass
@@ -78,6 +89,7 @@ class Episode:
         range_m: from the camera, when it began.
         radial: share of the true velocity along the line of sight, mean of its first 0.6 s:
             bodies that start slowly or turn on the spot have settled their direction then.
+        kind: of the obstacle.
     """
 
     body: int
@@ -86,6 +98,7 @@ class Episode:
     first_seen: float | None = None
     range_m: float = 0.0
     radial: float = 0.0
+    kind: Kind | None = None
 
     @property
     def delay_s(self) -> float:
@@ -125,8 +138,9 @@ class Tally:
         frames: compared frames. frames_without_world: those left out because the segment's
             world cannot be related to the truth's.
         frames_degraded, frames_lost: of all frames, by the method's status.
-        false: instances with no moving truth near. duplicates: second instances on one body.
+        false: instances with no moving truth near. surplus_boxes: second instances on one body.
         moved: True if any true obstacle moved at any time, visible or not.
+        people: True if any true obstacle was a person, moving or not.
         scored_for: the figures that count.
     """
 
@@ -135,23 +149,12 @@ class Tally:
     frames_degraded: int = 0
     frames_lost: int = 0
     false: list[FalseInstance] = field(default_factory=list)
-    duplicates: int = 0
+    surplus_boxes: int = 0
     moved: bool = False
+    people: bool = False
     scored_for: ScoredFor = "everything"
     samples: list[Sample] = field(default_factory=list)
     episodes: list[Episode] = field(default_factory=list)
-
-
-@dataclass(frozen=True, eq=False)
-class _Instance:
-    """A reported obstacle in the truth's world."""
-
-    identity: tuple[int, int]
-    position: Float64Array
-    velocity: Float64Array
-    velocity_cov: Float64Array | None
-    velocity_time: float
-    speed: float
 
 
 def tally(
@@ -159,16 +162,22 @@ def tally(
     truth: Truth,
     gate_m: float = GATE_M,
     scored_for: ScoredFor = "everything",
+    image_size: tuple[int, int] | None = None,
 ) -> Tally:
-    """Compare one run's lines with the truth."""
-    result = _Comparison(truth, gate_m).run(lines)
+    """Compare one run's lines with the truth.
+
+    Args:
+        image_size: width and height, to which reported boxes are cut; None where unknown.
+    """
+    result = _Comparison(truth, gate_m, image_size).run(lines)
     result.scored_for = scored_for
     return result
 
 
 class _Comparison:
-    def __init__(self, truth: Truth, gate_m: float) -> None:
+    def __init__(self, truth: Truth, gate_m: float, image_size: tuple[int, int] | None) -> None:
         self._truth = truth
+        self._image_size = image_size
         self._gate = gate_m
         self._tally = Tally()
         # By the body's id: its present episode, the identity it last had, the sides seen so far.
@@ -213,17 +222,11 @@ class _Comparison:
         return self._worlds[line.segment]
 
     def _compare(self, line: Line, world: Pose) -> None:
-        instances = [
-            _instance(entry, line.segment, world)
-            for entry in line.obstacles
-            if entry.state == "confirmed"
-            and entry.motion == "moving"
-            and entry.position is not None
-            and entry.velocity is not None
-        ]
+        instances = instances_of(line, world)
         bodies = [b for b in self._truth.bodies(line.time) if b.role != "observer"]
         moving = [b for b in bodies if b.speed > MOVING_MPS]
         self._tally.moved |= bool(moving)
+        self._tally.people |= any(b.kind == "person" for b in bodies)
         camera = self._camera_position(line, world)
         for body in moving:
             self._note_sides(body, camera)
@@ -232,11 +235,11 @@ class _Comparison:
         self._together = {body.id: instances[j].identity for body, j in pairs}
         matched = {body.id: instances[j] for body, j in pairs}
         for body in counting:
-            self._sample(body, matched.get(body.id), camera)
+            self._sample(body, matched.get(body.id), camera, line)
         taken = {j for _, j in pairs}
         counted = {b.id for b in counting}
         for j, instance in enumerate(instances):
-            near = [b for b in moving if _distance(b, instance) <= self._gate]
+            near = [b for b in moving if centre_distance(b, instance) <= self._gate]
             for body in near:
                 episode = self._running.get(body.id)
                 if episode is not None and episode.first_seen is None:
@@ -244,7 +247,7 @@ class _Comparison:
             if not near:
                 self._tally.false.append(_false(instance, line, bodies, camera))
             elif j not in taken and all(b.id in counted for b in near):
-                self._tally.duplicates += 1
+                self._tally.surplus_boxes += 1
 
     def _camera_position(self, line: Line, world: Pose) -> Float64Array:
         true_pose = self._truth.camera_pose(line.time)
@@ -269,7 +272,9 @@ class _Comparison:
         for number, body in in_sight.items():
             if number not in self._running:
                 distance = float(np.linalg.norm(body.position - camera))
-                self._running[number] = Episode(number, time, time, range_m=distance)
+                self._running[number] = Episode(
+                    number, time, time, range_m=distance, kind=body.kind
+                )
                 self._first_radial[number] = []
             episode = self._running[number]
             episode.ended = time
@@ -279,11 +284,11 @@ class _Comparison:
         return [b for n, b in in_sight.items() if time - self._running[n].began >= SETTLING_S]
 
     def _pair(
-        self, bodies: list[TrueBody], instances: list[_Instance]
+        self, bodies: list[TrueBody], instances: list[Instance]
     ) -> list[tuple[TrueBody, int]]:
         if not bodies or not instances:
             return []
-        distance = np.array([[_distance(b, i) for i in instances] for b in bodies])
+        distance = np.array([[centre_distance(b, i) for i in instances] for b in bodies])
         distance[distance > self._gate] = _REFUSED
         for row, body in enumerate(bodies):
             for column, instance in enumerate(instances):
@@ -298,10 +303,13 @@ class _Comparison:
             if distance[r, c] < _REFUSED
         ]
 
-    def _sample(self, body: TrueBody, instance: _Instance | None, camera: Float64Array) -> None:
+    def _sample(
+        self, body: TrueBody, instance: Instance | None, camera: Float64Array, line: Line
+    ) -> None:
         common = (float(np.linalg.norm(body.position - camera)), body.speed, _radial(body, camera))
         if instance is None:
-            self._tally.samples.append(Sample(*common, matched=False))
+            told = _told(line, body)
+            self._tally.samples.append(Sample(*common, matched=False, kind=body.kind, told=told))
             return
         before = self._identity.get(body.id)
         self._identity[body.id] = instance.identity
@@ -317,36 +325,30 @@ class _Comparison:
             Sample(
                 *common,
                 matched=True,
-                distance_m=_distance(body, instance),
+                distance_m=centre_distance(body, instance),
                 surface_error_m=float(np.linalg.norm(instance.position - surface)),
-                centre_error_m=_distance(body, instance) if two_faces else None,
+                centre_error_m=centre_distance(body, instance) if two_faces else None,
                 speed_error_mps=instance.speed - then.speed,
                 velocity_error_mps=float(np.linalg.norm(error)),
                 mahalanobis2=mahalanobis2,
                 switched=before is not None and before != instance.identity,
+                box_iou=self._box_iou(body, instance),
+                kind=body.kind,
             )
         )
 
-
-def _instance(entry: ObstacleEntry, segment: int, world: Pose) -> _Instance:
-    assert entry.position is not None
-    assert entry.velocity is not None
-    R = world.rotation
-    cov = None if entry.velocity_cov is None else R @ np.array(entry.velocity_cov) @ R.T
-    return _Instance(
-        identity=(segment, entry.id),
-        position=world.apply(entry.position),
-        velocity=world.rotate(entry.velocity),
-        velocity_cov=cov,
-        velocity_time=entry.velocity_time,
-        speed=entry.speed,
-    )
+    def _box_iou(self, body: TrueBody, instance: Instance) -> float | None:
+        if body.box_px is None or instance.box_px is None:
+            return None
+        size = self._image_size
+        box = instance.box_px if size is None else clipped(instance.box_px, size)
+        return box_iou(box, body.box_px)
 
 
 def _false(
-    instance: _Instance, line: Line, bodies: list[TrueBody], camera: Float64Array
+    instance: Instance, line: Line, bodies: list[TrueBody], camera: Float64Array
 ) -> FalseInstance:
-    nearest = min(bodies, key=lambda body: _distance(body, instance), default=None)
+    nearest = min(bodies, key=lambda body: centre_distance(body, instance), default=None)
     x, y, z = map(float, instance.position)
     return FalseInstance(
         frame=line.frame,
@@ -357,18 +359,23 @@ def _false(
         speed_mps=instance.speed,
         range_m=float(np.linalg.norm(instance.position - camera)),
         nearest_id=None if nearest is None else nearest.id,
-        nearest_m=None if nearest is None else _distance(nearest, instance),
+        nearest_m=None if nearest is None else centre_distance(nearest, instance),
         nearest_moving=None if nearest is None else nearest.speed > MOVING_MPS,
     )
+
+
+def _told(line: Line, body: TrueBody) -> bool:
+    """True if a line tells that this body may have been missed."""
+    if line.status == "lost":
+        return True
+    if line.status == "ok" or line.unseen is None or body.box_px is None:
+        return False
+    return unseen_share(body.box_px, line.unseen) >= UNSEEN_SHARE
 
 
 def _pose(line: Line) -> Pose:
     assert line.pose is not None
     return Pose.from_quaternion(line.pose.orientation_wxyz, line.pose.position)
-
-
-def _distance(body: TrueBody, instance: _Instance) -> float:
-    return float(np.linalg.norm(body.position - instance.position))
 
 
 def _radial(body: TrueBody, camera: Float64Array) -> float:

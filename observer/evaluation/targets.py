@@ -3,6 +3,9 @@
 The figures are for obstacles between 0.8 and 4 m from the camera: samples and episodes elsewhere
 do not count here (they do in ``breakdown``). Lateral motion must be found from 0.2 m/s on, other
 motion from 0.3 m/s on. False instances count wherever they are.
+
+People have figures of their own, from 0.4 m/s on and between 0.5 and 6 m, and count in no other;
+nor do runs in which a person is about count among the false instances of the others.
 """
 
 from __future__ import annotations
@@ -13,9 +16,12 @@ from typing import Any
 
 from observer.evaluation.breakdown import NEAR_M, direction_of
 from observer.evaluation.evaluate import (
+    box_iou_median,
     coverage,
     delay_median,
     markdown_table,
+    misses_not_told,
+    per_100,
     recall,
     rms,
     shown,
@@ -26,6 +32,8 @@ RANGE_M = (0.8, 4.0)
 # A motion this fast must be found, by its direction; slower ones are found where they can be.
 LATERAL_MPS = 0.2
 OTHER_MPS = 0.3
+PEOPLE_RANGE_M = (0.5, 6.0)
+PEOPLE_MPS = 0.4
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,15 @@ def targets(
         runs: each with its scenario's declaration, ``ideal`` or ``faulty``, None where unknown.
         cost: None where it was not measured, or not on a quiet machine.
     """
+    return (
+        *_robots(runs),
+        *_people([t for t, _ in runs]),
+        *([] if cost is None else _costs(cost)),
+    )
+
+
+def _robots(runs: Sequence[tuple[Tally, str | None]]) -> list[Target]:
+    """Return the targets of all that is not known to be a person."""
     tallies = [t for t, _ in runs]
     samples = [s for t in tallies for s in _in_range(t)]
     lateral = [s for s in samples if _is_lateral(s.radial) and s.speed_mps >= LATERAL_MPS]
@@ -97,16 +114,19 @@ def targets(
     measured = [s for t in tallies if t.scored_for == "everything" for s in _in_range(t)]
     centres = [s.centre_error_m for s in measured if s.centre_error_m is not None]
     stated = [s for s in samples if s.mahalanobis2 is not None]
-    episodes = [e for t in tallies for e in t.episodes if _between(e.range_m)]
-    static = [t for t in tallies if not t.moved]
-    return (
+    episodes = [
+        e for t in tallies for e in t.episodes if e.kind != "person" and _between(e.range_m)
+    ]
+    alone = [t for t in tallies if not t.people]
+    static = [t for t in alone if not t.moved]
+    return [
         Target(f"recall, {LATERAL_MPS:g} m/s lateral or {OTHER_MPS:g} m/s otherwise", 0.97, None,
                recall(lateral + other), len(lateral + other)),
         Target(f"recall, lateral from {LATERAL_MPS:g} m/s", 0.97, None, recall(lateral),
                len(lateral)),
         Target(f"recall, radial and diagonal from {OTHER_MPS:g} m/s", 0.97, None, recall(other),
                len(other)),
-        _false("false per 100 frames, all scenarios", 0.5, tallies),
+        _false("false per 100 frames, scenarios without people", 0.5, alone),
         _false("false per 100 frames, static scenarios", 0.0, static),
         *_errors("ideal", 0.02, 0.03, [t for t, declares in runs if declares == "ideal"]),
         *_errors("faulty", 0.05, 0.08, [t for t, declares in runs if declares == "faulty"]),
@@ -117,8 +137,29 @@ def targets(
             e for e in episodes if direction_of(e.radial) == "radial" and e.range_m <= NEAR_M
         ]),
         Target("coverage of velocity", 0.90, 0.98, coverage(stated), len(stated)),
-        *([] if cost is None else _costs(cost)),
-    )  # fmt: skip
+    ]  # fmt: skip
+
+
+def _people(tallies: Sequence[Tally]) -> list[Target]:
+    """Return the targets of people, and of false and surplus instances where people are about."""
+    samples = [s for t in tallies for s in _fast_people(t)]
+    measured = [s for t in tallies if t.scored_for == "everything" for s in _fast_people(t)]
+    pairs = [s for s in measured if s.velocity_error_mps is not None]
+    boxes = [s for s in samples if s.box_iou is not None]
+    among = [t for t in tallies if t.people]
+    frames = sum(t.frames for t in among)
+    surplus = per_100(sum(t.surplus_boxes for t in among), frames)
+    not_told = misses_not_told(samples) if samples else None
+    place = f"people, {PEOPLE_MPS:g} m/s at {PEOPLE_RANGE_M[0]:g}-{PEOPLE_RANGE_M[1]:g} m"
+    return [
+        Target(f"{place}: recall", 0.95, None, recall(samples), len(samples)),
+        Target(f"{place}: velocity RMSE, m/s", None, 0.10,
+               rms(s.velocity_error_mps for s in pairs), len(pairs)),
+        Target(f"{place}: box IoU, median", 0.6, None, box_iou_median(boxes), len(boxes)),
+        Target(f"{place}: misses not told", None, 0.0, not_told, len(samples)),
+        Target("surplus boxes per 100 frames, scenarios with people", None, 0.5, surplus, frames),
+        _false("false per 100 frames, scenarios with people", 0.5, among),
+    ]  # fmt: skip
 
 
 def targets_table(
@@ -152,7 +193,16 @@ def _between(range_m: float) -> bool:
 
 
 def _in_range(tally: Tally) -> list[Sample]:
-    return [s for s in tally.samples if _between(s.range_m)]
+    return [s for s in tally.samples if s.kind != "person" and _between(s.range_m)]
+
+
+def _fast_people(tally: Tally) -> list[Sample]:
+    least, most = PEOPLE_RANGE_M
+    return [
+        s
+        for s in tally.samples
+        if s.kind == "person" and s.speed_mps >= PEOPLE_MPS and least <= s.range_m <= most
+    ]
 
 
 def _is_lateral(radial: float) -> bool:
@@ -162,7 +212,7 @@ def _is_lateral(radial: float) -> bool:
 def _false(figure: str, most: float, tallies: Sequence[Tally]) -> Target:
     frames = sum(t.frames for t in tallies)
     false = sum(len(t.false) for t in tallies)
-    return Target(figure, None, most, 100 * false / frames if frames else None, frames)
+    return Target(figure, None, most, per_100(false, frames), frames)
 
 
 def _errors(kind: str, speed: float, velocity: float, tallies: Sequence[Tally]) -> list[Target]:

@@ -236,14 +236,32 @@ def test_classes_on_the_road() -> None:
     }
 
 
+def test_robots_and_people_apart_where_the_truth_tells_them_apart() -> None:
+    samples = [
+        Sample(2, 0.4, 0.0, matched=True, box_iou=0.8, kind="robot"),
+        Sample(2, 0.4, 0.0, matched=True, box_iou=0.5, kind="person"),
+        Sample(2, 0.4, 0.0, matched=True, box_iou=0.3, kind="person"),
+        Sample(2, 0.4, 0.0, matched=False, kind="person"),
+        Sample(2, 0.4, 0.0, matched=False, kind="person", told=True),
+    ]
+    robots, people = break_down([Tally(samples=samples)]).by_body
+    assert (robots.label, robots.count, robots.recall, robots.box_iou_median) == (
+        "robots", 1, 1.0, 0.8,
+    )  # fmt: skip
+    assert (people.label, people.count, people.recall) == ("people", 4, 0.5)
+    assert people.box_iou_median == pytest.approx(0.4)
+    assert (robots.misses_not_told, people.misses_not_told) == (0, 1)
+    assert [g.label for g in break_down([counted()]).by_body] == ["unknown"]
+
+
 def test_as_json_and_tables(scene: Breakdown) -> None:
     again = json.loads(json.dumps(asdict(scene), allow_nan=False))
     assert again["by_range"][0]["label"] == "< 2 m"
     assert again["delays"][0]["median_s"] == pytest.approx(0.9)
     text = breakdown_tables({"paper": scene, "default": scene})
-    assert "| 3-4 m | default | 7 | 1.000 | 0.000 | 0.000 | 0.100 | 1.000 |" in text
+    assert "| 3-4 m | default | 7 | 1.000 | 0.000 | 0.000 | 0.100 | 1.000 | - | 0 |" in text
     assert "| lateral | paper | 3 | 1 | 0.900 |" in text
     alone = breakdown_tables({"": break_down([counted()])})
-    assert "| 3-4 m | 7 | 1.000 | 0.000 | 0.000 | 0.100 | 1.000 |" in alone
+    assert "| 3-4 m | 7 | 1.000 | 0.000 | 0.000 | 0.100 | 1.000 | - | 0 |" in alone
     assert "| lateral | 3 | 1 | 0.900 |" in alone
     assert "scenarios" not in alone

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -105,7 +105,7 @@ def test_a_perfect_run() -> None:
     # It counts from 0.6 s on: frames 6 to 19.
     assert result.truth_count == result.matched == 14
     assert result.recall == result.mota == result.coverage == 1.0
-    assert result.false == result.duplicates == result.identity_switches == 0
+    assert result.false == result.surplus_boxes == result.identity_switches == 0
     assert result.speed_rmse_mps == pytest.approx(0, abs=1e-12)
     assert result.velocity_rmse_mps == pytest.approx(0, abs=1e-12)
     assert result.motp_m == pytest.approx(0, abs=1e-12)
@@ -238,7 +238,7 @@ def test_only_what_is_half_visible_counts_and_the_rest_is_not_false(
     truth = StraightTruth(RIGHT, visible=visible)
     result = evaluate(perfect(truth, 20), truth)
     assert result.truth_count == counted
-    assert result.false == result.duplicates == 0
+    assert result.false == result.surplus_boxes == 0
 
 
 def test_the_observers_own_robot_is_ignored() -> None:
@@ -248,14 +248,15 @@ def test_the_observers_own_robot_is_ignored() -> None:
     assert result.false == 10
 
 
-def test_a_second_report_on_one_obstacle_is_a_duplicate() -> None:
+def test_a_second_report_on_one_obstacle_is_a_surplus_box() -> None:
     truth = StraightTruth(RIGHT)
     lines = perfect(truth, 20)
     for k, each in enumerate(lines):
         each["obstacles"].append(entry(truth, k * DT, id=99, offset=(0.2, 0, 0)))
     result = evaluate(lines, truth)
     assert result.false == 0
-    assert result.duplicates == 14
+    assert result.surplus_boxes == 14
+    assert result.surplus_boxes_per_100_frames == pytest.approx(70)
     assert result.identity_switches == 0
     assert result.mota == pytest.approx(0.0)
 
@@ -468,3 +469,145 @@ def test_lines_out_of_order_are_refused_within_a_segment() -> None:
     lines[1]["segment"] = 1
     # Neither begins with frame 0, and the truth knows no camera to place them by.
     assert evaluate([lines[2], lines[1]], truth).frames_without_world == 2
+
+
+class BoxedTruth(StraightTruth):
+    """One body with a known box; ``known`` is what the truth tells of it."""
+
+    def __init__(self, **known: Any) -> None:
+        super().__init__(RIGHT)
+        self.known = {"box_px": (0.0, 0.0, 10.0, 20.0), **known}
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        return tuple(replace(body, **self.known) for body in super().bodies(time))
+
+
+@pytest.mark.parametrize(
+    ("reported", "iou"),
+    [
+        ([0, 0, 10, 20], 1.0),
+        ([0, 0, 5, 20], 0.5),
+        ([5, 0, 15, 20], 1 / 3),
+        ([50, 0, 60, 20], 0.0),
+        ([0, 0, 0, 0], 0.0),
+        (None, None),
+    ],
+)
+def test_boxes_are_compared_by_intersection_over_union(
+    reported: list[float] | None, iou: float | None
+) -> None:
+    truth = BoxedTruth()
+    result = evaluate(perfect(truth, 20, box_px=reported), truth)
+    assert result.box_iou_median == (None if iou is None else pytest.approx(iou))
+    unknown = BoxedTruth(box_px=None)
+    assert evaluate(perfect(unknown, 20, box_px=reported), unknown).box_iou_median is None
+
+
+def test_the_median_is_over_all_pairs_with_both_boxes() -> None:
+    truth = BoxedTruth()
+    lines = perfect(truth, 20, box_px=[0, 0, 10, 20])
+    for each in lines[13:18]:
+        each["obstacles"][0]["box_px"] = [0, 0, 5, 20]
+    lines[18]["obstacles"][0]["box_px"] = lines[19]["obstacles"][0]["box_px"] = None
+    # Seven of 1 and five of 0.5.
+    assert evaluate(lines, truth).box_iou_median == 1.0
+    for each in lines[6:9]:
+        each["obstacles"][0]["box_px"] = [0, 0, 5, 20]
+    assert evaluate(lines, truth).box_iou_median == 0.5
+
+
+def test_a_reported_box_is_cut_where_the_image_ends() -> None:
+    truth = BoxedTruth(box_px=(89.5, 39.5, 99.5, 49.5))
+    checked = checked_lines(perfect(truth, 20, box_px=[89.5, 39.5, 109.5, 59.5]))
+    assert summarise([tally(checked, truth)]).box_iou_median == pytest.approx(0.25)
+    cut = tally(checked, truth, image_size=(100, 50))
+    assert summarise([cut]).box_iou_median == pytest.approx(1.0)
+
+
+def unseen(*rows: str) -> dict[str, Any]:
+    return {"share": 0.3, "causes": {"plain": 0.2, "dark": 0.1}, "cell_px": 10, "rows": list(rows)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({}, False),
+        ({"status": "lost"}, True),
+        ({"status": "degraded"}, False),
+        ({"status": "degraded", "unseen": None}, False),
+        ({"status": "degraded", "unseen": unseen("..", "..", "..")}, False),
+        ({"status": "degraded", "unseen": unseen("p.", "d.", "..")}, True),
+        ({"status": "ok", "unseen": unseen("pp", "dd", "..")}, False),
+        # Half of the area, and a little less.
+        ({"status": "degraded", "unseen": unseen("x.", "..", "..")}, True),
+        ({"status": "degraded", "unseen": unseen(".x", "..", "xx")}, False),
+        # What is told of ends above it.
+        ({"status": "degraded", "unseen": unseen("..")}, False),
+    ],
+)
+def test_a_miss_is_told_where_the_line_says_that_it_could_not_see(
+    changes: dict[str, Any], told: bool
+) -> None:
+    truth = BoxedTruth(box_px=(-0.5, -0.5, 9.5, 19.5))
+    result = evaluate([line(k, [], **changes) for k in range(20)], truth)
+    assert result.missed == 14
+    assert result.missed_told == (14 if told else 0)
+    assert result.misses_not_told == (0 if told else 14)
+    assert result.misses_not_told_share == (0.0 if told else 1.0)
+
+
+def test_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
+    """Its lower part covers two cells to a tenth only."""
+    truth = BoxedTruth(box_px=(-0.5, -0.5, 19.5, 10.5))
+    below = {"status": "degraded", "unseen": unseen("..", "dd")}
+    above = {"status": "degraded", "unseen": unseen("dd", "..")}
+    assert evaluate([line(k, [], **below) for k in range(20)], truth).missed_told == 0
+    assert evaluate([line(k, [], **above) for k in range(20)], truth).missed_told == 14
+
+
+def test_a_miss_without_a_known_box_is_told_by_a_lost_line_alone() -> None:
+    truth = BoxedTruth(box_px=None)
+    blind = {"status": "degraded", "unseen": unseen("xx", "xx")}
+    assert evaluate([line(k, [], **blind) for k in range(20)], truth).missed_told == 0
+    assert evaluate([line(k, [], status="lost") for k in range(20)], truth).missed_told == 14
+
+
+def test_no_misses_no_share() -> None:
+    truth = BoxedTruth()
+    result = evaluate(perfect(truth, 20), truth)
+    assert (result.missed, result.misses_not_told, result.misses_not_told_share) == (0, 0, None)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"share": 1.5}, "line 1, unseen.share"),
+        ({"causes": {"dark": -1}}, "line 1, unseen.causes.dark"),
+        ({"cell_px": 0}, "line 1, unseen.cell_px"),
+        ({"rows": []}, "line 1, unseen.rows"),
+        ({"rows": ["..", "."]}, "line 1, unseen.rows: Value error, all rows must be equally long"),
+        ({"rows": [""]}, "line 1, unseen.rows.0"),
+    ],
+)
+def test_regions_that_are_told_wrongly_are_refused(change: dict[str, Any], says: str) -> None:
+    wrong = line(0, [], unseen=unseen("..", "..") | change)
+    with pytest.raises(InputError) as caught:
+        checked_lines([wrong])
+    assert says in str(caught.value)
+
+
+def test_who_moves_in_place_is_no_instance_and_one_that_is_said_to_travel_is_false() -> None:
+    waving = BoxedTruth(kind="person")
+    waving.paths = {1: ((0.0, 0.0, 2.0), (0.0, 0.0, 0.0))}
+    in_place = tally(checked_lines(perfect(waving, 10, motion="in_place")), waving)
+    assert (in_place.people, in_place.moved, in_place.false) == (True, False, [])
+    assert len(tally(checked_lines(perfect(waving, 10)), waving).false) == 10
+
+
+def test_samples_and_episodes_know_what_moved() -> None:
+    person = BoxedTruth(kind="person")
+    counted = tally(checked_lines(perfect(person, 20)), person)
+    assert {s.kind for s in counted.samples} == {e.kind for e in counted.episodes} == {"person"}
+    assert counted.people
+    robot = BoxedTruth(kind="robot")
+    assert not tally(checked_lines([line(k, []) for k in range(20)]), robot).people

@@ -6,6 +6,7 @@ import pytest
 
 from observer.evaluation.tally import Episode, FalseInstance, Sample, Tally
 from observer.evaluation.targets import Cost, Target, targets, targets_table
+from observer.truth.contract import Kind
 
 
 def pair(
@@ -79,8 +80,8 @@ def test_false_ones_over_all_and_where_nothing_ever_moves() -> None:
     moving = Tally(frames=300, moved=True, false=[false_one()])
     static = Tally(frames=100, false=[false_one()])
     found = by_figure((moving, "ideal"), (static, "ideal"))
-    assert found["false per 100 frames, all scenarios"].measured == 0.5
-    assert found["false per 100 frames, all scenarios"].reached
+    assert found["false per 100 frames, scenarios without people"].measured == 0.5
+    assert found["false per 100 frames, scenarios without people"].reached
     assert found["false per 100 frames, static scenarios"].measured == 1.0
     assert found["false per 100 frames, static scenarios"].reached is False
     quiet = by_figure((Tally(frames=100), "ideal"))
@@ -138,6 +139,81 @@ def test_cost_has_a_limit_at_known_image_sizes(
     unknown = by_figure((Tally(frames=1), None), cost=Cost(size, 7.0, None))
     assert unknown["observe over bare OpenCV"].reached is None
     assert "observe over bare OpenCV" not in by_figure((Tally(frames=1), None))
+
+
+PEOPLE = "people, 0.4 m/s at 0.5-6 m: "
+
+
+def person(
+    range_m: float = 2.0,
+    speed: float = 1.0,
+    *,
+    matched: bool = True,
+    told: bool = False,
+    iou: float | None = 0.7,
+    error: float = 0.08,
+) -> Sample:
+    kind: Kind = "person"
+    if not matched:
+        return Sample(range_m, speed, 0.0, matched=False, kind=kind, told=told)
+    return Sample(
+        range_m, speed, 0.0, matched=True, velocity_error_mps=error, speed_error_mps=error,
+        centre_error_m=1.0, mahalanobis2=50.0, switched=True, box_iou=iou, kind=kind,
+    )  # fmt: skip
+
+
+def test_people_have_figures_of_their_own() -> None:
+    samples = [
+        *(person() for _ in range(18)),
+        person(0.5, 0.4),  # at both limits
+        person(6.0, iou=0.1),
+        person(matched=False, told=True),
+        person(0.4, matched=False),  # too near, too far, too slow
+        person(6.1, matched=False),
+        person(2.0, 0.39, matched=False),
+    ]
+    tally = Tally(frames=200, samples=samples, moved=True, people=True, surplus_boxes=2)
+    found = by_figure((tally, "ideal"))
+    expected = {
+        PEOPLE + "recall": (20 / 21, 21, True),
+        PEOPLE + "velocity RMSE, m/s": (0.08, 20, True),
+        PEOPLE + "box IoU, median": (0.7, 20, True),
+        PEOPLE + "misses not told": (0, 21, True),
+        "surplus boxes per 100 frames, scenarios with people": (1.0, 200, False),
+        "false per 100 frames, scenarios with people": (0.0, 200, True),
+    }
+    for figure, (value, count, reached) in expected.items():
+        target = found[figure]
+        assert target.measured == pytest.approx(value), figure
+        assert (target.count, target.reached) == (count, reached), figure
+    missed = Tally(frames=1, samples=[person(matched=False)], moved=True, people=True)
+    assert by_figure((missed, "ideal"))[PEOPLE + "misses not told"].reached is False
+    blind = Tally(frames=1, samples=[person()], people=True, scored_for="detection")
+    only = by_figure((blind, "faulty"))
+    assert only[PEOPLE + "velocity RMSE, m/s"].count == 0
+    assert only[PEOPLE + "box IoU, median"].count == 1
+
+
+def test_people_change_no_figure_of_robots_nor_robots_one_of_people() -> None:
+    robots = Tally(frames=100, samples=[pair(), miss()], moved=True, false=[false_one()])
+    robots.episodes = [Episode(1, 0.0, 3.0, first_seen=0.4, range_m=2.0)]
+    static = Tally(frames=100)
+    people = Tally(
+        frames=100, samples=[person(), person(matched=False)], moved=True, people=True,
+        false=[false_one()] * 50, surplus_boxes=9,
+        episodes=[Episode(1, 0.0, 3.0, range_m=2.0, kind="person")],
+    )  # fmt: skip
+    standing = Tally(frames=100, people=True, false=[false_one()])
+    alone = by_figure((robots, "ideal"), (static, "ideal"))
+    mixed = by_figure((robots, "ideal"), (static, "ideal"), (people, "ideal"), (standing, "ideal"))
+    among = by_figure((people, "ideal"), (standing, "ideal"))
+    assert set(alone) == set(mixed) == set(among)
+    for figure, target in mixed.items():
+        assert (
+            target == (among if "people," in figure or "with people" in figure else alone)[figure]
+        ), figure
+        other = alone if "people," in figure or "with people" in figure else among
+        assert other[figure].reached is None, figure
 
 
 def test_limits_as_text_and_the_tables_columns() -> None:

@@ -1,0 +1,47 @@
+"""Boxes in the rectified left image, as the truth and as a line of ``observe`` tell them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.evaluation.lines import Unseen
+from observer.geometry import Float64Array
+from observer.truth.contract import Box
+
+
+def clipped(box: Box, image_size: tuple[int, int]) -> Box:
+    """Return a box cut by the border of an image of width and height."""
+    ends = np.array([image_size, image_size]).ravel() - 0.5
+    u0, v0, u1, v1 = np.clip(box, -0.5, ends).tolist()
+    return u0, v0, u1, v1
+
+
+def box_iou(a: Box, b: Box) -> float:
+    """Return the area of the intersection over that of the union, 0 to 1."""
+    across = min(a[2], b[2]) - max(a[0], b[0])
+    down = min(a[3], b[3]) - max(a[1], b[1])
+    common = max(across, 0.0) * max(down, 0.0)
+    union = _area(a) + _area(b) - common
+    return common / union if union > 0 else 0.0
+
+
+def unseen_share(box: Box, unseen: Unseen) -> float:
+    """Return the share of a box in which motion could not be noticed, 0 to 1."""
+    area = _area(box)
+    if area <= 0:
+        return 0.0
+    cells = np.array([[letter != "." for letter in row] for row in unseen.rows], dtype=np.float64)
+    rows, columns = cells.shape
+    down = _overlaps(box[1], box[3], rows, unseen.cell_px)
+    across = _overlaps(box[0], box[2], columns, unseen.cell_px)
+    return float(down @ cells @ across) / area
+
+
+def _overlaps(low: float, high: float, count: int, cell_px: int) -> Float64Array:
+    """Return (count,) pixels of an interval within each cell; the first begins at -0.5."""
+    edges = np.clip(np.arange(count + 1) * cell_px - 0.5, low, high)
+    return np.diff(edges)
+
+
+def _area(box: Box) -> float:
+    return max(box[2] - box[0], 0.0) * max(box[3] - box[1], 0.0)

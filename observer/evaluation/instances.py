@@ -1,0 +1,57 @@
+"""Reported obstacles in the truth's world, as they are compared with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.evaluation.lines import Line
+from observer.geometry import Float64Array, Pose
+from observer.truth.contract import Box, TrueBody
+
+
+@dataclass(frozen=True, eq=False)
+class Instance:
+    """A confirmed, moving obstacle of one line, in the truth's world.
+
+    Attributes:
+        identity: segment and id. position: (3,) metres. velocity: (3,) m/s, at ``velocity_time``.
+        velocity_cov: (3, 3), None where unknown. box_px: in the rectified left image.
+    """
+
+    identity: tuple[int, int]
+    position: Float64Array
+    velocity: Float64Array
+    velocity_cov: Float64Array | None
+    velocity_time: float
+    speed: float
+    box_px: Box | None
+
+
+def instances_of(line: Line, world: Pose) -> list[Instance]:
+    """Return the instances of a line, of which ``world`` is ``T_truth_world``."""
+    R = world.rotation
+    return [
+        Instance(
+            identity=(line.segment, entry.id),
+            position=world.apply(entry.position),
+            velocity=world.rotate(entry.velocity),
+            velocity_cov=(
+                None if entry.velocity_cov is None else R @ np.array(entry.velocity_cov) @ R.T
+            ),
+            velocity_time=entry.velocity_time,
+            speed=entry.speed,
+            box_px=entry.box_px,
+        )
+        for entry in line.obstacles
+        if entry.state == "confirmed"
+        and entry.motion == "moving"
+        and entry.position is not None
+        and entry.velocity is not None
+    ]
+
+
+def centre_distance(body: TrueBody, instance: Instance) -> float:
+    """Return the distance of an instance from a body's centre, metres."""
+    return float(np.linalg.norm(body.position - instance.position))
