@@ -53,7 +53,8 @@ class Scenario(Spec):
     Attributes:
         name: the file's name without its ending.
         declares: ``ideal`` where the method must be right, ``faulty`` where the cameras or
-            their calibration are worse than a stereo method may assume.
+            their calibration are worse than a stereo method may assume; whether robots or people
+            move is another matter, which the truth tells.
         scored_for: ``everything``, or ``detection`` where the fault biases depth as such, so that
             errors of position and speed are no figures of the method: then only its status,
             detection and coverage count.

@@ -153,6 +153,22 @@ def test_what_is_scored_for_detection_gives_no_errors() -> None:
     assert whole.presets[0].evaluation.speed_rmse_mps is not None
 
 
+def test_scenarios_with_people_are_kept_apart() -> None:
+    specs = simulated_sources(["people_stop_and_go", "lateral"], [1])
+    (result,) = run_benchmark(specs, {"default": PRESETS["default"]}, max_frames=30).presets
+    assert result.breakdown is not None
+    assert [g.label for g in result.breakdown.by_kind] == ["ideal", "ideal, people"]
+    assert [g.label for g in result.breakdown.by_body] == ["robots", "people"]
+    assert [g.count for g in result.breakdown.by_kind] == [
+        g.count for g in result.breakdown.by_body
+    ]
+    assert result.evaluation is not None
+    assert 0 < (result.evaluation.box_iou_median or 0) < 1
+    people = [t for t in result.targets if "people, 0.4 m/s" in t.figure]
+    assert len(people) == 4
+    assert people[0].count > 0
+
+
 def test_progress_knows_how_long_a_scenario_is() -> None:
     steps: list[tuple[int, int]] = []
     run_benchmark(["simulated:lab"], {"paper": PRESETS["paper"]}, max_frames=6,
