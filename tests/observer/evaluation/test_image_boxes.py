@@ -1,0 +1,158 @@
+"""Boxes in the image: their overlap, misses that are told, and what moves in place."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from observer.errors import InputError
+from observer.evaluation.evaluate import summarise
+from observer.evaluation.lines import checked_lines
+from observer.evaluation.tally import tally
+from observer.truth.contract import TrueBody
+
+from .test_evaluate import RIGHT, StraightTruth, evaluate, line, perfect
+
+
+class BoxedTruth(StraightTruth):
+    """One body with a known box; ``known`` is what the truth tells of it."""
+
+    def __init__(self, **known: Any) -> None:
+        super().__init__(RIGHT)
+        self.known = {"box_px": (0.0, 0.0, 10.0, 20.0), **known}
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        return tuple(replace(body, **self.known) for body in super().bodies(time))
+
+
+@pytest.mark.parametrize(
+    ("reported", "iou"),
+    [
+        ([0, 0, 10, 20], 1.0),
+        ([0, 0, 5, 20], 0.5),
+        ([5, 0, 15, 20], 1 / 3),
+        ([50, 0, 60, 20], 0.0),
+        ([0, 0, 0, 0], 0.0),
+        (None, None),
+    ],
+)
+def test_boxes_are_compared_by_intersection_over_union(
+    reported: list[float] | None, iou: float | None
+) -> None:
+    truth = BoxedTruth()
+    result = evaluate(perfect(truth, 20, box_px=reported), truth)
+    assert result.box_iou_median == (None if iou is None else pytest.approx(iou))
+    unknown = BoxedTruth(box_px=None)
+    assert evaluate(perfect(unknown, 20, box_px=reported), unknown).box_iou_median is None
+
+
+def test_the_median_is_over_all_pairs_with_both_boxes() -> None:
+    truth = BoxedTruth()
+    lines = perfect(truth, 20, box_px=[0, 0, 10, 20])
+    for each in lines[13:18]:
+        each["obstacles"][0]["box_px"] = [0, 0, 5, 20]
+    lines[18]["obstacles"][0]["box_px"] = lines[19]["obstacles"][0]["box_px"] = None
+    # Seven of 1 and five of 0.5.
+    assert evaluate(lines, truth).box_iou_median == 1.0
+    for each in lines[6:9]:
+        each["obstacles"][0]["box_px"] = [0, 0, 5, 20]
+    assert evaluate(lines, truth).box_iou_median == 0.5
+
+
+def test_a_reported_box_is_cut_where_the_image_ends() -> None:
+    truth = BoxedTruth(box_px=(89.5, 39.5, 99.5, 49.5))
+    checked = checked_lines(perfect(truth, 20, box_px=[89.5, 39.5, 109.5, 59.5]))
+    assert summarise([tally(checked, truth)]).box_iou_median == pytest.approx(0.25)
+    cut = tally(checked, truth, image_size=(100, 50))
+    assert summarise([cut]).box_iou_median == pytest.approx(1.0)
+
+
+def unseen(*rows: str) -> dict[str, Any]:
+    return {"share": 0.3, "causes": {"plain": 0.2, "dark": 0.1}, "cell_px": 10, "rows": list(rows)}
+
+
+@pytest.mark.parametrize(
+    ("changes", "told"),
+    [
+        ({}, False),
+        ({"status": "lost"}, True),
+        ({"status": "degraded"}, False),
+        ({"status": "degraded", "unseen": None}, False),
+        ({"status": "degraded", "unseen": unseen("..", "..", "..")}, False),
+        ({"status": "degraded", "unseen": unseen("p.", "d.", "..")}, True),
+        ({"status": "ok", "unseen": unseen("pp", "dd", "..")}, False),
+        # Half of the area, and a little less.
+        ({"status": "degraded", "unseen": unseen("x.", "..", "..")}, True),
+        ({"status": "degraded", "unseen": unseen(".x", "..", "xx")}, False),
+        # What is told of ends above it.
+        ({"status": "degraded", "unseen": unseen("..")}, False),
+    ],
+)
+def test_a_miss_is_told_where_the_line_says_that_it_could_not_see(
+    changes: dict[str, Any], told: bool
+) -> None:
+    truth = BoxedTruth(box_px=(-0.5, -0.5, 9.5, 19.5))
+    result = evaluate([line(k, [], **changes) for k in range(20)], truth)
+    assert result.missed == 14
+    assert result.missed_told == (14 if told else 0)
+    assert result.misses_not_told == (0 if told else 14)
+    assert result.misses_not_told_share == (0.0 if told else 1.0)
+
+
+def test_half_of_the_box_is_measured_by_area_not_by_cells() -> None:
+    """Its lower part covers two cells to a tenth only."""
+    truth = BoxedTruth(box_px=(-0.5, -0.5, 19.5, 10.5))
+    below = {"status": "degraded", "unseen": unseen("..", "dd")}
+    above = {"status": "degraded", "unseen": unseen("dd", "..")}
+    assert evaluate([line(k, [], **below) for k in range(20)], truth).missed_told == 0
+    assert evaluate([line(k, [], **above) for k in range(20)], truth).missed_told == 14
+
+
+def test_a_miss_without_a_known_box_is_told_by_a_lost_line_alone() -> None:
+    truth = BoxedTruth(box_px=None)
+    blind = {"status": "degraded", "unseen": unseen("xx", "xx")}
+    assert evaluate([line(k, [], **blind) for k in range(20)], truth).missed_told == 0
+    assert evaluate([line(k, [], status="lost") for k in range(20)], truth).missed_told == 14
+
+
+def test_no_misses_no_share() -> None:
+    truth = BoxedTruth()
+    result = evaluate(perfect(truth, 20), truth)
+    assert (result.missed, result.misses_not_told, result.misses_not_told_share) == (0, 0, None)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"share": 1.5}, "line 1, unseen.share"),
+        ({"causes": {"dark": -1}}, "line 1, unseen.causes.dark"),
+        ({"cell_px": 0}, "line 1, unseen.cell_px"),
+        ({"rows": []}, "line 1, unseen.rows"),
+        ({"rows": ["..", "."]}, "line 1, unseen.rows: Value error, all rows must be equally long"),
+        ({"rows": [""]}, "line 1, unseen.rows.0"),
+    ],
+)
+def test_regions_that_are_told_wrongly_are_refused(change: dict[str, Any], says: str) -> None:
+    wrong = line(0, [], unseen=unseen("..", "..") | change)
+    with pytest.raises(InputError) as caught:
+        checked_lines([wrong])
+    assert says in str(caught.value)
+
+
+def test_who_moves_in_place_is_no_instance_and_one_that_is_said_to_travel_is_false() -> None:
+    waving = BoxedTruth(kind="person")
+    waving.paths = {1: ((0.0, 0.0, 2.0), (0.0, 0.0, 0.0))}
+    in_place = tally(checked_lines(perfect(waving, 10, motion="in_place")), waving)
+    assert (in_place.people, in_place.moved, in_place.false) == (True, False, [])
+    assert len(tally(checked_lines(perfect(waving, 10)), waving).false) == 10
+
+
+def test_samples_and_episodes_know_what_moved() -> None:
+    person = BoxedTruth(kind="person")
+    counted = tally(checked_lines(perfect(person, 20)), person)
+    assert {s.kind for s in counted.samples} == {e.kind for e in counted.episodes} == {"person"}
+    assert counted.people
+    robot = BoxedTruth(kind="robot")
+    assert not tally(checked_lines([line(k, []) for k in range(20)]), robot).people
