@@ -269,9 +269,11 @@ class World:
         return self.T_world_room @ self.T_room_left(time) @ T_left_camera
 
     def brightness(self, time: float) -> float:
-        """Return the brightness of the light, 1 without flicker."""
-        f = self.scenario.faults.flicker
-        return 1 + f.amplitude * math.sin(2 * math.pi * f.hz * time)
+        """Return the brightness of both cameras' images, 1 without flicker and settled."""
+        f, settling = self.scenario.faults.flicker, self.scenario.faults.settling
+        since = time - max((s for s in settling.again_s if s <= time), default=0.0)
+        exposure = 1 + (settling.gain - 1) * math.exp(-since / settling.time_s)
+        return exposure * (1 + f.amplitude * math.sin(2 * math.pi * f.hz * time))
 
     def _check_room(self) -> None:
         """Refuse vehicles that drive into a wall, checked ten times a second."""
