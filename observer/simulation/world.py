@@ -26,11 +26,12 @@ from observer.camera import StereoCalibration
 from observer.errors import ScenarioError
 from observer.geometry import Float64Array, Pose
 from observer.simulation.bodies import (
-    box_parts,
+    hanging_facet,
     p3dx_parts,
-    poster_facet,
     room_part,
     shadow_facet,
+    standing_parts,
+    standing_shadow,
 )
 from observer.simulation.facets import Facet, Part
 from observer.simulation.held_board import HeldBoard, held_board
@@ -38,6 +39,7 @@ from observer.simulation.motion import Parked, PlanarMotion, PlanarState
 from observer.simulation.people.person import Person
 from observer.simulation.rig import small_rotation, true_calibration
 from observer.simulation.scenarios import Scenario
+from observer.simulation.specs.places import DoorSpec, PosterSpec
 from observer.simulation.specs.vehicles import AMIGOBOT_SIZE
 from observer.simulation.variation import build_motion, oscillation, varied
 
@@ -132,8 +134,8 @@ class World:
         posters: list[Facet] = []
         for k, item in enumerate(s.objects):
             item_seed = texture_seed + 200 + k
-            if item.kind == "poster":
-                posters.append(poster_facet(item, s.room, s.texture, item_seed))
+            if isinstance(item, DoorSpec | PosterSpec):
+                posters.append(hanging_facet(item, s.room, s.texture, item_seed))
                 continue
             bodies.append(
                 Body(
@@ -143,8 +145,8 @@ class World:
                     item.size,
                     item.above_m,
                     build_motion(item),
-                    box_parts(item, s.texture, item_seed),
-                    None if item.above_m else shadow_facet(item.size[0], item.size[1]),
+                    standing_parts(item, s.texture, item_seed),
+                    standing_shadow(item),
                 )
             )
         self.bodies: tuple[Body, ...] = tuple(bodies)
