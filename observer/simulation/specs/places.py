@@ -10,13 +10,17 @@ from observer.simulation.specs.base import Degrees, Finite, Fraction, Positive, 
 
 
 class RoomSpec(Spec):
-    """A rectangular room; ``walls`` and ``floor`` name their textures."""
+    """A rectangular room; ``walls`` and ``floor`` name their textures.
+
+    ``gloss`` is of the floor: 0 is matt, 1 mirrors what stands above it as polished stone does.
+    """
 
     x: tuple[Finite, Finite] = (-2.5, 6.0)
     y: tuple[Finite, Finite] = (-3.5, 3.5)
     height_m: float = Field(2.8, ge=1, le=20)
     floor: Literal["wood", "tiles"] = "wood"
     walls: Literal["painted", "panels", "bare"] = "painted"
+    gloss: Fraction = 0.0
 
     @model_validator(mode="after")
     def _is_a_room(self) -> RoomSpec:
