@@ -99,7 +99,8 @@ def test_a_door_is_a_flat_leaf_in_a_frame_down_to_the_floor() -> None:
 
 def test_bare_walls_are_without_texture_and_end_at_a_ceiling_of_another_tone() -> None:
     scenario = load_scenario("static_edges_turning")
-    scene = World(scenario)
+    upwards = scenario.camera.model_copy(update={"tilt_deg": -4.0})
+    scene = World(scenario.model_copy(update={"camera": upwards}))
     gray = cv2.cvtColor(StereoImager(scene).clean(LEFT, 0.0), cv2.COLOR_BGR2GRAY).astype(float)
     hits, rays = left_hits(scene, 0.0), left_rays(scene)
     points = np.concatenate([rays, np.ones((*rays.shape[:-1], 1))], axis=-1)
