@@ -16,11 +16,29 @@ from observer.simulation.facets import (
     rectangle,
     wheel,
 )
-from observer.simulation.specs.places import BoxSpec, PosterSpec, RoomSpec, TextureSpec
+from observer.simulation.painting.canvas import Colour
+from observer.simulation.specs.places import (
+    BoxSpec,
+    DoorSpec,
+    PosterSpec,
+    RoomSpec,
+    StandingSpec,
+    TableSpec,
+    TextureSpec,
+)
 from observer.simulation.specs.vehicles import P3DX_SIZE
 
 # Distance of a picture from its wall, so that its visibility is decided, metres.
 _POSTER_GAP_M = 0.004
+# Depth of the shadow under a table, into which light falls from all sides.
+_TABLE_SHADOW = 0.3
+# Tones of bare furniture (blue, green, red): beech, white, grey, and of steel and painted wood.
+_TABLE_TONES = ((132.0, 182.0, 212.0), (222.0, 226.0, 226.0), (156.0, 158.0, 158.0))
+_LEG_TONES = ((70.0, 72.0, 74.0), (182.0, 184.0, 184.0), (40.0, 42.0, 44.0))
+_LEAF_TONES = ((206.0, 212.0, 214.0), (120.0, 166.0, 198.0), (160.0, 140.0, 112.0))
+_FRAME_TONES = ((92.0, 96.0, 100.0), (62.0, 80.0, 104.0), (74.0, 62.0, 54.0))
+# Of a table, metres: thickness of its slab, of its legs, and from its edge to a leg.
+_SLAB_M, _LEG_M, _INSET_M = 0.03, 0.05, 0.04
 WALLS = ("front", "left", "back", "right")
 
 
@@ -61,8 +79,10 @@ def _surface(kind: str, seed: int, texture: TextureSpec, where: str) -> Material
     return Material(kind, seed, (*shares, ("where", where)))
 
 
-def poster_facet(spec: PosterSpec, room: RoomSpec, texture: TextureSpec, seed: int) -> Facet:
-    """Build a picture a few millimetres in front of its wall, room frame."""
+def hanging_facet(
+    spec: DoorSpec | PosterSpec, room: RoomSpec, texture: TextureSpec, seed: int
+) -> Facet:
+    """Build a poster or a door a few millimetres in front of its wall, room frame."""
     corner, along, _ = wall_frame(room, spec.wall)
     down = np.array([0.0, 0.0, -1.0])
     inward = np.cross(down, along)
@@ -76,8 +96,50 @@ def poster_facet(spec: PosterSpec, room: RoomSpec, texture: TextureSpec, seed: i
         + (room.height_m - spec.height_m - h / 2) * down
         + _POSTER_GAP_M * inward
     )
-    material = Material(f"poster_{spec.design}", seed, (("contrast", texture.contrast),))
+    contrast = ("contrast", texture.contrast)
+    if isinstance(spec, DoorSpec):
+        leaf, frame = _tone(_LEAF_TONES, seed), _tone(_FRAME_TONES, seed)
+        material = Material("door", 0, (contrast, *_colour(leaf), *_colour(frame, "2")))
+    else:
+        material = Material(f"poster_{spec.design}", seed, (contrast,))
     return rectangle(origin, along, down, (w, h), material)
+
+
+def _tone(tones: tuple[Colour, ...], seed: int) -> Colour:
+    """Draw a tone by a seed."""
+    return tones[int(np.random.default_rng(seed).integers(len(tones)))]
+
+
+def _colour(colour: Colour, which: str = "") -> tuple[tuple[str, float], ...]:
+    """Return the options that give a material its colour."""
+    return tuple((f"{name}{which}", value) for name, value in zip("bgr", colour, strict=True))
+
+
+def standing_parts(spec: BoxSpec | TableSpec, texture: TextureSpec, seed: int) -> tuple[Part, ...]:
+    """Build a box or a table in its own frame."""
+    return (
+        table_parts(spec, seed) if isinstance(spec, TableSpec) else box_parts(spec, texture, seed)
+    )
+
+
+def table_parts(spec: TableSpec, seed: int) -> tuple[Part, ...]:
+    """Build a table's slab and its four legs; from below, the slab is in its own shadow."""
+    length, width, height = spec.size
+    tone = b, g, r = _tone(_TABLE_TONES, seed)
+    top, below, leg = (
+        Material("flat", 0, _colour(colour))
+        for colour in (tone, (0.55 * b, 0.55 * g, 0.55 * r), _tone(_LEG_TONES, seed + 1))
+    )
+    lower, upper = spec.above_m, spec.above_m + height
+    slab = prism(box_outline(length, width), upper - _SLAB_M, upper, top, top, below)
+    x, y = (side / 2 - _INSET_M - _LEG_M / 2 for side in (length, width))
+    outline = box_outline(_LEG_M, _LEG_M)
+    legs = (
+        prism(outline + np.array([sx * x, sy * y]), lower, upper - _SLAB_M, leg, leg)
+        for sx in (-1, 1)
+        for sy in (-1, 1)
+    )
+    return (slab, *legs)
 
 
 def box_parts(spec: BoxSpec, texture: TextureSpec, seed: int) -> tuple[Part, ...]:
@@ -139,10 +201,18 @@ def p3dx_parts(
     return tuple(parts)
 
 
-def shadow_facet(length: float, width: float) -> Facet:
+def standing_shadow(spec: StandingSpec) -> Facet | None:
+    """Build the shadow of a thing; a table's is lighter, and nothing above the floor has one."""
+    if spec.above_m:
+        return None
+    light = (("depth", _TABLE_SHADOW),) if isinstance(spec, TableSpec) else ()
+    return shadow_facet(spec.size[0], spec.size[1], light)
+
+
+def shadow_facet(length: float, width: float, options: tuple[tuple[str, float], ...] = ()) -> Facet:
     """Build the soft contact shadow below a body, on the floor of the body's frame."""
     margin = 0.10
     origin = [length / 2 + margin, width / 2 + margin, 0.0]
     extent = (width + 2 * margin, length + 2 * margin)
-    material = Material("shadow", 0, (("margin", margin),))
+    material = Material("shadow", 0, (("margin", margin), *options))
     return rectangle(origin, [0.0, -1.0, 0.0], [-1.0, 0.0, 0.0], extent, material)

@@ -62,7 +62,7 @@ class Drawing:
     ) -> None:
         self._texture = texture
         self.view = view
-        self._image = image
+        self.image = image
         self._blank = inverse_depth is None
         if inverse_depth is None:
             inverse_depth = np.zeros((view.height, view.width), np.float32)
@@ -82,12 +82,8 @@ class Drawing:
 
     def shadow(self, facet: Facet, seen: SeenFacet) -> None:
         """Darken what lies below a body."""
-        polygon = seen.corners
-        if seen.nearest < NEAR_M:
-            polygon = clip_depth(polygon, NEAR_M, True, 0.0)
-        if not polygon:
-            return
-        window = self.view.window(*_bounds(self._project(polygon)))
+        corners = self._outline(seen)
+        window = self.view.window(*_bounds(corners)) if corners else None
         if window is None:
             return
         u0, v0, u1, v1 = window
@@ -101,8 +97,31 @@ class Drawing:
             borderMode=cv2.BORDER_CONSTANT,
             borderValue=(255, 255, 255),
         )
-        region = self._image[v0:v1, u0:u1]
+        region = self.image[v0:v1, u0:u1]
         region[:] = cv2.multiply(region, light, scale=1 / 255)
+
+    def cover(self, seen: SeenFacet) -> tuple[Window, Float32Array] | None:
+        """Return a window around a facet and the share (h, w) of each pixel that it covers."""
+        corners = self._outline(seen)
+        window = self.view.window(*_bounds(corners)) if corners else None
+        if window is None:
+            return None
+        u0, v0, u1, v1 = window
+        share = coverage(corners, u0, v0, u1 - u0, v1 - v0)
+        return window, np.ones((v1 - v0, u1 - u0), np.float32) if share is None else share
+
+    def reflect(self, window: Window, mirror: Image, share: Float32Array) -> None:
+        """Blend a window's reflection (h, w, 3) into it; what hides what stays as it is."""
+        u0, v0, u1, v1 = window
+        region = self.image[v0:v1, u0:u1]
+        region[:] = cv2.blendLinear(mirror, region, share, 1 - share)
+
+    def _outline(self, seen: SeenFacet) -> list[ImageCorner]:
+        """Return the corners of what is in front of the camera; none if nothing is."""
+        polygon = seen.corners
+        if seen.nearest < NEAR_M:
+            polygon = clip_depth(polygon, NEAR_M, True, 0.0)
+        return self._project(polygon)
 
     def _band(
         self,
@@ -128,7 +147,7 @@ class Drawing:
         patch = self._warp(facet, seen.texture_from_image, window, bounds)
         if gain != 1.0:
             patch = np.asarray(cv2.convertScaleAbs(patch, alpha=gain), np.uint8)
-        region = self._image[v0:v1, u0:u1]
+        region = self.image[v0:v1, u0:u1]
         if share is None:
             region[:] = patch
         else:
@@ -166,7 +185,7 @@ class Drawing:
         u0, v0, u1, v1 = window
         behind = self.inverse_depth[v0:v1, u0:u1]
         share = share * (inverse_depth >= behind)
-        region = self._image[v0:v1, u0:u1]
+        region = self.image[v0:v1, u0:u1]
         region[:] = cv2.blendLinear(patch, region, share, 1 - share)
         np.maximum(behind, inverse_depth, out=behind, where=share >= 0.5)
 

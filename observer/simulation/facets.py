@@ -136,14 +136,22 @@ def rectangle(
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def prism(outline: ArrayLike, bottom: float, top: float, sides: Material, lid: Material) -> Part:
-    """Build an upright prism without its underside.
+def prism(
+    outline: ArrayLike,
+    bottom: float,
+    top: float,
+    sides: Material,
+    lid: Material,
+    underside: Material | None = None,
+) -> Part:
+    """Build an upright prism.
 
     Args:
         outline: (N, 2) convex, counter-clockwise as seen from above, metres.
         bottom, top: heights, metres.
         sides: one texture around the whole outline, from its first vertex on.
         lid: texture of the upper face; the texture's rows run backwards along -x.
+        underside: None for what stands on the floor; its rows run forwards along x.
     """
     points = np.asarray(outline, dtype=np.float64)
     n = len(points)
@@ -158,11 +166,13 @@ def prism(outline: ArrayLike, bottom: float, top: float, sides: Material, lid: M
         along = np.array([*(edges[k] / lengths[k]), 0.0])
         vertices = np.array([[*a, top], [*a, bottom], [*b, bottom], [*b, top]])
         origin = np.array([*a, top]) - starts[k] * along
-        neighbours = ((k - 1) % n, None, (k + 1) % n, n)
+        neighbours = ((k - 1) % n, None if underside is None else n + 1, (k + 1) % n, n)
         facets.append(
             Facet(vertices, origin, along, -_UP, (girth, top - bottom), sides, neighbours)
         )
     facets.append(_lid(points, top, lid))
+    if underside is not None:
+        facets.append(_underside(points, bottom, underside))
     return Part(tuple(facets))
 
 
@@ -177,6 +187,21 @@ def _lid(points: Float64Array, height: float, material: Material) -> Facet:
         (float(high[1] - low[1]), float(high[0] - low[0])),
         material,
         tuple(range(len(points))),
+    )
+
+
+def _underside(points: Float64Array, height: float, material: Material) -> Facet:
+    low, high = points.min(axis=0), points.max(axis=0)
+    n = len(points)
+    return Facet(
+        np.column_stack([points[::-1], np.full(n, height)]),
+        np.array([low[0], high[1], height]),
+        np.array([0.0, -1.0, 0.0]),
+        np.array([1.0, 0.0, 0.0]),
+        (float(high[1] - low[1]), float(high[0] - low[0])),
+        material,
+        # Edge k of the reversed outline belongs to the side that starts at its second vertex.
+        tuple((n - 2 - k) % n for k in range(n)),
     )
 
 

@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 
+import numpy as np
+
 from observer.geometry import Pose
 from observer.simulation.batches import FacetBatch, SeenFacet, View
 from observer.simulation.drawing import NEAR_M, Drawing, Image
@@ -17,6 +19,7 @@ from observer.simulation.lighting import light
 from observer.simulation.motion import Parked
 from observer.simulation.people.drawing import PersonDrawing, SeenPerson
 from observer.simulation.polygons import Float32Array
+from observer.simulation.reflections import mirrored, reflectance
 from observer.simulation.textures import Texture, paint
 from observer.simulation.world import Body, World
 
@@ -45,6 +48,9 @@ class Renderer:
         # All that stands is one batch in the room's frame; each moving body is another.
         self._standing = _Thing(lambda _: Pose.identity(), room, shadows, standing)
         self._moving = tuple(_moving_thing(body) for body in moving)
+        # The last of the room's facets is its floor.
+        self._floor = world.room.facets[-1]
+        self._gloss = world.scenario.room.gloss
         self._board: _Thing | None = None
         if world.board is not None:
             self._board = _Thing(world.T_room_board, (), (), (world.board.part,))
@@ -85,16 +91,37 @@ class Renderer:
         things = (self._standing, *self._moving)
         every = [_SeenThing(thing, view, T_room_camera, time) for thing in things]
         seen = [one for one in every if one.may_be_in_view]
+        floor: SeenFacet | None = None
         for facet, part, _ in every[0].facets(self._standing.room):
             drawing.facet(facet, part, 1.0, hides=False)
+            if facet is self._floor:
+                floor = part
         for one in seen:
             for facet, part, _ in one.facets(one.thing.shadows):
                 drawing.shadow(facet, part)
+        if floor is not None and self._gloss:
+            self._reflect(floor, drawing, T_room_camera, time)
         drawn: list[_SeenThing | SeenPerson] = [*seen]
         drawn += [person.seen(T_room_camera, time) for person in self._people]
         ordered = [(distance, one, k) for one in drawn for distance, k in one.solids()]
         for _, solid, k in sorted(ordered, key=lambda item: -item[0]):
             solid.draw(k, drawing)
+
+    def _reflect(
+        self, floor: SeenFacet, drawing: Drawing, T_room_camera: Pose, time: float
+    ) -> None:
+        """Draw what the floor reflects; a board that is held before the cameras it does not."""
+        covered = drawing.cover(floor)
+        if covered is None:
+            return
+        window, share = covered
+        u0, v0, u1, v1 = window
+        view, T_room_mirror = mirrored(drawing.view, T_room_camera, (v0, v1))
+        image = np.ascontiguousarray(drawing.image[::-1])
+        # From below the floor is not seen, so that nothing is mirrored twice.
+        self._draw_lab(Drawing(self.texture, view, image), view, T_room_mirror, time)
+        share *= reflectance(drawing.view, window, T_room_camera.rotation, self._gloss)
+        drawing.reflect(window, image[::-1][v0:v1, u0:u1], share)
 
     def texture(self, facet: Facet) -> Texture:
         """Return the texture of a facet, painted at its first use."""

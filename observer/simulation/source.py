@@ -82,14 +82,14 @@ class SimulatedSource:
         if self._driven is not None:
             self._driven.advance(now)
         left, right = self._imager.pair(index, now)
-        skewed = s.faults.skew_s != 0
+        tells_skew = s.faults.skew_s != 0 and s.faults.skew_told
         return StereoFrame(
             index=index,
             time=now,
             left=left,
             right=right,
             received=clock.monotonic(),
-            right_time=self._imager.right_time(now) if skewed else None,
+            right_time=self._imager.right_time(now) if tells_skew else None,
             odometry=self._odometry.read(now),
         )
 

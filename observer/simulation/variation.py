@@ -15,7 +15,7 @@ from observer.simulation.scenarios import Scenario
 from observer.simulation.specs.base import SineSpec, Spec
 from observer.simulation.specs.boards import BoardSpec
 from observer.simulation.specs.people import PersonSpec
-from observer.simulation.specs.places import BoxSpec, PosterSpec
+from observer.simulation.specs.places import HangingSpec, ObjectSpec, PosterSpec, StandingSpec
 from observer.simulation.specs.vehicles import (
     ArcLeg,
     DriveLeg,
@@ -30,14 +30,14 @@ from observer.simulation.specs.vehicles import (
 _S = TypeVar("_S", bound=Spec)
 
 
-def build_motion(spec: VehicleSpec | BoxSpec) -> PlanarMotion:
+def build_motion(spec: VehicleSpec | StandingSpec) -> PlanarMotion:
     """Build the motion of a vehicle, or of a thing that stands.
 
     Raises:
         ScenarioError: a leg is too short for its speed, or waypoints coincide.
     """
     heading = math.radians(spec.heading_deg)
-    motion = None if isinstance(spec, BoxSpec) else spec.motion
+    motion = None if isinstance(spec, StandingSpec) else spec.motion
     if motion is None:
         return Parked(spec.x, spec.y, heading)
     if isinstance(motion, SwaySpec):
@@ -113,7 +113,7 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
     def draw(bound: float) -> float:
         return float(rng.uniform(-bound, bound))
 
-    def moved(spec: VehicleSpec | BoxSpec) -> dict[str, float]:
+    def moved(spec: VehicleSpec | StandingSpec) -> dict[str, float]:
         return {
             "x": spec.x + draw(bounds.position_m),
             "y": spec.y + draw(bounds.position_m),
@@ -128,12 +128,14 @@ def varied(scenario: Scenario, seed: int) -> Scenario:
     observer = _faster(scenario.observer, 1 + draw(bounds.speed))
     designs = [item.design for item in scenario.objects if isinstance(item, PosterSpec)]
     rng.shuffle(designs)
-    objects: list[BoxSpec | PosterSpec] = []
+    objects: list[ObjectSpec] = []
     below = (0.0, 0.0)
     for item in scenario.objects:
-        if isinstance(item, PosterSpec):
-            along = item.along_m + draw(bounds.position_m)
-            objects.append(item.model_copy(update={"along_m": along, "design": designs.pop()}))
+        if isinstance(item, HangingSpec):
+            hung: dict[str, object] = {"along_m": item.along_m + draw(bounds.position_m)}
+            if isinstance(item, PosterSpec):
+                hung["design"] = designs.pop()
+            objects.append(item.model_copy(update=hung))
         elif item.above_m:
             # What stands on a box moves with it.
             x, y = item.x + below[0], item.y + below[1]

@@ -26,11 +26,12 @@ from observer.camera import StereoCalibration
 from observer.errors import ScenarioError
 from observer.geometry import Float64Array, Pose
 from observer.simulation.bodies import (
-    box_parts,
+    hanging_facet,
     p3dx_parts,
-    poster_facet,
     room_part,
     shadow_facet,
+    standing_parts,
+    standing_shadow,
 )
 from observer.simulation.facets import Facet, Part
 from observer.simulation.held_board import HeldBoard, held_board
@@ -38,6 +39,7 @@ from observer.simulation.motion import Parked, PlanarMotion, PlanarState
 from observer.simulation.people.person import Person
 from observer.simulation.rig import small_rotation, true_calibration
 from observer.simulation.scenarios import Scenario
+from observer.simulation.specs.places import DoorSpec, PosterSpec
 from observer.simulation.specs.vehicles import AMIGOBOT_SIZE
 from observer.simulation.variation import build_motion, oscillation, varied
 
@@ -132,8 +134,8 @@ class World:
         posters: list[Facet] = []
         for k, item in enumerate(s.objects):
             item_seed = texture_seed + 200 + k
-            if item.kind == "poster":
-                posters.append(poster_facet(item, s.room, s.texture, item_seed))
+            if isinstance(item, DoorSpec | PosterSpec):
+                posters.append(hanging_facet(item, s.room, s.texture, item_seed))
                 continue
             bodies.append(
                 Body(
@@ -143,8 +145,8 @@ class World:
                     item.size,
                     item.above_m,
                     build_motion(item),
-                    box_parts(item, s.texture, item_seed),
-                    None if item.above_m else shadow_facet(item.size[0], item.size[1]),
+                    standing_parts(item, s.texture, item_seed),
+                    standing_shadow(item),
                 )
             )
         self.bodies: tuple[Body, ...] = tuple(bodies)
@@ -282,9 +284,11 @@ class World:
         return self.T_world_room @ self.T_room_left(time) @ T_left_camera
 
     def brightness(self, time: float) -> float:
-        """Return the brightness of the light, 1 without flicker."""
-        f = self.scenario.faults.flicker
-        return 1 + f.amplitude * math.sin(2 * math.pi * f.hz * time)
+        """Return the brightness of both cameras' images, 1 without flicker and settled."""
+        f, settling = self.scenario.faults.flicker, self.scenario.faults.settling
+        since = time - max((s for s in settling.again_s if s <= time), default=0.0)
+        exposure = 1 + (settling.gain - 1) * math.exp(-since / settling.time_s)
+        return exposure * (1 + f.amplitude * math.sin(2 * math.pi * f.hz * time))
 
     def _check_room(self) -> None:
         """Refuse vehicles that drive into a wall, checked ten times a second."""

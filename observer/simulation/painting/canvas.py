@@ -36,6 +36,11 @@ class Canvas:
     def contrast(self) -> float:
         return self.material.number("contrast", 1.0)
 
+    def colour(self, which: str = "") -> Colour:
+        """Return the colour of the material's options ``b``, ``g``, ``r``, or ``b2`` and so on."""
+        b, g, r = (self.material.number(f"{c}{which}", 110.0) for c in "bgr")
+        return b, g, r
+
     @property
     def size_m(self) -> tuple[float, float]:
         """Width and height, metres."""

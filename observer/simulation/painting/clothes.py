@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from observer.simulation.painting.canvas import (
     Canvas,
-    Colour,
     Float32Array,
     mix,
     smoothstep,
@@ -45,7 +44,7 @@ def striped(canvas: Canvas) -> NDArray[np.uint8]:
     image = _cloth(canvas, folds=3.0, weave=1.0)
     period = float(canvas.rng.uniform(0.025, 0.06))
     wave = np.sin(2 * np.pi * canvas.rows() / period) * np.ones((1, canvas.width), np.float32)
-    return canvas.finished(mix(image, _second(canvas), smoothstep(wave, -0.2, 0.2)))
+    return canvas.finished(mix(image, canvas.colour("2"), smoothstep(wave, -0.2, 0.2)))
 
 
 def checked(canvas: Canvas) -> NDArray[np.uint8]:
@@ -54,14 +53,14 @@ def checked(canvas: Canvas) -> NDArray[np.uint8]:
     period = float(canvas.rng.uniform(0.03, 0.07))
     rows = smoothstep(np.sin(2 * np.pi * canvas.rows() / period), -0.1, 0.1)
     columns = smoothstep(np.sin(2 * np.pi * canvas.columns() / period), -0.1, 0.1)
-    return canvas.finished(mix(image, _second(canvas), 0.45 * (rows + columns)))
+    return canvas.finished(mix(image, canvas.colour("2"), 0.45 * (rows + columns)))
 
 
 def printed(canvas: Canvas) -> NDArray[np.uint8]:
     """A print of blots all over."""
     image = _cloth(canvas, folds=3.0, weave=1.0)
     blots = smoothstep(canvas.cloud(0.05, 3), 0.1, 0.3)
-    image = mix(image, _second(canvas), blots)
+    image = mix(image, canvas.colour("2"), blots)
     dots = smoothstep(canvas.cloud(0.025, 2), 1.0, 1.2)
     return canvas.finished(mix(image, (235, 235, 235), 0.8 * dots))
 
@@ -79,19 +78,10 @@ def hair(canvas: Canvas) -> NDArray[np.uint8]:
 
 def _cloth(canvas: Canvas, folds: float, weave: float) -> Float32Array:
     """A tone with folds and weave of these standard deviations, grey levels at middle grey."""
-    colour = _colour(canvas, "")
+    colour = canvas.colour()
     image = canvas.filled(colour)
     brightness = max(0.25, sum(colour) / 3 / 110)
     shade = folds * canvas.noise(0.05, 0.14) + 0.6 * folds * canvas.noise(0.02, 0.05)
     fine = weave * canvas.noise(0.003, 0.003)
     image += spread(brightness * (shade + fine))
     return image
-
-
-def _second(canvas: Canvas) -> Colour:
-    return _colour(canvas, "2")
-
-
-def _colour(canvas: Canvas, which: str) -> Colour:
-    b, g, r = (canvas.material.number(f"{c}{which}", 110.0) for c in "bgr")
-    return b, g, r

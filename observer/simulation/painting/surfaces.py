@@ -129,13 +129,22 @@ def painted_wall(canvas: Canvas) -> NDArray[np.uint8]:
 def panelled_wall(canvas: Canvas) -> NDArray[np.uint8]:
     """Light panels with dark joints and a skirting board; a share of the panels is plain."""
     image = _plastered(canvas, 6.0)
-    above = canvas.size_m[1] - canvas.rows()
     across, _ = _cells(canvas, _PANEL_M)
     starts = np.arange(across) * canvas.width // across
     joint = np.zeros((canvas.height, canvas.width), np.float32)
     joint[:, starts] = 1
     joint[:, starts + 1] = 1
-    image = mix(image, (110, 116, 120), 0.8 * joint)
+    return _skirted(canvas, mix(image, (110, 116, 120), 0.8 * joint))
+
+
+def bare_wall(canvas: Canvas) -> NDArray[np.uint8]:
+    """One flat tone above a skirting board."""
+    return _skirted(canvas, canvas.filled(_WALL_COLOURS[canvas.material.text("where", "left")]))
+
+
+def _skirted(canvas: Canvas, image: Float32Array) -> NDArray[np.uint8]:
+    """Finish a wall with a skirting board and the light of the lamps."""
+    above = canvas.size_m[1] - canvas.rows()
     board = np.ones((1, canvas.width), np.float32) * (above < 0.08)
     image = mix(image, (88, 92, 96), board)
     light = 0.82 + 0.2 * smoothstep(above, 0.0, 2.2)
@@ -150,11 +159,12 @@ def ceiling(canvas: Canvas) -> NDArray[np.uint8]:
 def shadow(canvas: Canvas) -> NDArray[np.uint8]:
     """Light that a contact shadow leaves: 255 outside, dark in the middle."""
     margin = canvas.material.number("margin", 0.1)
+    depth = canvas.material.number("depth", 0.62)
     image = np.zeros((canvas.height, canvas.width), np.float32)
     m = canvas.px(margin)
     image[m : canvas.height - m, m : canvas.width - m] = 1.0
     soft = cv2.GaussianBlur(image, (0, 0), margin * canvas.density * 0.33)
     # The very edge must have no effect at all, or the facet's outline would show.
     soft = soft * smoothstep(canvas.edge_distance(), 0.0, margin * 0.6)
-    light = np.clip(np.rint(255 * (1 - 0.62 * soft)), 0, 255).astype(np.uint8)
+    light = np.clip(np.rint(255 * (1 - depth * soft)), 0, 255).astype(np.uint8)
     return np.asarray(cv2.cvtColor(light, cv2.COLOR_GRAY2BGR), np.uint8)

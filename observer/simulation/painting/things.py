@@ -263,3 +263,23 @@ def rubber(canvas: Canvas) -> NDArray[np.uint8]:
     stripes = np.sin(canvas.columns() * 2 * math.pi / 0.012)
     image += spread(5 * stripes * np.ones((canvas.height, 1), np.float32))
     return canvas.finished(image)
+
+
+def flat(canvas: Canvas) -> NDArray[np.uint8]:
+    """One flat tone."""
+    return canvas.finished(canvas.filled(canvas.colour()))
+
+
+def door(canvas: Canvas) -> NDArray[np.uint8]:
+    """A flat leaf in a frame, with a gap between them and a handle."""
+    image = canvas.filled(canvas.colour("2"))
+    h, w, frame = canvas.height, canvas.width, canvas.px(0.07)
+    gap = max(1, canvas.px(0.006))
+    image[frame - gap :, frame - gap : w - frame + gap] = (48, 50, 52)
+    image[frame : h - gap, frame : w - frame] = canvas.colour()
+    x, y = w - frame - canvas.px(0.07), h - canvas.px(1.02)
+    length, thick = canvas.px(0.13), max(2, canvas.px(0.022))
+    plate = (x - thick, y - 2 * thick), (x + thick, y + 4 * thick)
+    cv2.rectangle(image, *plate, (168, 170, 172), -1)
+    cv2.rectangle(image, (x - length, y), (x, y + thick), (70, 74, 78), -1)
+    return canvas.finished(image)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pydantic import Field
 
-from observer.simulation.specs.base import Fraction, SineSpec, Spec
+from observer.simulation.specs.base import Fraction, Positive, SineSpec, Spec
 
 
 class CameraSpec(Spec):
@@ -61,6 +61,19 @@ class FlickerSpec(Spec):
     hz: float = Field(2.0, gt=0, le=1000)
 
 
+class SettlingSpec(Spec):
+    """Automatic exposure that settles: brightness ``1 + (gain - 1) exp(-t / time_s)``.
+
+    Attributes:
+        gain: brightness of the first image.
+        again_s: instants at which the light is switched, from which it settles anew.
+    """
+
+    gain: float = Field(1.0, gt=0, le=10)
+    time_s: Positive = 0.7
+    again_s: tuple[Positive, ...] = ()
+
+
 class FaultSpec(Spec):
     """Faults of the cameras.
 
@@ -71,16 +84,19 @@ class FaultSpec(Spec):
         exposure_s: length of the exposure, during which motion blurs; the mean instant counts.
         exposure_samples: instants that are rendered and averaged over the exposure.
         skew_s: the right camera exposes later by this time; free-running cameras.
+        skew_told: whether the frames bring the right camera's time; cheap cameras stamp the pair.
         readout_s: rolling shutter: from the exposure of the first to that of the last row.
     """
 
     noise: float = Field(0.0, ge=0, le=30)
     gain: float = Field(0.0, ge=-0.9, le=2)
     flicker: FlickerSpec = FlickerSpec()
+    settling: SettlingSpec = SettlingSpec()
     blur_px: float = Field(0.0, ge=0, le=20)
     exposure_s: float = Field(0.0, ge=0, le=0.5)
     exposure_samples: int = Field(5, ge=2, le=32)
     skew_s: float = Field(0.0, ge=-0.5, le=0.5)
+    skew_told: bool = True
     readout_s: float = Field(0.0, ge=0, le=0.2)
     lens: LensSpec = LensSpec()
     tilt: TiltSpec = TiltSpec()

@@ -10,13 +10,17 @@ from observer.simulation.specs.base import Degrees, Finite, Fraction, Positive, 
 
 
 class RoomSpec(Spec):
-    """A rectangular room; ``walls`` and ``floor`` name their textures."""
+    """A rectangular room; ``walls`` and ``floor`` name their textures.
+
+    ``gloss`` is of the floor: 0 is matt, 1 mirrors what stands above it as polished stone does.
+    """
 
     x: tuple[Finite, Finite] = (-2.5, 6.0)
     y: tuple[Finite, Finite] = (-3.5, 3.5)
     height_m: float = Field(2.8, ge=1, le=20)
     floor: Literal["wood", "tiles"] = "wood"
-    walls: Literal["painted", "panels"] = "painted"
+    walls: Literal["painted", "panels", "bare"] = "painted"
+    gloss: Fraction = 0.0
 
     @model_validator(mode="after")
     def _is_a_room(self) -> RoomSpec:
@@ -26,10 +30,9 @@ class RoomSpec(Spec):
         return self
 
 
-class BoxSpec(Spec):
-    """A crate or a cardboard box on the floor, or on another one (``above_m``)."""
+class StandingSpec(Spec):
+    """A thing on the floor, or on another one (``above_m``)."""
 
-    kind: Literal["crate", "cardboard", "cabinet"]
     x: Finite
     y: Finite
     heading_deg: Degrees = 0.0
@@ -37,22 +40,48 @@ class BoxSpec(Spec):
     above_m: float = Field(0.0, ge=0, le=10)
 
 
-class PosterSpec(Spec):
+class BoxSpec(StandingSpec):
+    """A crate, a cardboard box or a cabinet."""
+
+    kind: Literal["crate", "cardboard", "cabinet"]
+
+
+class TableSpec(StandingSpec):
+    """A bare table: a slab on four legs, one flat tone each, drawn from the seed."""
+
+    kind: Literal["table"]
+    size: tuple[Positive, Positive, Positive] = (0.7, 1.4, 0.74)
+
+
+class HangingSpec(Spec):
     """A picture on a wall.
 
     ``wall`` is named as seen from the start; ``along_m`` is y on the front and back wall and x
     on the left and right one; ``height_m`` is the height of the picture's centre.
     """
 
-    kind: Literal["poster"]
     wall: Literal["front", "back", "left", "right"]
     along_m: Finite
     height_m: float = Field(0.9, gt=0, le=20)
     size: tuple[Positive, Positive] = (0.6, 0.8)
+
+
+class DoorSpec(HangingSpec):
+    """A closed door: a flat leaf in a frame of another tone, drawn from the seed."""
+
+    kind: Literal["door"]
+    height_m: float = Field(1.03, gt=0, le=20)
+    size: tuple[Positive, Positive] = (1.0, 2.06)
+
+
+class PosterSpec(HangingSpec):
+    """A poster."""
+
+    kind: Literal["poster"]
     design: Literal["rings", "blocks", "map", "waves", "tag", "sign", "checkerboard"] = "rings"
 
 
-ObjectSpec = Annotated[BoxSpec | PosterSpec, Field(discriminator="kind")]
+ObjectSpec = Annotated[BoxSpec | TableSpec | DoorSpec | PosterSpec, Field(discriminator="kind")]
 
 
 class TextureSpec(Spec):

