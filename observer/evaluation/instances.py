@@ -55,3 +55,15 @@ def instances_of(line: Line, world: Pose) -> list[Instance]:
 def centre_distance(body: TrueBody, instance: Instance) -> float:
     """Return the distance of an instance from a body's centre, metres."""
     return float(np.linalg.norm(body.position - instance.position))
+
+
+def axis_distance(body: TrueBody, instance: Instance) -> float:
+    """Return the distance of an instance from a body's upright axis, metres.
+
+    Of a tall body often only a part is seen, whose middle lies above or below the centre. The
+    truth's world is upright but for the tilt of its first camera.
+    """
+    gap = instance.position - body.position
+    half = float(body.size[2]) / 2
+    gap[1] -= np.clip(gap[1], -half, half)
+    return float(np.linalg.norm(gap))

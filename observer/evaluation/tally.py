@@ -6,9 +6,10 @@ The definitions, the same for every method:
   Coasting ones are neither right nor wrong, nor is what moves in place (``in_place``).
 * A true obstacle **moves** above 0.05 m/s. It **counts** while it moves and at least half of it
   is visible, from 0.6 s after both began. One whose visibility is unknown is taken as visible.
-* An instance and a true obstacle **belong together** within the gate (0.5 m, 3 m on the road),
-  one to one. As CLEAR-MOT has it (Bernardin and Stiefelhagen, 2008), a pair of the frame before
-  stays together while it can, and the rest are paired at the least total distance.
+* An instance and a true obstacle **belong together** within the gate (0.5 m, 3 m on the road) of
+  the obstacle's upright axis, one to one. As CLEAR-MOT has it (Bernardin and Stiefelhagen, 2008),
+  a pair of the frame before stays together while it can, and the rest are paired at the least
+  total distance.
 * An instance is **false** if no moving true obstacle, visible or not, lies within the gate.
 * A second instance on one obstacle is not false but a **surplus box**; MOTA counts both.
 * A miss is **told** if the line says that it is lost, or if it is degraded and motion could not be
@@ -25,7 +26,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from observer.evaluation.image_boxes import box_iou, clipped, unseen_share
-from observer.evaluation.instances import Instance, centre_distance, instances_of
+from observer.evaluation.instances import Instance, axis_distance, centre_distance, instances_of
 from observer.evaluation.lines import Line
 from observer.evaluation.surface import visible_surface
 from observer.geometry import Float64Array, Pose
@@ -239,7 +240,7 @@ class _Comparison:
         taken = {j for _, j in pairs}
         counted = {b.id for b in counting}
         for j, instance in enumerate(instances):
-            near = [b for b in moving if centre_distance(b, instance) <= self._gate]
+            near = [b for b in moving if axis_distance(b, instance) <= self._gate]
             for body in near:
                 episode = self._running.get(body.id)
                 if episode is not None and episode.first_seen is None:
@@ -288,7 +289,7 @@ class _Comparison:
     ) -> list[tuple[TrueBody, int]]:
         if not bodies or not instances:
             return []
-        distance = np.array([[centre_distance(b, i) for i in instances] for b in bodies])
+        distance = np.array([[axis_distance(b, i) for i in instances] for b in bodies])
         distance[distance > self._gate] = _REFUSED
         for row, body in enumerate(bodies):
             for column, instance in enumerate(instances):
@@ -348,7 +349,7 @@ class _Comparison:
 def _false(
     instance: Instance, line: Line, bodies: list[TrueBody], camera: Float64Array
 ) -> FalseInstance:
-    nearest = min(bodies, key=lambda body: centre_distance(body, instance), default=None)
+    nearest = min(bodies, key=lambda body: axis_distance(body, instance), default=None)
     x, y, z = map(float, instance.position)
     return FalseInstance(
         frame=line.frame,
@@ -359,7 +360,7 @@ def _false(
         speed_mps=instance.speed,
         range_m=float(np.linalg.norm(instance.position - camera)),
         nearest_id=None if nearest is None else nearest.id,
-        nearest_m=None if nearest is None else centre_distance(nearest, instance),
+        nearest_m=None if nearest is None else axis_distance(nearest, instance),
         nearest_moving=None if nearest is None else nearest.speed > MOVING_MPS,
     )
 
