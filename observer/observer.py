@@ -224,7 +224,7 @@ class Observer:
     def _new_method(self, view: View) -> Method:
         match _method_name(self.parameters):
             case "rigid":
-                return RigidMethod(self.camera, view, self.parameters, self._numbers)
+                return RigidMethod(self.camera, view, self.parameters, self._numbers, self._mount)
             case "monocular":
                 return MonocularMethod(
                     self.camera, view, self.parameters, self._numbers, self._mount

@@ -157,7 +157,7 @@ def _judge(
             if middle > threshold or obstacle == NO_OBSTACLE
             else f"It is part of {_name(obstacle)}, which was seen to move; what shows here now "
             f"is {speed:.2f} m/s ({stands_out}).",
-            _until_it_ends(evidence, obstacle, parameters)
+            _until_it_ends(evidence, speaker, parameters)
             if obstacle != NO_OBSTACLE
             else _until(middle, threshold, parameters),
         )
@@ -166,6 +166,13 @@ def _judge(
             PixelVerdict.UNDECIDED,
             "The features here have no depth: the other camera does not find them.",
             "It changes once the right camera sees this place too; no threshold decides it.",
+        )
+    if not evidence.cornered[speaker]:
+        return (
+            PixelVerdict.UNDECIDED,
+            "The features here lie on a straight edge, along which they may slide: that is no "
+            "evidence of motion.",
+            "It changes with texture across the edge; no threshold decides it.",
         )
     if middle == 0:
         return (
@@ -237,8 +244,14 @@ def _name(obstacle: int) -> str:
     return "an obstacle not confirmed yet" if is_provisional(obstacle) else f"obstacle {obstacle}"
 
 
-def _until_it_ends(evidence: PointEvidence, obstacle: int, parameters: Parameters) -> str:
+def _until_it_ends(evidence: PointEvidence, speaker: int, parameters: Parameters) -> str:
     """Say what would end the obstacle that a feature is part of."""
+    obstacle = int(evidence.obstacle_id[speaker])
+    if evidence.on_outline[speaker]:
+        return (
+            f"No threshold decides it: the features on {_name(obstacle)} are its own for as long "
+            f"as it stands apart in depth."
+        )
     seen, now = int(np.count_nonzero(evidence.obstacle_id == obstacle)), parameters.obstacles
     _, most = limits("obstacles.min_points")
     if seen + 1 > most:

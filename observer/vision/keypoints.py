@@ -28,6 +28,10 @@ _TURNS = 2
 _CANDIDATES_PER_CELL = 8
 # Making the image smaller smooths it: so much of the gradients of fine texture remains.
 _SMOOTHED = 0.5
+# Side of the neighbourhood, in the smaller image, that shows whether there is but a straight edge,
+# and the ratio of the eigenvalues of its gradient matrix below which there is.
+_EDGE_WINDOW = 7
+_EDGE_RATIO = 0.05
 
 
 def attention(
@@ -230,3 +234,17 @@ def _firsts(ordered: NDArray[np.intp]) -> NDArray[np.bool_]:
     first = np.ones(len(ordered), np.bool_)
     first[1:] = ordered[1:] != ordered[:-1]
     return first
+
+
+def has_corner(image: Image, px: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(N,) whether the texture at pixels (N, 2) varies in more than one direction.
+
+    By the eigenvalues of the gradient matrix, of the image (H, W) made smaller, whose noise
+    would otherwise pass for texture across an edge. Along a straight edge a match may slide.
+    """
+    scale = 1 / _REDUCTION
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    values = cv2.cornerEigenValsAndVecs(small, _EDGE_WINDOW, 3)
+    columns, rows = np.clip((px / _REDUCTION).astype(np.intp), 0, np.array(small.shape[::-1]) - 1).T
+    one, other = values[rows, columns, 0], values[rows, columns, 1]
+    return np.asarray(np.minimum(one, other) >= _EDGE_RATIO * np.maximum(one, other))

@@ -162,7 +162,7 @@ class Watched:
         now = CameraStep(CAMERA, HERE, step_cov, CameraRate.still(), dt)
         motion = pooled_motion(points, now, p.evidence)
         points = points.but(dynamic=motion.dynamic)
-        self.points = self.tracker.step(points, sightings, motion, now, p)
+        self.points = self.tracker.step(points, sightings, motion, None, now, p)
         self._renew()
         return self.tracks
 

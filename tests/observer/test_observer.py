@@ -257,11 +257,11 @@ def test_a_repeated_frame_is_left_out(moving: list[StereoFrame]) -> None:
 def test_time_that_runs_back_begins_a_new_segment(moving: list[StereoFrame]) -> None:
     observer = Observer(CALIBRATION, preset("default"))
     observe_all(observer, moving[:6])
-    back = observe_all(observer, moving[:5])
+    back = observe_all(observer, moving[:6])
     assert back[0].segment == 1
     assert any("time went back" in reason for reason in back[0].reasons)
     assert back[0].obstacles == ()
-    assert back[4].reported
+    assert back[5].reported
 
 
 def test_a_new_segment_forgets_everything(moving: list[StereoFrame]) -> None:

@@ -17,6 +17,7 @@ from observer.methods.contract import StageTimer, Step
 from observer.methods.rigid.bodies.reporting import describe_body
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.scene import DenseVision
 from observer.methods.rigid.ego_motion import StaticScene, estimate_rigid_motion
 from observer.methods.rigid.motion_test import pooled_motion
 from observer.methods.rigid.point_renewal import PointRenewal
@@ -29,10 +30,11 @@ from observer.methods.rigid.point_tracking import (
 )
 from observer.methods.rigid.trace import keep_background, keep_motion, stereo_rows
 from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.mount import CameraMount
 from observer.parameters import Parameters
 from observer.types import Obstacle, Trace
 from observer.vision.camera_rate import CameraRate
-from observer.vision.keypoints import density_weights
+from observer.vision.keypoints import density_weights, has_corner
 from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
 from observer.vision.lifecycle import while_lost
 from observer.vision.motion_gate import ImageReach, MotionGate
@@ -55,12 +57,17 @@ class RigidMethod:
         view: View,
         parameters: Parameters,
         numbers: Iterator[int] | None = None,
+        mount: CameraMount | None = None,
     ) -> None:
-        """``view`` is the first of a new world; ``numbers`` gives each confirmed track its own."""
+        """``view`` is the first of a new world; ``numbers`` gives each confirmed track its own.
+
+        ``mount`` tells where the ground is; without one it is found once it is seen.
+        """
         self._camera = camera
         self._tracker = BodyTracker(numbers)
         self._renewal = PointRenewal(camera)
         self._gate = MotionGate()
+        self._dense = DenseVision(camera, mount)
         self._points = TrackedPoints.none()
         self._view = view
         # The last frame whose pose is known; None while that is the first.
@@ -93,10 +100,13 @@ class RigidMethod:
             T_world_camera = now.T_world_camera
             sightings = world_sightings(points, sigma * self._noise, T_world_camera, self._camera)
             points = points.sighted(sightings, dt, p.evidence.memory_s)
+            points = points.but(cornered=has_corner(view.left, points.px))
             motion = pooled_motion(points, now, p.evidence)
             points = points.but(dynamic=motion.dynamic, velocity=motion.own_velocity)
+        with timer("dense"):
+            scene = self._dense.look(view, now, p.stereo)
         with timer("tracking"):
-            points = self._tracker.step(points, sightings, motion, now, p)
+            points = self._tracker.step(points, sightings, motion, scene, now, p)
         keep_motion(trace, before, points, seen, ego, motion)
         self._view, self._points, self._last = view, points, now
         with timer("features"):

@@ -104,6 +104,8 @@ def _own_motion(points: TrackedPoints, parameters: EvidenceParameters) -> _OwnMo
     """Motion of each point by itself, its covariance inflated by scatter beyond the noise."""
     information, vector = points.sums.velocity_information()
     ready = (points.sightings >= parameters.min_sightings) & np.isfinite(vector).all(axis=1)
+    # Along a straight edge a match may slide: that is no evidence of motion.
+    ready &= points.cornered
     # Seen along one line only, or always at one instant, a point's velocity is unknown.
     scale = np.trace(information, axis1=1, axis2=2) / 3
     ready &= scale > _LEAST_REMAINDER * np.trace(points.sums.a2, axis1=1, axis2=2)

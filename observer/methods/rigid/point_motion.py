@@ -59,6 +59,9 @@ class PointEvidence:
         neighbours: (N,) how many features were pooled.
         obstacle_id: (N,) number of the obstacle each belongs to, -1 = none;
             below that it is not confirmed yet.
+        cornered: (N,) whether its texture varies in more than one direction; along a straight
+            edge a match may slide, and is no evidence.
+        on_outline: (N,) whether it is seen on the outline of its obstacle.
     """
 
     px: NDArray[np.float32]
@@ -71,3 +74,5 @@ class PointEvidence:
     dynamic: NDArray[np.bool_]
     neighbours: NDArray[np.int_]
     obstacle_id: NDArray[np.int_]
+    cornered: NDArray[np.bool_]
+    on_outline: NDArray[np.bool_]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.methods.rigid.point_motion import PointEvidence, PooledMotion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
@@ -46,7 +47,7 @@ def keep_motion(
     trace.keep("flow_px", start[known])
     trace.keep("flow_observed_px", (start + residual)[known].astype(np.float32))
     trace.keep("flow_residual_px", residual[known].astype(np.float32))
-    trace.keep("dynamic", (motion.dynamic | (points.obstacle != NO_OBSTACLE))[known])
+    trace.keep("dynamic", (motion.dynamic | (_obstacle(points) != NO_OBSTACLE))[known])
     trace.keep("evidence", _evidence(points, ego, motion))
 
 
@@ -62,10 +63,18 @@ def _evidence(points: TrackedPoints, ego: RigidEgoMotion, motion: PooledMotion) 
         velocity_std=np.sqrt(np.maximum(np.einsum("nii->n", motion.covariance) / 3, 0.0)),
         significance=motion.significance,
         threshold=motion.threshold,
-        dynamic=motion.dynamic | (points.obstacle != NO_OBSTACLE),
+        dynamic=motion.dynamic | (_obstacle(points) != NO_OBSTACLE),
         neighbours=motion.neighbours,
-        obstacle_id=points.obstacle,
+        obstacle_id=_obstacle(points),
+        cornered=points.cornered,
+        on_outline=points.within != NO_OBSTACLE,
     )
+
+
+def _obstacle(points: TrackedPoints) -> NDArray[np.int64]:
+    """(N,) the obstacle that points belong to, or on whose outline they are seen."""
+    on_outline = np.maximum(points.within, NO_OBSTACLE)
+    return np.where(points.obstacle != NO_OBSTACLE, points.obstacle, on_outline)
 
 
 def stereo_rows(points: TrackedPoints) -> StereoRows:

@@ -42,10 +42,14 @@ class TrackedPoints:
         sightings: (N,) in how many frames the point was seen.
         age: (N,) seconds since it was first seen.
         sums: position and velocity of each point, world frame.
+        cornered: (N,) whether the texture there varies in more than one direction.
         velocity: (N, 3) m/s, world, by itself at the last frame; 0 while unknown.
         dynamic: (N,) whether it moved, at the last frame.
         obstacle: (N,) number of the obstacle it belongs to, or ``NO_OBSTACLE``.
         tenure: (N,) frames for which it has belonged to it.
+        within: (N,) number of the obstacle on whose outline it is seen, or ``NO_OBSTACLE``.
+        place: (N, 3) metres, world, of its last sighting; NaN unknown. moved: (N, 3) metres, from
+            the sighting before that; NaN unknown.
         shape_information: (N, 3, 3) 1/m^2 and shape_vector: (N, 3) 1/m, where the point is on
             that obstacle, in the obstacle's own frame (``information^-1 @ vector``).
     """
@@ -58,10 +62,14 @@ class TrackedPoints:
     sightings: NDArray[np.int64]
     age: Float64Array
     sums: PositionVelocityFilter
+    cornered: NDArray[np.bool_]
     velocity: Float64Array
     dynamic: NDArray[np.bool_]
     obstacle: NDArray[np.int64]
     tenure: NDArray[np.int64]
+    within: NDArray[np.int64]
+    place: Float64Array
+    moved: Float64Array
     shape_information: Float64Array
     shape_vector: Float64Array
 
@@ -91,10 +99,14 @@ class TrackedPoints:
             sightings=np.ones(count, np.int64),
             age=np.zeros(count),
             sums=sums,
+            cornered=np.ones(count, np.bool_),
             velocity=np.zeros((count, 3)),
             dynamic=np.zeros(count, np.bool_),
             obstacle=np.full(count, NO_OBSTACLE, np.int64),
             tenure=np.zeros(count, np.int64),
+            within=np.full(count, NO_OBSTACLE, np.int64),
+            place=np.full((count, 3), np.nan),
+            moved=np.full((count, 3), np.nan),
             shape_information=np.zeros((count, 3, 3)),
             shape_vector=np.zeros((count, 3)),
         )
@@ -118,7 +130,11 @@ class TrackedPoints:
     def sighted(self, sightings: WorldSightings, dt: float, memory_s: float) -> TrackedPoints:
         """The same points with a sighting of each, ``dt`` seconds after those before."""
         sums = self.sums.advanced(dt, memory_s)
-        return self.but(sums=sums.with_sightings(sightings.position, sightings.information))
+        return self.but(
+            sums=sums.with_sightings(sightings.position, sightings.information),
+            place=sightings.position,
+            moved=sightings.position - self.place,
+        )
 
     @property
     def stereo_share(self) -> float:

@@ -46,6 +46,8 @@ def evidence(significance: Any, **changes: Any) -> PointEvidence:
         dynamic=length > THRESHOLD,
         neighbours=np.full(count, 12),
         obstacle_id=np.where(length > THRESHOLD, 3, -1),
+        cornered=np.ones(count, np.bool_),
+        on_outline=np.zeros(count, np.bool_),
     )
     return replace(made, **changes)
 
@@ -246,3 +248,18 @@ def test_where_no_rate_reaches_it_says_so() -> None:
         change = ask(evidence(length, obstacle_id=np.array([-1]))).would_change
         assert "No value of evidence.false_alarms_per_frame" in change
         assert words in change
+
+
+def test_what_slides_along_an_edge_is_told() -> None:
+    answer = ask(evidence([0.0] * 4, cornered=np.zeros(4, np.bool_)))
+    assert answer.verdict is PixelVerdict.UNDECIDED
+    assert "straight edge" in answer.sentence
+
+
+def test_what_lies_on_an_outline_is_its_obstacles() -> None:
+    moving = np.ones(4, np.bool_)
+    changed = {"dynamic": moving, "on_outline": moving, "obstacle_id": np.full(4, 3)}
+    answer = ask(evidence([1.0] * 4, **changed))
+    assert answer.verdict is PixelVerdict.DYNAMIC
+    assert "part of obstacle 3" in answer.sentence
+    assert "stands apart in depth" in answer.would_change

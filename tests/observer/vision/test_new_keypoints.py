@@ -19,7 +19,7 @@ from ..conftest import OpenClip
 
 DETECTORS = next(e["choices"] for e in Parameters.declared() if e["name"] == "features.detector")
 SPEC = "simulated:lateral"
-FRAMES = 22
+FRAMES = 28
 IMAGE = as_image(Texture(3).moved(), noise=1.0)
 NOWHERE = np.zeros(
     [-(-side // KltTrackingParameters().spacing_px) for side in IMAGE.shape], np.bool_

@@ -17,6 +17,7 @@ from observer.methods.rigid.bodies.filter import (
     turning_velocity,
     yaw_matrix,
 )
+from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.recent_motion import RecentMotion
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.types import MotionState, TrackState
@@ -44,6 +45,12 @@ class BodyTrack:
         significance: Mahalanobis length of the velocity.
         box_px: u0 v0 u1 v1 around the members in the left image.
         lasting_cov: (3, 3) (m/s)^2, world: of the velocity, by errors that time does not reduce.
+        outline: at which it stands out in depth; None before one was found.
+        rigid: False once its limbs were seen to move by themselves, or before any point is known
+            to move along. rigidity: recent share of its points that move along.
+        by_points: its points measured it in this frame.
+        merged_s: seconds for which it has been seen as no thing of its own, but for one with what
+            is around it.
     """
 
     id: int
@@ -63,6 +70,11 @@ class BodyTrack:
     significance: float = 0.0
     box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
     lasting_cov: Float64Array = field(default_factory=lambda: np.zeros((3, 3)))
+    outline: Outline | None = None
+    rigid: bool = True
+    rigidity: float = 1.0
+    by_points: bool = False
+    merged_s: float = 0.0
 
     @property
     def mean(self) -> Float64Array:
@@ -105,6 +117,20 @@ class BodyTrack:
             doubt = _CENTRE_DOUBT * float(self.box.size[[0, 2]].max()) * self.yaw_rate
             cov = cov + doubt**2 * _LEVEL
         return mean[VELOCITY] + turning_velocity(mean[YAW_RATE], arm), cov
+
+    def loosen(self) -> None:
+        """Count it as a body with limbs, of whose yaw nothing is known."""
+        self.rigid, self.rigidity = False, 0.0
+        self.filter = self.filter.straightened()
+
+    def stiffen(self, motion: BodyFilter) -> None:
+        """Count it as a rigid body, which moves as points on it were found to."""
+        self.rigid, self.rigidity = True, 1.0
+        self.filter = motion
+        self.shape.forget()
+        self.recent.forget()
+        if self.outline is not None:
+            self.outline.offsets.clear()
 
     def rebase(self) -> Float64Array:
         """Make the centre of the box the body's origin; returns (3,) m, where it was before."""

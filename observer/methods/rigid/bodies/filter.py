@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 
@@ -20,6 +21,8 @@ MEASURED = np.array([0, 1, 2, YAW])
 _CHANGES_PER_S = (1.0, 2.0)
 # Share of its acceleration that a body may have across its axis.
 _SIDEWAYS = 0.5
+# rad/s: the yaw rate of a body whose yaw nothing shows, so small that it stays what it is.
+_STRAIGHT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,15 +113,37 @@ class BodyFilter:
 
     def updated(self, measured: Float64Array, noise: Float64Array) -> BodyFilter:
         """Update by a measurement of position and yaw (4,) with covariance (4, 4)."""
+        return self._updated(MEASURED, measured, noise)
+
+    def with_position(self, position: Float64Array, noise: Float64Array) -> BodyFilter:
+        """Update by a measurement of the position (3,) alone, with covariance (3, 3)."""
+        return self._updated(np.arange(3), position, noise)
+
+    def with_velocity(self, velocity: Float64Array, noise: Float64Array) -> BodyFilter:
+        """Update by a measurement of the velocity (3,) alone, with covariance (3, 3)."""
+        return self._updated(np.arange(3, 6), velocity, noise)
+
+    def straightened(self) -> BodyFilter:
+        """The same motion of a body that turns no more than its velocity tells."""
+        means, covs = self.means.copy(), self.covariances.copy()
+        means[:, YAW_RATE] = 0.0
+        covs[:, YAW_RATE, :] = covs[:, :, YAW_RATE] = 0.0
+        covs[:, YAW_RATE, YAW_RATE] = _STRAIGHT**2
+        return BodyFilter(means, covs, self.probabilities)
+
+    def _updated(
+        self, which: NDArray[np.intp], measured: Float64Array, noise: Float64Array
+    ) -> BodyFilter:
+        """Update by a measurement (K,) of components ``which`` (K,), with covariance (K, K)."""
         P = self.covariances
-        rows = P[:, MEASURED]
-        S = rows[:, :, MEASURED] + noise
+        rows = P[:, which]
+        S = rows[:, :, which] + noise
         inverse = np.linalg.inv(S)
-        innovation = measured - self.means[:, MEASURED]
+        innovation = measured - self.means[:, which]
         gain = np.swapaxes(rows, 1, 2) @ inverse
         means = self.means + (gain @ innovation[:, :, None])[:, :, 0]
         left = np.tile(np.eye(STATE_SIZE), (2, 1, 1))
-        left[:, :, MEASURED] -= gain
+        left[:, :, which] -= gain
         covs = left @ P @ np.swapaxes(left, 1, 2) + gain @ noise @ np.swapaxes(gain, 1, 2)
         squared = np.einsum("mi,mij,mj->m", innovation, inverse, innovation)
         likelihood = -0.5 * (squared + np.linalg.slogdet(S)[1])

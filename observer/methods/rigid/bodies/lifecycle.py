@@ -19,6 +19,15 @@ _ALIKE = 2
 # after it began, was none.
 _TENTATIVE_COAST_S = 0.15
 _PATIENCE_S = 0.5
+# The same of one that is seen as a segment.
+_OUTLINE_PATIENCE_S = 1.5
+# Seconds, and frames in a row, for which a body may be one with what is around it.
+_MERGED_S = 1.0
+_IDLE_FRAMES = 3
+# Frames in which a segment must have entered free space, or come out of hiding, and standard
+# deviations of its velocity.
+_ARRIVED_FRAMES, _ARRIVED_SIGMAS = 3, 3.0
+_HIDDEN_FRAMES, _HIDDEN_SIGMAS = 4, 5.0
 
 
 def judge(track: BodyTrack, parameters: ObstacleParameters) -> None:
@@ -42,7 +51,12 @@ def judge(track: BodyTrack, parameters: ObstacleParameters) -> None:
 def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     """Return whether a track is to end."""
     tentative = track.state is TrackState.TENTATIVE
-    hopeless = tentative and track.age_s > _PATIENCE_S and track.hits == 0
+    unmoved = tentative and track.hits == 0
+    patience = _PATIENCE_S if track.outline is None else _OUTLINE_PATIENCE_S
+    hopeless = unmoved and track.age_s > patience
+    if track.outline is not None and track.outline.idles(unmoved) > _IDLE_FRAMES:
+        return True
+    hopeless |= track.merged_s > _MERGED_S
     coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
     return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
 
@@ -58,4 +72,17 @@ def _confirmed(track: BodyTrack, parameters: ObstacleParameters) -> bool:
         track.sightings += max(0, track.points - _ALIKE)
     else:
         track.hits = max(0, track.hits - 1)
-    return track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
+    by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
+    return (by_points and track.merged_s == 0) or _confirmed_by_outline(track)
+
+
+def _confirmed_by_outline(track: BodyTrack) -> bool:
+    """Return whether a body moves that enters free space as a thing of its own."""
+    outline = track.outline
+    if outline is None or not outline.seen or track.motion is not MotionState.MOVING:
+        return False
+    arrived = outline.arrived_frames >= _ARRIVED_FRAMES
+    hidden = outline.hidden_frames >= _HIDDEN_FRAMES
+    return (arrived and track.significance >= _ARRIVED_SIGMAS) or (
+        hidden and track.significance >= _HIDDEN_SIGMAS
+    )

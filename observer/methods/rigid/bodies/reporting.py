@@ -55,10 +55,16 @@ def describe_body(
 
 
 def _why(track: BodyTrack, speed: float) -> str:
-    moves = "move at" if track.motion is MotionState.MOVING else "moved before and stand now, at"
+    moving = track.motion is MotionState.MOVING
+    if track.rigid:
+        moves = "move at" if moving else "moved before and stand now, at"
+        subject = f"{track.points} points that keep their places on one body {moves}"
+    else:
+        moves = "moves at" if moving else "moved before and stands now, at"
+        subject = f"a body that stands apart in depth, with {track.points} points on it, {moves}"
     what = (
-        f"{track.points} points that keep their places on one body {moves} {speed:.2f} m/s, "
-        f"{track.significance:.1f} standard deviations from standing, known for {track.age_s:.1f} s"
+        f"{subject} {speed:.2f} m/s, {track.significance:.1f} standard deviations from standing, "
+        f"known for {track.age_s:.1f} s"
     )
     if track.state is TrackState.COASTING:
         return out_of_sight(track.missed_s, what)

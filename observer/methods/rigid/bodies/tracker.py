@@ -29,8 +29,16 @@ from observer.methods.rigid.bodies.membership import (
     resting,
     shape_position,
 )
+from observer.methods.rigid.bodies.segment_tracking import (
+    learn_box,
+    measure_limbs,
+    shown_by_points,
+    track_segments,
+    without_segments,
+)
 from observer.methods.rigid.bodies.shape import BodyShape
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
@@ -40,6 +48,8 @@ from observer.vision.lifecycle import TrackIds, is_provisional
 
 # Share of the acceleration that a steadily driving body may still have.
 _STEADY = 0.1
+# And that a walking person has.
+_WALKING = 0.3
 # rad/s, one standard deviation of how fast a body that was just found may turn.
 _YAW_RATE_SIGMA = 0.6
 # rad/s^2, of a steady and of a manoeuvring body.
@@ -74,17 +84,24 @@ class BodyTracker:
         points: TrackedPoints,
         sightings: WorldSightings,
         motion: PooledMotion,
+        scene: DenseScene | None,
         now: CameraStep,
         parameters: Parameters,
     ) -> TrackedPoints:
         """Carry all bodies over one frame; returns the points with the bodies they belong to.
 
         Args:
-            sightings: of the points in this frame. motion: how they move.
+            sightings: of the points in this frame. motion: how they move. scene: what is seen
+                around them; None unknown.
         """
         p = parameters.obstacles
         self.predict(now, p)
         points = self.measure(points, sightings, now, p)
+        if scene is None:
+            points = without_segments(self.tracks, points)
+        else:
+            points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
+            points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
         self.note_lasting_errors(now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
@@ -97,9 +114,12 @@ class BodyTracker:
         for track in self.tracks:
             depth = float(np.linalg.norm(track.mean[POSITION] - position))
             agile = parameters.acceleration_px * depth / now.camera.fx
+            steady = _STEADY if track.rigid else _WALKING
+            yaw_acceleration = _YAW_ACCELERATION if track.rigid else (0.0, 0.0)
             track.filter = track.filter.predicted(
-                dt, (_STEADY * agile, agile), _YAW_ACCELERATION, track.shape.axis(track.yaw)
+                dt, (steady * agile, agile), yaw_acceleration, track.shape.axis(track.yaw)
             )
+            track.by_points = False
             track.age_s += dt
             track.frames += 1
             track.steady_s += dt
@@ -109,8 +129,11 @@ class BodyTracker:
 
         What is out of sight is known as it was when it was last seen.
         """
-        bias_px, stretch = parameters.disparity_bias_px, parameters.distortion_sigma
+        stretch = parameters.distortion_sigma
         for track in [t for t in self.tracks if t.missed_s == 0]:
+            bias_px = parameters.disparity_bias_px
+            if track.outline is not None and not track.rigid:
+                bias_px = max(bias_px, track.outline.bias_px)
             place = now.T_camera_world.apply(track.mean[None, POSITION])
             velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])
             errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]
@@ -118,9 +141,10 @@ class BodyTracker:
             track.lasting_cov = drift.T @ drift
 
     def known(self, points: TrackedPoints) -> NDArray[np.bool_]:
-        """(N,) which points belong to obstacles that are known to move."""
+        """(N,) which points belong to obstacles that are known to move, or are seen on them."""
         sure = np.array([t.id for t in self.tracks if t.state is not TrackState.TENTATIVE])
-        return np.asarray((points.obstacle[:, None] == sure).any(axis=1))
+        member = (points.obstacle[:, None] == sure).any(axis=1)
+        return np.asarray(member | (points.within[:, None] == sure).any(axis=1))
 
     def expected_at(
         self,
@@ -177,7 +201,8 @@ class BodyTracker:
             mine = np.flatnonzero((obstacle == track.id) & np.isfinite(sighting[:, 0]))
             members = Members.of(points, mine, sighting, information, track.R)
             pose, spread = expected_pose(track.mean, track.filter.covariance)
-            if np.count_nonzero(members.known) >= parameters.min_points:
+            if track.rigid and np.count_nonzero(members.known) >= parameters.min_points:
+                track.by_points = True
                 seen = measure_body(
                     members,
                     pose,
@@ -217,8 +242,10 @@ class BodyTracker:
             if track.steady_s >= _STEADY_S:
                 left = mine[resting(track, mine, motion)]
                 obstacle[left], tenure[left] = NO_OBSTACLE, -_BANISHED
-            free = np.flatnonzero((obstacle == NO_OBSTACLE) & motion.judged & (tenure >= 0))
-            if track.box is None or len(free) == 0:
+            here = (points.within == NO_OBSTACLE) | (points.within == track.id)
+            here &= (obstacle == NO_OBSTACLE) & motion.judged & (tenure >= 0)
+            free = np.flatnonzero(here)
+            if track.box is None or not track.rigid or len(free) == 0:
                 continue
             obstacle[free[joining(track, free, motion, parameters)]] = track.id
         return self._placed(points.but(tenure=tenure), obstacle)
@@ -235,7 +262,10 @@ class BodyTracker:
         Args:
             radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
         """
+        # Points on a body's outline are its own, though none is known to move with it yet.
+        stiff = [t.id for t in self.tracks if t.outline and not (t.rigid or t.outline.upright)]
         free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
+        free &= (points.within == NO_OBSTACLE) | np.isin(points.within, stiff)
         groups = group_dynamic(motion, free, parameters.min_points)
         obstacle = points.obstacle.copy()
         for number in range(int(groups.max(initial=-1)) + 1):
@@ -247,7 +277,11 @@ class BodyTracker:
             if np.linalg.norm(group.velocity) < _CREEPING * parameters.stopped_below_mps:
                 continue
             members = group.members
-            track = body_of(group, self.tracks)
+            track = self._outlined(points.within[members], stiff)
+            if track is not None:
+                track.stiffen(_begun(group))
+            else:
+                track = body_of(group, self.tracks)
             if track is None:
                 track = BodyTrack(
                     id=self._numbers.provisional(), filter=_begun(group), shape=BodyShape()
@@ -264,6 +298,13 @@ class BodyTracker:
                 members = members[track.contains(group.places, 2 * room)]
             obstacle[members] = track.id
         return self._placed(points, obstacle)
+
+    def _outlined(self, within: NDArray[np.int64], stiff: list[int]) -> BodyTrack | None:
+        """Return the stiff body on whose outline most points of a group (K,) lie; None if none."""
+        for track in [t for t in self.tracks if t.id in stiff]:
+            if np.count_nonzero(within == track.id) > len(within) / 2:
+                return track
+        return None
 
     def update_lifecycle(
         self,
@@ -284,7 +325,9 @@ class BodyTracker:
             mine = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
             places = shape_position(points, mine)
             known = np.isfinite(places).all(axis=1)
-            if np.count_nonzero(known) >= parameters.min_points:
+            if not shown_by_points(track):
+                learn_box(track)
+            elif np.count_nonzero(known) >= parameters.min_points:
                 tenure = points.tenure[mine[known]]
                 self._learn(track, places[known], tenure, camera_position, dt, parameters)
                 # About its centre a body's turning has least to do with its driving.
@@ -308,13 +351,14 @@ class BodyTracker:
 
     def _named(self, points: TrackedPoints) -> TrackedPoints:
         """Give those that are confirmed by now their lasting number."""
-        obstacle = points.obstacle.copy()
+        obstacle, within = points.obstacle.copy(), points.within.copy()
         for track in self.tracks:
             if track.state is not TrackState.TENTATIVE:
                 number = self._numbers.confirmed(track.id)
                 obstacle[obstacle == track.id] = number
+                within[within == track.id] = number
                 track.id = number
-        return points.but(obstacle=obstacle)
+        return points.but(obstacle=obstacle, within=within)
 
     def _learn(
         self,

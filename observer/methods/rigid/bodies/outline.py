@@ -1,0 +1,234 @@
+"""The outline of one body: the segment at which it stands out in depth, moved on with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import cv2
+import numpy as np
+
+from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.dense.grid import Grid
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import (
+    Expected,
+    Mask,
+    Segment,
+    box_px,
+    is_limb,
+    with_limb,
+)
+
+# Which part of a body its segment shows where it is: the middle, or, where one side is hidden, the
+# other one.
+Anchor = Literal["middle", "left", "right", "none"]
+
+# One standard deviation of where an anchor is: across the line of sight, vertically, where the
+# body is cut off, and along it; metres, and cells of disparity.
+_ACROSS_M, _VERTICAL_M, _CUT_M, _ALONG_M, _ALONG_CELLS = 0.05, 0.10, 0.50, 0.03, 0.175
+# What of the error of a disparity lasts, cells: its surroundings stay what they are.
+_BIAS_CELLS = 0.25
+# The disparity of what is so many cells wide is half its surroundings'.
+_NARROW_CELLS = 6
+# A whole silhouette stands for a body that is cut off for so long, seconds.
+_WHOLE_S = 1.0
+# An outline is looked for while its body is between these times as near as it was.
+_SCALES = (0.4, 2.5)
+# A walking person is higher than wide, a robot is not.
+_UPRIGHT = 1.2
+# Share by which a body's extent may shrink per frame, for arms and legs swing.
+_SHRINK = 0.97
+# What counts as evidence of motion in a frame, and of none.
+_MOVED_SHARE, _STATIC_SHARE = 0.3, 0.6
+_LEAST_APART, _LEAST_CLEAR = 0.4, 0.1
+# A body that grows by this factor over what stands is swallowing it.
+_SWALLOWING = 1.6
+# A body's middle lies behind its visible surface by this share of its width, up to so many metres.
+_HALF_DEPTH, _MOST_DEPTH_M = 0.25, 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class _Silhouette:
+    """A mask, and where the body's origin was in it: px (2,) and disparity, px."""
+
+    segment: Segment
+    px: Float64Array
+    disparity: float
+
+
+@dataclass(eq=False)
+class Outline:
+    """The outline of one body over time.
+
+    Attributes:
+        segment: the last one. seen: in this frame.
+        bias_px: one standard deviation of how wrong its disparity stays.
+        offsets: (3,) metres, world, from the body's origin to each anchor.
+        width, height: metres, largest of the recent ones. box_px: around it, see ``Obstacle``.
+        middle: (3,) metres, world.
+        arrived_frames, hidden_frames: in which it showed evidence of motion of either kind.
+        idle_frames: in a row in which it was no thing of its own, or stood.
+        moving_area: largest while it moved, cells per px^2 of disparity: however near it is.
+    """
+
+    segment: Segment
+    moving_area: float
+    seen: bool = True
+    offsets: dict[Anchor, Float64Array] = field(default_factory=dict)
+    width: float = 0.0
+    height: float = 0.0
+    box_px: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    middle: Float64Array = field(default_factory=lambda: np.zeros(3))
+    arrived_frames: int = 0
+    hidden_frames: int = 0
+    idle_frames: int = 0
+    bias_px: float = 0.0
+    _silhouette: _Silhouette | None = None
+    _silhouette_s: float = 0.0
+
+    @staticmethod
+    def of(segment: Segment, scene: DenseScene) -> Outline:
+        """Return the outline of a body that is first seen as a segment."""
+        outline = Outline(segment, segment.area / segment.disparity**2)
+        outline.width, outline.height = extent(segment, scene.grid)
+        outline.box_px = box_px(scene, segment)
+        return outline
+
+    @property
+    def upright(self) -> bool:
+        """True of what stands rather than lies: a person, whose limbs move by themselves."""
+        return self.height > _UPRIGHT * self.width
+
+    @property
+    def stands(self) -> bool:
+        """True while it is mostly where it was before."""
+        return self.segment.static >= _STATIC_SHARE
+
+    def expected(self, origin: Float64Array, T_camera_world: Pose, grid: Grid) -> Expected | None:
+        """Return where it should be seen with the body's origin at (3,) m, world.
+
+        None where that is out of sight, or too near or far to look the same.
+        """
+        assert self._silhouette is not None
+        before = self._silhouette
+        px, d = grid.camera.project(T_camera_world.apply(origin[None]))
+        scale = float(d[0]) / before.disparity
+        if not (np.isfinite(px).all() and _SCALES[0] < scale < _SCALES[1]):
+            return None
+        (u0, v0), (u1, v1) = grid.to_cells(before.px), grid.to_cells(px[0])
+        move = np.array([[scale, 0.0, u1 - scale * u0], [0.0, scale, v1 - scale * v0]])
+        mask = before.segment.mask.view(np.uint8)
+        moved = cv2.warpAffine(mask, move, (grid.width, grid.height), flags=cv2.INTER_NEAREST)
+        if not moved.any():
+            return None
+        return Expected(moved.view(np.bool_), before.segment.disparity * scale)
+
+    def note(self, segment: Segment, origin: Float64Array, scene: DenseScene, age_s: float) -> None:
+        """Note the segment at which it is seen now, with the body's origin at (3,) m, world."""
+        self.segment, self.seen, self.box_px = segment, True, box_px(scene, segment)
+        if not self.stands:
+            self.moving_area = max(self.moving_area, segment.area / segment.disparity**2)
+            self.arrived_frames += segment.arrived > _MOVED_SHARE
+            self.hidden_frames += segment.arrived <= _MOVED_SHARE < segment.hidden
+        width, height = extent(segment, scene.grid)
+        self.width = max(width, _SHRINK * self.width)
+        self.height = max(height, _SHRINK * self.height)
+        self.bias_px = _BIAS_CELLS * scene.grid.reduction * _narrowness(segment)
+        self._keep_silhouette(origin, scene, age_s)
+        surface, _ = measured_anchor(segment, "middle", scene)
+        ahead = surface - scene.T_world_camera.translation
+        depth = _HALF_DEPTH * min(self.width, _MOST_DEPTH_M)
+        self.middle = surface + depth * ahead / np.linalg.norm(ahead)
+
+    def take(self, limb: Segment, scene: DenseScene) -> bool:
+        """Take a segment as a limb of the body, if it is one; returns whether it is."""
+        if not is_limb(scene, limb, self.segment):
+            return False
+        self.segment = with_limb(scene, self.segment, limb)
+        self.box_px = box_px(scene, self.segment)
+        if self._silhouette is not None and anchor_of(self.segment) == "middle":
+            before = self._silhouette
+            self._silhouette = _Silhouette(self.segment, before.px, before.disparity)
+        return True
+
+    def idles(self, tentative: bool) -> int:
+        """Count the frames in a row in which it is no thing of its own, or grows over what stands.
+
+        Of a tentative one it is enough that it stands.
+        """
+        s = self.segment
+        merged = s.apart < _LEAST_APART or s.clear < _LEAST_CLEAR
+        grown = s.area / s.disparity**2 > _SWALLOWING * self.moving_area
+        idle = self.seen and (merged or self.stands) and (tentative or grown)
+        self.idle_frames = self.idle_frames + 1 if idle else 0
+        return self.idle_frames
+
+    def _keep_silhouette(self, origin: Float64Array, scene: DenseScene, age_s: float) -> None:
+        """A body that is cut off is expected whole for a while: it will come out again."""
+        whole = anchor_of(self.segment) == "middle"
+        if self._silhouette is None or whole or age_s - self._silhouette_s > _WHOLE_S:
+            px, d = scene.grid.camera.project(scene.T_world_camera.inverse().apply(origin[None]))
+            self._silhouette = _Silhouette(self.segment, px[0], float(d[0]))
+            self._silhouette_s = age_s
+
+
+def anchor_of(segment: Segment) -> Anchor:
+    """Return which part of the trunk shows where the body is."""
+    match segment.cut[:2]:
+        case (False, False):
+            return "middle"
+        case (True, False):
+            return "right"
+        case (False, True):
+            return "left"
+        case _:
+            return "none"
+
+
+def measured_anchor(
+    segment: Segment, anchor: Anchor, scene: DenseScene
+) -> tuple[Float64Array, Float64Array]:
+    """(3,) metres, world: where an anchor is seen; and the covariance (3, 3) of that."""
+    camera = scene.grid.camera
+    left, middle, right = segment.columns
+    column = {"left": left, "right": right}.get(anchor, middle)
+    row = (segment.box[1] + segment.box[3] - 1) / 2
+    px = scene.grid.to_px(np.array([[column, row]]))
+    place = camera.triangulate(px, np.array([segment.disparity]))[0]
+    noise_px = _ALONG_CELLS * scene.grid.reduction
+    noise_m = noise_px * place[2] ** 2 / (camera.fx * camera.baseline)
+    sigmas = np.array(
+        [
+            _CUT_M if anchor == "none" else _ACROSS_M,
+            _CUT_M if segment.cut[2] or segment.cut[3] else _VERTICAL_M,
+            _narrowness(segment) * float(np.hypot(noise_m, _ALONG_M)),
+        ]
+    )
+    ray = place / np.linalg.norm(place)
+    across = np.array([ray[2], 0.0, -ray[0]]) / np.hypot(ray[0], ray[2])
+    axes = np.stack([across, np.cross(ray, across), ray], axis=1)
+    spread = scene.T_world_camera.rotation @ axes * sigmas
+    return scene.T_world_camera.apply(place), spread @ spread.T
+
+
+def _narrowness(segment: Segment) -> float:
+    """Return the factor by which the disparity of a segment is less certain than of a wide one."""
+    left, _, right = segment.columns
+    return 1 + _NARROW_CELLS / (right - left + 1)
+
+
+def extent(segment: Segment, grid: Grid) -> tuple[float, float]:
+    """Return the width and height of a segment, metres."""
+    left, top, right, bottom = segment.box
+    per_metre = grid.per_metre(segment.disparity)
+    return (right - left) / per_metre, (bottom - top) / per_metre
+
+
+def free_cells(outlines: list[Outline], grid: Grid) -> Mask:
+    """(h, w) the cells that lie on none of the outlines that are seen."""
+    free = np.ones(grid.shape, np.bool_)
+    for outline in outlines:
+        if outline.seen:
+            free &= ~outline.segment.mask
+    return free

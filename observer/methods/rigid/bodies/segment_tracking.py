@@ -1,0 +1,303 @@
+"""Bodies by their segments: each is followed, measured, found, and given its points."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
+from observer.methods.rigid.bodies.limbs import judge_rigidity, measure_trunk, points_show_whole
+from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
+from observer.methods.rigid.bodies.shape import BodyShape, Box
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import (
+    Expected,
+    Segment,
+    followed_segment,
+    fresh_segments,
+    owners,
+)
+from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
+from observer.types import TrackState
+from observer.vision.lifecycle import TrackIds, is_provisional
+
+# Members whose place a segment is looked for at, and the share of a body's members that makes a
+# segment its own.
+_LEAST_MEMBERS = 5
+_OWN_SHARE = 0.5
+# Share of a body's members at whose cells the disparity must be known to tell what is there.
+_KNOWN_SHARE = 0.5
+# m/s, one standard deviation of how fast a body that was just found may be, and may rise.
+_FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
+# Seconds after which a body that was out of sight may move in any way.
+_FORGOTTEN_S = 0.4
+# A segment is a body out of sight within this squared length of its place, which may have changed
+# by so many metres against expectation.
+_FOUND_CHI2, _CHANGED_M = 9.0, 0.25
+# Cells at the border of an outline that may be of what is behind, for edges in depth are not sharp.
+_BORDER_CELLS = 2
+# Share of the newest frame in where a body's middle is.
+_MIDDLE_GAIN = 0.3
+_MOST_DEPTH_M = 0.6
+
+
+def track_segments(
+    tracks: list[BodyTrack],
+    points: TrackedPoints,
+    scene: DenseScene,
+    now: CameraStep,
+    numbers: TrackIds,
+    min_points: int,
+) -> TrackedPoints:
+    """Measure the bodies by their segments, and begin new ones; points get to know where they are.
+
+    Args:
+        tracks: already moved on, and measured by their points; new ones are added, and those that
+            turn out to be parts of others removed. min_points: with fewer a body is not seen.
+    """
+    _follow(tracks, points, scene, now)
+    cells = scene.grid.at(points.px)
+    obstacle = points.obstacle.copy()
+    free = free_cells([t.outline for t in tracks if t.outline is not None], scene.grid)
+    for segment in fresh_segments(scene, free):
+        if any(_seen(t) and t.outline.take(segment, scene) for t in tracks if t.outline):
+            continue
+        inside = segment.mask[cells]
+        found = _bodies_of(segment, inside, tracks, obstacle, scene, min_points)
+        if not found:
+            tracks.append(_begun(numbers.provisional(), segment, scene))
+            continue
+        _measure(found[0], segment, scene)
+        for part in found[1:]:
+            obstacle[obstacle == part.id] = NO_OBSTACLE
+            tracks.remove(part)
+    within = np.full(len(points), NO_OBSTACLE, np.int64)
+    for track in tracks:
+        if track.outline is not None and track.outline.seen:
+            within[track.outline.segment.mask[cells]] = track.id
+    return _absorbed(tracks, points.but(obstacle=obstacle, within=within))
+
+
+def without_segments(tracks: list[BodyTrack], points: TrackedPoints) -> TrackedPoints:
+    """Note that no segment is seen in this frame."""
+    for track in tracks:
+        if track.outline is not None:
+            track.outline.seen = False
+    return points.but(within=np.full(len(points), NO_OBSTACLE, np.int64))
+
+
+def measure_limbs(
+    tracks: list[BodyTrack],
+    points: TrackedPoints,
+    sightings: WorldSightings,
+    motion: PooledMotion,
+    scene: DenseScene,
+    dt: float,
+) -> TrackedPoints:
+    """Tell bodies with limbs from rigid ones, and measure the former by their trunks' points."""
+    obstacle = points.obstacle.copy()
+    for track in tracks:
+        if track.outline is None or not track.outline.seen:
+            continue
+        on_body = _surely_on(track.outline, track.id, points, scene)
+        judge_rigidity(track, obstacle[on_body[motion.judged[on_body]]] == track.id)
+        if not track.rigid:
+            obstacle[obstacle == track.id] = NO_OBSTACLE
+            track.points = len(on_body)
+            measure_trunk(track, on_body, points, sightings, dt)
+    return points.but(obstacle=obstacle)
+
+
+def learn_box(track: BodyTrack) -> None:
+    """Learn the box of a body that its outline shows better than its points do."""
+    outline = track.outline
+    assert outline is not None
+    if not outline.seen:
+        return
+    centre = track.local(outline.middle)
+    if track.box is not None:
+        centre = track.box.centre + _MIDDLE_GAIN * (centre - track.box.centre)
+    depth = min(outline.width, _MOST_DEPTH_M)
+    track.box = Box(centre, np.array([outline.width, outline.height, depth]), 0.0)
+    track.box_px = outline.box_px
+
+
+def shown_by_points(track: BodyTrack) -> bool:
+    """Return whether a body's points tell its box, rather than its outline."""
+    return track.outline is None or (track.outline.seen and points_show_whole(track, track.outline))
+
+
+# --- following -------------------------------------------------------------------------------
+
+
+def _follow(
+    tracks: list[BodyTrack], points: TrackedPoints, scene: DenseScene, now: CameraStep
+) -> None:
+    """Find each body's segment where it is expected; cells go to the likeliest body."""
+    expected: list[tuple[BodyTrack, Expected]] = []
+    outlined = [t for t in tracks if t.outline is not None]
+    outlined.sort(key=lambda t: (t.state is TrackState.TENTATIVE, _depth(t, now)))
+    for track in outlined:
+        assert track.outline is not None
+        track.outline.seen = False
+        where = track.outline.expected(track.mean[POSITION], now.T_camera_world, scene.grid)
+        if where is not None:
+            expected.append((track, where))
+    for track in [t for t in tracks if t.outline is None and t.points >= _LEAST_MEMBERS]:
+        where = _by_members(track, points, scene, now.dt)
+        if where is not None:
+            expected.append((track, where))
+    owner = owners(scene, [where for _, where in expected])
+    free = np.ones(scene.grid.shape, np.bool_)
+    for number, (track, where) in enumerate(expected):
+        core = owner == number
+        grows = track.outline is None or not track.outline.stands
+        segment = followed_segment(scene, where, core, free & (core | (owner < 0)), grows=grows)
+        if segment is None or (track.outline is None and not segment.stands_apart):
+            continue
+        free &= ~segment.mask
+        _measure(track, segment, scene)
+
+
+def _depth(track: BodyTrack, now: CameraStep) -> float:
+    return float(np.linalg.norm(track.mean[POSITION] - now.position))
+
+
+def _by_members(
+    track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt: float
+) -> Expected | None:
+    """Return where a body should be seen of which only members are known; None if they are few."""
+    members = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
+    if len(members) < _LEAST_MEMBERS:
+        return None
+    rows, columns = scene.grid.at(points.px[members])
+    known = np.isfinite(scene.disparity[rows, columns]).mean() > _KNOWN_SHARE
+    # Until a segment of its own is found, it is one with what is around it.
+    track.merged_s = track.merged_s + dt if known else 0.0
+    mask = np.zeros(scene.grid.shape, np.bool_)
+    mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
+    return Expected(mask, float(np.median(points.disparity[members])))
+
+
+def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
+    """Move a body to where its segment is seen, unless its points know that better."""
+    if track.outline is None:
+        track.outline = Outline.of(segment, scene)
+        if track.outline.upright and not points_show_whole(track, track.outline):
+            track.loosen()
+    outline, anchor = track.outline, anchor_of(segment)
+    place, cov = measured_anchor(segment, anchor, scene)
+    if track.missed_s > _FORGOTTEN_S and not track.rigid:
+        outline.offsets.clear()
+        track.filter = _motion_at(place, track.mean[VELOCITY], cov)
+    # Where another part shows where it is, it is where it was thought to be.
+    offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
+    if not track.rigid or not track.by_points:
+        track.filter = track.filter.with_position(place - offset, cov)
+        if track.filter.manoeuvres:
+            track.steady_s = 0.0
+    outline.note(segment, track.mean[POSITION], scene, track.age_s)
+    track.missed_s = track.merged_s = 0.0
+
+
+# --- beginning -------------------------------------------------------------------------------
+
+
+def _begun(number: int, segment: Segment, scene: DenseScene) -> BodyTrack:
+    anchor = anchor_of(segment)
+    place, cov = measured_anchor(segment, anchor, scene)
+    track = BodyTrack(
+        id=number,
+        filter=_motion_at(place, np.zeros(3), cov),
+        shape=BodyShape(),
+        outline=Outline.of(segment, scene),
+        rigid=False,
+        rigidity=0.0,
+    )
+    assert track.outline is not None
+    track.outline.offsets[anchor] = np.zeros(3)
+    track.outline.note(segment, place, scene, track.age_s)
+    return track
+
+
+def _motion_at(place: Float64Array, velocity: Float64Array, cov: Float64Array) -> BodyFilter:
+    spread = np.diag([_FIRST_MPS, _FIRST_UP_MPS, _FIRST_MPS]) ** 2
+    return BodyFilter.begin(place, velocity, cov, spread, 0.0).straightened()
+
+
+def _bodies_of(
+    segment: Segment,
+    inside: NDArray[np.bool_],
+    tracks: list[BodyTrack],
+    obstacle: NDArray[np.int64],
+    scene: DenseScene,
+    min_points: int,
+) -> list[BodyTrack]:
+    """List the bodies that a new segment shows, the surest first: it is all of them in one.
+
+    Args:
+        inside: (N,) which points lie on it. obstacle: (N,) as of ``TrackedPoints``.
+    """
+    found = []
+    for track in [t for t in tracks if not _seen(t)]:
+        members = obstacle == track.id
+        count = np.count_nonzero(members)
+        on_it = count >= min_points and inside[members].mean() >= _OWN_SHARE
+        if on_it or (track.missed_s > 0 and _returns_as(track, segment, scene)):
+            found.append(track)
+    found.sort(key=lambda t: (t.state is TrackState.TENTATIVE, -t.points, -t.age_s))
+    return found
+
+
+def _returns_as(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a body that is out of sight may be this segment, heights left out."""
+    place, cov = measured_anchor(segment, "middle", scene)
+    gap = (place - track.centre) * [1.0, 0.0, 1.0]
+    spread = track.filter.covariance[POSITION, POSITION] + cov + np.eye(3) * _CHANGED_M**2
+    return bool(gap @ np.linalg.solve(spread, gap) < _FOUND_CHI2)
+
+
+# --- points ----------------------------------------------------------------------------------
+
+
+def _seen(track: BodyTrack) -> bool:
+    return track.outline is not None and track.outline.seen
+
+
+def _absorbed(tracks: list[BodyTrack], points: TrackedPoints) -> TrackedPoints:
+    """Let bodies go whose points lie on another one's outline: they were parts of it."""
+    obstacle, within = points.obstacle.copy(), points.within.copy()
+    for part in [t for t in tracks if t.outline is None]:
+        members = obstacle == part.id
+        if not members.any():
+            continue
+        hosts, counts = np.unique(within[members], return_counts=True)
+        most = int(np.argmax(counts))
+        host = next((t for t in tracks if t.id == hosts[most]), None)
+        if host is None or counts[most] <= _OWN_SHARE * np.count_nonzero(members):
+            continue
+        obstacle[members] = NO_OBSTACLE
+        tracks.remove(part)
+        if is_provisional(host.id) and not is_provisional(part.id):
+            # Whoever was reported stays who it is.
+            within[within == host.id] = part.id
+            obstacle[obstacle == host.id] = part.id
+            host.id, host.state = part.id, part.state
+    return points.but(obstacle=obstacle, within=within)
+
+
+def _surely_on(
+    outline: Outline, number: int, points: TrackedPoints, scene: DenseScene
+) -> NDArray[np.intp]:
+    """(K,) the points that lie well inside an outline, at its depth."""
+    segment, grid = outline.segment, scene.grid
+    square = np.ones((2 * _BORDER_CELLS + 1,) * 2, np.uint8)
+    inner = cv2.erode(segment.mask.view(np.uint8), square).view(np.bool_)
+    off = np.abs(points.disparity - segment.disparity)
+    near = off < scene.tolerance(segment.disparity)
+    return np.flatnonzero((points.within == number) & near & inner[grid.at(points.px)])

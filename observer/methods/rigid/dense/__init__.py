@@ -1,0 +1,4 @@
+"""Dense evidence: what stands out of the ground, and what entered space that was seen free.
+
+It works on *cells*, the pixels of a smaller image, see ``observer.methods.rigid.dense.grid``.
+"""

@@ -1,0 +1,87 @@
+"""Dense disparity of the cells, known only where texture supports it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.methods.rigid.dense.grid import Grid
+from observer.parameters import StereoParameters
+from observer.types import Image
+
+_BLOCK = 3
+_UNIQUENESS_PERCENT = 5
+_SPECKLE_CELLS = 40
+_SPECKLE_RANGE = 2
+# OpenCV's matchers return sixteenths.
+_FIXED_POINT = 16
+# Texture is a horizontal step of so many grey levels, and of so many deviations of the noise.
+_TEXTURE = 4.0
+_TEXTURE_SIGMAS = 4.0
+# A smoothness term fills what has no texture: true near texture on the same row, invented further
+# away than so many cells.
+_SUPPORT_CELLS = 10
+# The Sobel operator sums its step four times, and its noise over twelve squared weights.
+_SOBEL_STEP, _SOBEL_NOISE = 4.0, 12.0**0.5
+_MAD_TO_SIGMA = 1 / 0.6745
+
+
+def depth_image(
+    left: Image, right: Image, grid: Grid, parameters: StereoParameters
+) -> NDArray[np.float32]:
+    """Return the disparity (h, w) of the cells, pixels of the full image; NaN unknown.
+
+    Semi-global matching (Hirschmueller, 2008) on the reduced pair, whose smoothness carries the
+    disparity of contours over plain clothes; what lies far from any texture is left out.
+
+    Args:
+        left, right: (H, W) grey, rectified.
+    """
+    count = -(-parameters.max_disparity_px // (16 * grid.reduction)) * 16
+    small_left, small_right = grid.reduced(left), grid.reduced(right)
+    # The matcher leaves out as many columns at the left as it searches disparities.
+    wide = [
+        cv2.copyMakeBorder(image, 0, 0, count, 0, cv2.BORDER_REPLICATE)
+        for image in (small_left, small_right)
+    ]
+    matcher = cv2.StereoSGBM.create(
+        minDisparity=0,
+        numDisparities=count,
+        blockSize=_BLOCK,
+        P1=8 * _BLOCK**2,
+        P2=32 * _BLOCK**2,
+        disp12MaxDiff=1,
+        preFilterCap=31,
+        uniquenessRatio=_UNIQUENESS_PERCENT,
+        speckleWindowSize=_SPECKLE_CELLS,
+        speckleRange=_SPECKLE_RANGE,
+        mode=cv2.STEREO_SGBM_MODE_SGBM_3WAY,
+    )
+    fixed = np.asarray(matcher.compute(*wide))[:, count:]
+    # A match beyond the right image's left edge was made in the added columns.
+    inside = fixed <= _FIXED_POINT * np.arange(grid.width)
+    known = (fixed > 0) & inside & textured(small_left)
+    disparity = fixed * np.float32(grid.reduction / _FIXED_POINT)
+    return np.where(known, disparity, np.float32(np.nan))
+
+
+def textured(image: Image) -> NDArray[np.bool_]:
+    """(h, w) which pixels have texture near them on their row, above the image's own noise."""
+    limit = max(_SOBEL_STEP * _TEXTURE, _TEXTURE_SIGMAS * _SOBEL_NOISE * noise_of(image))
+    steep = np.abs(cv2.Sobel(image, cv2.CV_16S, 1, 0)) > limit
+    row = np.ones((1, 2 * _SUPPORT_CELLS + 1), np.uint8)
+    return np.asarray(cv2.dilate(steep.view(np.uint8), row), np.uint8).view(np.bool_)
+
+
+def noise_of(image: Image) -> float:
+    """Return the standard deviation of the noise of an image, grey levels.
+
+    By the mixed second difference, in which neither brightness nor straight edges along rows and
+    columns count, and its median, in which texture does not (after Immerkaer, 1996).
+    """
+    levels = image.astype(np.int16)
+    top, bottom = levels[:-1:2], levels[1::2]
+    mixed = (top[:, :-1:2] - top[:, 1::2]) - (bottom[:, :-1:2] - bottom[:, 1::2])
+    # The sum of four independent values has twice their deviation.
+    return float(np.median(np.abs(mixed))) * _MAD_TO_SIGMA / 2

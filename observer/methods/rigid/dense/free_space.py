@@ -1,0 +1,135 @@
+"""What entered space that was seen free, and what is seen where something stood before."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Pose
+from observer.methods.rigid.dense.grid import Grid
+
+# Evidence of a cell.
+UNKNOWN, STATIC, ARRIVED, HIDDEN = 0, 1, 2, 3
+# Seconds back of the frames that are compared, oldest first: the oldest that saw a place decides.
+_LAGS_S = (3.2, 1.6, 0.8, 0.4, 0.2)
+# A frame stands for a lag that differs from its own by no more than this share.
+_LAG_SLACK = 0.35
+# A difference of disparity that is no noise: cells, and as a share of the disparity.
+_LEAST_CELLS, _LEAST_SHARE = np.float32(0.6), np.float32(0.03)
+# Sides of the neighbourhoods whose nearest and farthest cell count: edges in depth are not sharp.
+_NEAREST_CELLS, _FARTHEST_CELLS = 5, 3
+_NOTHING, _FARTHER = np.float32(-1), np.float32(1e4)
+# Depths of less, relative to those of the cell itself, are behind the other camera.
+_LEAST_DEPTH = np.float32(0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class DepthFrame:
+    """Depth of one frame.
+
+    Attributes:
+        time: seconds. disparity: (h, w) px, NaN unknown. T_camera_world: the pose.
+    """
+
+    time: float
+    disparity: NDArray[np.float32]
+    T_camera_world: Pose
+
+    @cached_property
+    def known(self) -> NDArray[np.float32]:
+        """(h, w) px; -1 unknown."""
+        return np.where(np.isfinite(self.disparity), self.disparity, _NOTHING)
+
+    @cached_property
+    def nearest(self) -> NDArray[np.float32]:
+        """(h, w) px, largest around each cell; -1 where nothing is known."""
+        around = np.ones((_NEAREST_CELLS, _NEAREST_CELLS), np.uint8)
+        return np.asarray(cv2.dilate(self.known, around), np.float32)
+
+    @cached_property
+    def farthest(self) -> NDArray[np.float32]:
+        """(h, w) px, least around each cell; very large where nothing is known."""
+        around = np.ones((_FARTHEST_CELLS, _FARTHEST_CELLS), np.uint8)
+        known = np.where(np.isfinite(self.disparity), self.disparity, _FARTHER)
+        return np.asarray(cv2.erode(known, around), np.float32)
+
+
+class FreeSpace:
+    """Remembers the depth of some seconds, and tests a frame against it."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._frames: deque[DepthFrame] = deque()
+        x, y, _ = grid.rays @ np.stack(
+            [a.ravel() for a in (*np.meshgrid(np.arange(grid.width), np.arange(grid.height)),
+                                 np.ones(grid.shape))]
+        )  # fmt: skip
+        self._x, self._y = x.astype(np.float32), y.astype(np.float32)
+
+    def keep(self, frame: DepthFrame) -> None:
+        """Remember a frame; what is older than any lag is forgotten."""
+        self._frames.append(frame)
+        oldest = frame.time - _LAGS_S[0] * (1 + _LAG_SLACK)
+        while self._frames[0].time < oldest:
+            self._frames.popleft()
+
+    def evidence(self, frame: DepthFrame, cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
+        """(h, w) what each of the cells (h, w) says of motion; ``UNKNOWN`` for all others.
+
+        Nearer than all that was seen along its ray before, it has *arrived* in free space. Farther
+        than all, it was *hidden* by what has left. What was there before is *static*.
+        """
+        out = np.full(frame.disparity.size, UNKNOWN, np.uint8)
+        asked = np.flatnonzero(cells)
+        for reference in self._references(frame.time):
+            if len(asked) == 0:
+                break
+            found = self._against(frame, reference, asked)
+            out[asked] = found
+            asked = asked[found == UNKNOWN]
+        return out.reshape(frame.disparity.shape)
+
+    def _references(self, time: float) -> list[DepthFrame]:
+        """List the frames to compare with, oldest first."""
+        chosen: list[DepthFrame] = []
+        for lag in _LAGS_S:
+            nearest = min(self._frames, key=lambda f: abs(time - f.time - lag), default=None)
+            if nearest is None or nearest in chosen:
+                continue
+            if abs(time - nearest.time - lag) <= _LAG_SLACK * lag:
+                chosen.append(nearest)
+        return chosen
+
+    def _against(
+        self, frame: DepthFrame, reference: DepthFrame, asked: NDArray[np.intp]
+    ) -> NDArray[np.uint8]:
+        """(N,) evidence of cells (N,), by one earlier frame."""
+        c, r = self._grid.camera, self._grid.reduction
+        T = reference.T_camera_world @ frame.T_camera_world.inverse()
+        R = T.rotation.astype(np.float32)
+        # Places over their depth f B / d: the ray, and the translation times d / (f B).
+        t = (T.translation / (c.fx * c.baseline)).astype(np.float32)
+        d = frame.disparity.ravel()[asked]
+        x, y = self._x[asked], self._y[asked]
+        X, Y, Z = (R[k, 0] * x + R[k, 1] * y + (R[k, 2] + t[k] * d) for k in range(3))
+        ahead = Z > _LEAST_DEPTH
+        Z = np.maximum(Z, _LEAST_DEPTH)
+        expected = d / Z
+        # Rounded to the cell that holds the pixel.
+        column = np.floor((np.float32(c.fx) * X / Z + np.float32(c.cx + 0.5)) / r)
+        row = np.floor((np.float32(c.fy) * Y / Z + np.float32(c.cy + 0.5)) / r)
+        h, w = self._grid.shape
+        inside = ahead & (column >= 0) & (column < w) & (row >= 0) & (row < h)
+        at = np.where(inside, row * w + column, np.float32(0)).astype(np.intp)
+        seen = inside & (reference.known.ravel()[at] > 0)
+        slack = _LEAST_CELLS * r + _LEAST_SHARE * expected
+        out = np.full(len(asked), STATIC, np.uint8)
+        out[expected - reference.nearest.ravel()[at] > slack] = ARRIVED
+        out[expected - reference.farthest.ravel()[at] < -slack] = HIDDEN
+        out[~seen] = UNKNOWN
+        return out

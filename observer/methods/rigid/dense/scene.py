@@ -1,0 +1,75 @@
+"""Dense evidence of one frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.camera import StereoCamera
+from observer.geometry import Pose
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.depth_image import depth_image
+from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
+from observer.methods.rigid.dense.grid import Grid
+from observer.methods.rigid.dense.ground import Ground, standing
+from observer.mount import CameraMount
+from observer.parameters import StereoParameters
+from observer.vision.view import View
+
+# A body is no thicker than this, metres; and noise of the disparity no less than this, cells.
+_THICKNESS_M = 0.35
+_LEAST_TOLERANCE_CELLS = 0.65
+# No robot that these methods are for drives faster, m/s.
+_FASTEST_MPS = 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class DenseScene:
+    """Dense evidence of one frame.
+
+    Attributes:
+        grid: its cells. T_world_camera: the pose.
+        disparity: (h, w) px, NaN unknown.
+        standing: (h, w) which cells stand out of the ground.
+        evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
+    """
+
+    grid: Grid
+    T_world_camera: Pose
+    disparity: NDArray[np.float32]
+    standing: NDArray[np.bool_]
+    evidence: NDArray[np.uint8]
+
+    def tolerance(self, disparity: float) -> float:
+        """Return by how many px of disparity parts of one body may differ."""
+        camera = self.grid.camera
+        thickness = disparity**2 * _THICKNESS_M / (camera.fx * camera.baseline)
+        return max(_LEAST_TOLERANCE_CELLS * self.grid.reduction, thickness)
+
+
+class DenseVision:
+    """Depth, ground and free space over the frames of one segment."""
+
+    def __init__(self, camera: StereoCamera, mount: CameraMount | None) -> None:
+        self._grid = Grid.of(camera)
+        self._ground = Ground(self._grid, mount)
+        self._space = FreeSpace(self._grid)
+
+    def look(self, view: View, now: CameraStep, parameters: StereoParameters) -> DenseScene | None:
+        """Return the evidence of a frame, and remember its depth.
+
+        None while the camera is so fast that what stands looks another from frame to frame: on
+        the road the points are on their own.
+        """
+        if np.linalg.norm(now.rate.shift) > _FASTEST_MPS:
+            return None
+        disparity = depth_image(view.left, view.right, self._grid, parameters)
+        self._ground.update(disparity, now.T_camera_world, view.index)
+        plane = self._ground.plane(now.T_camera_world)
+        stands = standing(disparity, plane, self._grid)
+        frame = DepthFrame(view.time, disparity, now.T_camera_world)
+        evidence = self._space.evidence(frame, stands)
+        self._space.keep(frame)
+        return DenseScene(self._grid, now.T_world_camera, disparity, stands, evidence)

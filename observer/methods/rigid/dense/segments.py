@@ -1,0 +1,305 @@
+"""Segments: connected cells of one depth that stand apart from what is beside and behind them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
+from observer.methods.rigid.dense.scene import DenseScene
+
+Mask = NDArray[np.bool_]
+Window = tuple[slice, slice]
+
+# The trunk is in this upper share of the rows; legs swing below it.
+TRUNK_SHARE = 0.6
+# m^2 and cells: what is smaller is no seed, and no segment.
+_SEED_M2, _SEGMENT_M2, _LEAST_CELLS = 0.03, 0.08, 12
+_MOST_SEEDS = 12
+# Metres by which a segment may grow beyond a seed, or beyond where it was expected, into what is
+# static: two things that touch are not to become one.
+_GROWTH_M = 0.12
+# Of a mask's connected parts, those this much smaller than its largest are left out.
+_PART_SHARE = 0.1
+# Cells around a segment that tell what it stands before, and how near to it they begin.
+_RING_CELLS, _RIM_CELLS = 4, 1
+# A step of the disparity that is no noise, cells.
+_STEP_CELLS = 0.5
+# A body's border shows something farther on this share of what is comparable, and of all of it;
+# what only seems to have appeared behind something else, on more.
+_APART, _CLEAR, _CLEAR_HIDDEN = 0.6, 0.2, 0.35
+# Share of the trunk's rows beside which something nearer, or the image's border, cuts it off.
+_CUT_SHARE = 0.25
+_BESIDE_CELLS = 3
+# A cell is of an expected body up to so many tolerances of its disparity.
+_OWN_TOLERANCES = 1.5
+# A limb is this near to its body, metres; above or below it, or else smaller by this share.
+_LIMB_M, _STACKED_SHARE, _LIMB_SHARE = 0.25, 0.6, 0.25
+_LIMB_TOLERANCES, _GAP_TOLERANCES = 1.5, 2.5
+
+
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """One segment; columns and rows are cells.
+
+    Attributes:
+        mask: (h, w). box: first column and row, and those after the last.
+        disparity: px, median of the trunk. area: cells.
+        arrived, hidden, static: shares of the cells that could be tested.
+        apart: share of the comparable border beyond which the scene is farther. clear: of all.
+        columns: of the trunk: mean left edge, middle and right edge.
+        cut: True where the left, right, top and bottom border is not its own: the image's border
+            or something nearer cuts it off.
+    """
+
+    mask: Mask
+    box: tuple[int, int, int, int]
+    disparity: float
+    area: int
+    arrived: float
+    hidden: float
+    static: float
+    apart: float
+    clear: float
+    columns: tuple[float, float, float]
+    cut: tuple[bool, bool, bool, bool]
+
+    @property
+    def stands_apart(self) -> bool:
+        """True if it is a thing of its own, and no part of a wall or a slope."""
+        least = _CLEAR if self.arrived > self.hidden else _CLEAR_HIDDEN
+        return self.apart >= _APART and self.clear >= least
+
+
+@dataclass(frozen=True, eq=False)
+class Expected:
+    """Where a body should be seen: mask (h, w) and disparity, px."""
+
+    mask: Mask
+    disparity: float
+
+
+def segment_of(scene: DenseScene, mask: Mask) -> Segment:
+    """Describe the cells of a mask (h, w), which must not be empty."""
+    window = window_of(mask)
+    part, disparity = mask[window], scene.disparity[window]
+    top, left = window[0].start, window[1].start
+    bottom, right = window[0].stop, window[1].stop
+    trunk = part[: max(1, round(TRUNK_SHARE * len(part)))]
+    d = float(np.median(disparity[: len(trunk)][trunk]))
+    rows = np.flatnonzero(trunk.any(axis=1))
+    width = part.shape[1]
+    first = trunk[rows].argmax(axis=1) + left
+    last = width - 1 - trunk[rows, ::-1].argmax(axis=1) + left
+    middle = trunk[rows] @ np.arange(width) / trunk[rows].sum(axis=1) + left
+    evidence = np.bincount(scene.evidence[window][part], minlength=4)
+    tested = max(1, int(evidence.sum() - evidence[UNKNOWN]))
+    apart, clear = _apart(scene, mask, d)
+    # Left of a column the right camera sees nothing at this depth.
+    unseen = int(d / scene.grid.reduction) + 2
+    cut_left = _cut(scene, rows + top, first - _BESIDE_CELLS, d, unseen)
+    cut_right = _cut(scene, rows + top, last + _BESIDE_CELLS, d, 0)
+    return Segment(
+        mask=mask,
+        box=(left, top, right, bottom),
+        disparity=d,
+        area=int(np.count_nonzero(part)),
+        arrived=float(evidence[ARRIVED] / tested),
+        hidden=float(evidence[HIDDEN] / tested),
+        static=float(evidence[STATIC] / tested),
+        apart=apart,
+        clear=clear,
+        columns=(float(np.median(first)), float(np.median(middle)), float(np.median(last))),
+        cut=(cut_left, cut_right, top <= 1, bottom >= scene.grid.height - 1),
+    )
+
+
+def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
+    """Segments that grew from what arrived in free space or was hidden, largest seed first.
+
+    Args:
+        free: (h, w) cells that belong to nothing yet.
+    """
+    moved = (scene.evidence == ARRIVED) | (scene.evidence == HIDDEN)
+    seeds = _opened(moved & scene.standing & free)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(seeds.view(np.uint8), connectivity=8)
+    areas = stats[1:, cv2.CC_STAT_AREA]
+    left = scene.standing & free
+    found = []
+    for label in np.argsort(-areas, kind="stable")[:_MOST_SEEDS] + 1:
+        column, row, width, height, area = stats[label].tolist()
+        if area < _LEAST_CELLS:
+            break
+        window = (slice(row, row + height), slice(column, column + width))
+        part = (labels[window] == label) & left[window]
+        area = np.count_nonzero(part)
+        if area < _LEAST_CELLS:
+            continue
+        d = float(np.median(scene.disparity[window][part]))
+        if area < _cells_of(scene, _SEED_M2, d):
+            continue
+        seed = np.zeros_like(left)
+        seed[window] = part
+        mask = _grown(scene, left, seed, _widened(scene, seed, d), d)
+        if mask is None or np.count_nonzero(mask) < _cells_of(scene, _SEGMENT_M2, d):
+            continue
+        segment = segment_of(scene, mask)
+        if segment.stands_apart:
+            left &= ~mask
+            found.append(segment)
+    return found
+
+
+def followed_segment(
+    scene: DenseScene, expected: Expected, core: Mask, free: Mask, *, grows: bool
+) -> Segment | None:
+    """Return the segment at which a body was expected, grown from its core; None if it is gone.
+
+    Args:
+        core: (h, w) the cells that are most likely its own. free: those that it may take.
+        grows: beyond where it was expected; what stands does not.
+    """
+    if np.count_nonzero(core) < _LEAST_CELLS:
+        return None
+    d = float(np.median(scene.disparity[core]))
+    near = _widened(scene, expected.mask, d) if grows else expected.mask
+    mask = _grown(scene, scene.standing & free & near, core, expected.mask, d)
+    if mask is None or np.count_nonzero(mask) < _cells_of(scene, _SEGMENT_M2 / 2, d):
+        return None
+    return segment_of(scene, mask)
+
+
+def owners(scene: DenseScene, bodies: list[Expected]) -> NDArray[np.int16]:
+    """(h, w) number of the expected body that each cell is most likely of; -1 none."""
+    owner = np.full(scene.grid.shape, -1, np.int16)
+    best = np.full(scene.grid.shape, _OWN_TOLERANCES, np.float32)
+    for number, body in enumerate(bodies):
+        window = window_of(body.mask)
+        tolerance = np.float32(scene.tolerance(body.disparity))
+        off = np.abs(scene.disparity[window] - np.float32(body.disparity)) / tolerance
+        better = body.mask[window] & scene.standing[window] & (off < best[window])
+        best[window][better] = off[better]
+        owner[window][better] = number
+    return owner
+
+
+def is_limb(scene: DenseScene, part: Segment, body: Segment) -> bool:
+    """Return whether a segment is a limb of a body, or what is seen between its limbs."""
+    if _gap(scene, part, body) > _GAP_TOLERANCES:
+        return False
+    reach = _LIMB_M * scene.grid.per_metre(body.disparity)
+    a, b = part.box, body.box
+    if a[0] > b[2] + reach or a[2] < b[0] - reach or a[1] > b[3] + reach or a[3] < b[1] - reach:
+        return False
+    shared = min(a[2], b[2] + reach / 2) - max(a[0], b[0] - reach / 2)
+    return shared >= _STACKED_SHARE * (a[2] - a[0]) or part.area < _LIMB_SHARE * body.area
+
+
+def with_limb(scene: DenseScene, body: Segment, limb: Segment) -> Segment:
+    """The body with its limb, unless that is rather what is seen between its limbs."""
+    if _gap(scene, limb, body) > _LIMB_TOLERANCES:
+        return body
+    return segment_of(scene, body.mask | limb.mask)
+
+
+def window_of(mask: Mask, more: int = 0) -> Window:
+    """Rows and columns of a mask (h, w), and so many around them; empty for an empty one."""
+    column, row, width, height = cv2.boundingRect(mask.view(np.uint8))
+    h, w = mask.shape
+    return (
+        slice(max(0, row - more), min(h, row + height + more)),
+        slice(max(0, column - more), min(w, column + width + more)),
+    )
+
+
+def _gap(scene: DenseScene, part: Segment, body: Segment) -> float:
+    return abs(part.disparity - body.disparity) / scene.tolerance(body.disparity)
+
+
+def _cells_of(scene: DenseScene, area_m2: float, disparity: float) -> float:
+    return max(_LEAST_CELLS, area_m2 * scene.grid.per_metre(disparity) ** 2)
+
+
+def _widened(scene: DenseScene, mask: Mask, disparity: float) -> Mask:
+    """The mask (h, w) and what is so near to it that a body may have grown there."""
+    reach = max(2, int(_GROWTH_M * scene.grid.per_metre(disparity)))
+    window = window_of(mask, reach)
+    wide = np.zeros_like(mask)
+    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    wide[window] = cv2.dilate(mask[window].view(np.uint8), square).view(np.bool_)
+    return wide
+
+
+def _grown(
+    scene: DenseScene, free: Mask, seed: Mask, may_be_static: Mask, disparity: float
+) -> Mask | None:
+    """(h, w) the free cells of the seed's depth that hang together with it; None without any.
+
+    What was there before is left out, but for the cells that may be static.
+    """
+    off = np.abs(scene.disparity - np.float32(disparity))
+    alike = free & (off < np.float32(scene.tolerance(disparity)))
+    alike &= (scene.evidence != STATIC) | may_be_static
+    window = window_of(alike)
+    _, labels = cv2.connectedComponents(_opened(alike[window]).view(np.uint8), connectivity=4)
+    hits = np.bincount(labels[seed[window]], minlength=2)
+    hits[0] = 0
+    if hits.max() == 0:
+        return None
+    mask = np.zeros(free.shape, np.bool_)
+    kept = np.zeros(int(labels.max()) + 1, np.bool_)
+    kept[: len(hits)] = hits >= max(3, _PART_SHARE * hits.max())
+    mask[window] = kept[labels]
+    return mask if mask.any() else None
+
+
+def _opened(mask: Mask) -> Mask:
+    """The mask (h, w) without what is thinner than three cells."""
+    square = np.ones((3, 3), np.uint8)
+    contiguous = np.ascontiguousarray(mask).view(np.uint8)
+    return np.asarray(cv2.morphologyEx(contiguous, cv2.MORPH_OPEN, square)).view(np.bool_)
+
+
+def _apart(scene: DenseScene, mask: Mask, disparity: float) -> tuple[float, float]:
+    """Share of a mask's border beyond which the scene is farther: of what can be compared, of all.
+
+    Where the scene goes on at about the same depth it cannot be told apart; the ground below it
+    and what is nearer say nothing.
+    """
+    wide = window_of(mask, _RING_CELLS)
+    part, d = mask[wide].astype(np.uint8), scene.disparity[wide]
+    rim = cv2.dilate(part, np.ones((2 * _RIM_CELLS + 1,) * 2, np.uint8))
+    around = np.ones((2 * _RING_CELLS + 1,) * 2, np.uint8)
+    ring = (cv2.dilate(part, around) > 0) & (rim == 0)
+    beside = cv2.dilate(np.where(part > 0, d, np.float32(0)), around)
+    limit = np.float32(max(_STEP_CELLS * scene.grid.reduction, scene.tolerance(disparity) / 2))
+    step = beside - d
+    farther = int(np.count_nonzero(ring & (step > limit)))
+    same = int(np.count_nonzero(ring & scene.standing[wide] & (np.abs(step) <= limit)))
+    return farther / max(1, farther + same), farther / max(1, int(np.count_nonzero(ring)))
+
+
+def _cut(
+    scene: DenseScene,
+    rows: NDArray[np.intp],
+    columns: NDArray[np.intp],
+    disparity: float,
+    border: int,
+) -> bool:
+    """True if what lies at cells (N,) beside a segment hides how far it goes on."""
+    width = scene.grid.width
+    outside = (columns < border) | (columns >= width - 1)
+    beside = scene.disparity[rows, np.clip(columns, 0, width - 1)]
+    nearer = beside > disparity + scene.tolerance(disparity)
+    return bool((outside | nearer).mean() > _CUT_SHARE)
+
+
+def box_px(scene: DenseScene, segment: Segment) -> tuple[float, float, float, float]:
+    """Return u0, v0, u1, v1 around a segment, pixels of the left image."""
+    corners: Float64Array = np.array(segment.box, np.float64).reshape(2, 2) - 0.5
+    u0, v0, u1, v1 = scene.grid.to_px(corners).ravel().tolist()
+    return (u0, v0, u1, v1)

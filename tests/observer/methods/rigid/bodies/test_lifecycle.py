@@ -1,0 +1,175 @@
+"""When a body that is seen as an outline is confirmed, and when it ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.lifecycle import is_over, judge
+from observer.methods.rigid.bodies.outline import Outline
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
+from observer.methods.rigid.dense.segments import segment_of
+from observer.parameters import Parameters
+from observer.types import MotionState, TrackState
+
+from ..solid_worlds import ROOM, Solid, cells_of, seen
+
+P = Parameters().obstacles
+MakeTrack = Callable[..., BodyTrack]
+STOOD = (0.0, 0.0, 0.0)
+PLACE = np.array([0.0, 0.0, 4.0])
+
+
+@pytest.fixture
+def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
+    """Gives a tentative track with an outline: after frames of either kind of evidence."""
+
+    def make(
+        velocity: tuple[float, float, float] = (0.5, 0.0, 0.0),
+        *,
+        arrived: int = 0,
+        hidden: int = 0,
+        sigma: float = 0.03,
+        evidence: int = ARRIVED,
+    ) -> BodyTrack:
+        thing = Solid((0.0, 0.0, 4.0), (0.45, 1.2, 0.1))
+        mask = cells_of(thing, [*ROOM, thing])
+        scene = seen([*ROOM, thing], evidence=np.where(mask, evidence, STATIC).astype(np.uint8))
+        track = make_track((0.0, 0.0, 4.0), velocity, sigma=sigma)
+        track.outline = Outline.of(segment_of(scene, mask), scene)
+        track.outline.arrived_frames, track.outline.hidden_frames = arrived, hidden
+        return track
+
+    return make
+
+
+def judged(track: BodyTrack, frames: int = 1) -> TrackState:
+    for _ in range(frames):
+        judge(track, P)
+    return track.state
+
+
+def test_who_enters_free_space_is_confirmed_without_any_point(guest: MakeTrack) -> None:
+    assert judged(guest(arrived=3)) is TrackState.CONFIRMED
+
+
+def test_too_few_frames_of_evidence_confirm_nobody(guest: MakeTrack) -> None:
+    assert judged(guest(arrived=2, hidden=3), 20) is TrackState.TENTATIVE
+
+
+def test_who_comes_out_of_hiding_needs_more_frames_and_a_surer_velocity(guest: MakeTrack) -> None:
+    """Of 3.9 standard deviations, and then of more than 16."""
+    for sigma, state in ((0.13, TrackState.TENTATIVE), (0.03, TrackState.CONFIRMED)):
+        assert judged(guest(hidden=4, sigma=sigma)) is state
+    assert judged(guest(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
+
+
+def test_an_outline_confirms_only_while_it_moves(guest: MakeTrack) -> None:
+    stood = guest(STOOD, arrived=50, hidden=50)
+    assert judged(stood, 20) is TrackState.TENTATIVE
+    assert stood.motion is MotionState.STOPPED
+
+
+def test_a_velocity_that_is_hardly_known_confirms_nobody(guest: MakeTrack) -> None:
+    assert judged(guest(arrived=10, sigma=0.4), 20) is TrackState.TENTATIVE
+
+
+def test_an_outline_confirms_only_while_it_is_seen(guest: MakeTrack) -> None:
+    track = guest(arrived=10)
+    track.outline.seen = False
+    assert judged(track) is TrackState.TENTATIVE
+    track.outline.seen, track.missed_s = True, 0.1
+    assert judged(track) is TrackState.TENTATIVE
+
+
+def test_a_confirmed_one_stays_confirmed_when_it_stops(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    track.filter = guest(STOOD).filter
+    assert judged(track) is TrackState.CONFIRMED
+    assert track.motion is MotionState.STOPPED
+
+
+def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: MakeTrack) -> None:
+    merged, free = make_track(), make_track()
+    merged.merged_s = 0.1
+    for track in (merged, free):
+        track.points = 20
+        judged(track, P.confirm_hits + 5)
+    assert merged.state is TrackState.TENTATIVE
+    assert free.state is TrackState.CONFIRMED
+
+
+# --- the end -------------------------------------------------------------------------------
+
+
+def test_what_moves_as_a_thing_of_its_own_goes_on(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    track.age_s = 10.0
+    assert not any(is_over(track, P) for _ in range(20))
+
+
+def ends_after(track: BodyTrack, most: int = 20) -> int | None:
+    """Frames until it is over; None if it never is."""
+    return next((k for k in range(1, most) if is_over(track, P)), None)
+
+
+def test_a_tentative_outline_that_stands_ends_after_a_few_frames(guest: MakeTrack) -> None:
+    assert ends_after(guest(STOOD, evidence=STATIC)) == 4
+
+
+def test_a_confirmed_one_may_stand(guest: MakeTrack) -> None:
+    track = guest(arrived=3, evidence=STATIC)
+    judged(track)
+    assert track.state is TrackState.CONFIRMED
+    assert ends_after(track) is None
+
+
+def test_a_confirmed_one_that_swallows_what_stands_ends(guest: MakeTrack) -> None:
+    track = guest(arrived=3, evidence=STATIC)
+    judged(track)
+    track.outline.moving_area /= 2
+    assert ends_after(track) == 4
+
+
+def test_one_idle_frame_now_and_then_ends_nothing(guest: MakeTrack) -> None:
+    track = guest(STOOD, evidence=STATIC)
+    standing = track.outline.segment
+    moving = guest(STOOD).outline.segment
+    for k in range(20):
+        track.outline.segment = moving if k % 3 == 2 else standing
+        assert not is_over(track, P)
+
+
+def test_an_outline_is_given_more_time_to_move_than_points_are(
+    guest: MakeTrack, make_track: MakeTrack
+) -> None:
+    ages = []
+    for track in (guest(STOOD), make_track(velocity=STOOD)):
+        while not is_over(track, P):
+            track.age_s += 0.1
+            assert track.age_s < 5.0
+        ages.append(track.age_s)
+    assert ages == pytest.approx([1.5, 0.5], abs=0.11)
+
+
+def test_who_has_been_one_with_its_surroundings_for_long_ends(make_track: MakeTrack) -> None:
+    track = make_track()
+    track.state, track.merged_s = TrackState.CONFIRMED, 0.9
+    assert not is_over(track, P)
+    track.merged_s = 1.1
+    assert is_over(track, P)
+
+
+def test_who_is_out_of_sight_coasts_and_then_ends(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    track.outline.seen, track.missed_s = False, P.coast_s
+    assert judged(track) is TrackState.COASTING
+    assert not is_over(track, P)
+    track.missed_s = P.coast_s + 0.01
+    assert is_over(track, P)

@@ -1,0 +1,264 @@
+"""Outlines of bodies whose place, size and visibility are known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.geometry import Pose
+from observer.methods.rigid.bodies.outline import (
+    Outline,
+    anchor_of,
+    extent,
+    free_cells,
+    measured_anchor,
+)
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment, segment_of
+
+from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, disparity_of, on_floor, seen
+
+quick = settings(deadline=None, max_examples=12)
+SIZE = (0.45, 1.2, 0.1)
+small = st.floats(-0.2, 0.2)
+
+
+def body(x: float, z: float) -> Solid:
+    """An upright board whose foot is above the floor, so that all of it stands."""
+    return Solid((x, 0.0, z), SIZE)
+
+
+def view(
+    thing: Shape, *others: Shape, pose: Pose = HERE, evidence: int = ARRIVED
+) -> tuple[DenseScene, Segment]:
+    """A thing in a room behind others, and the segment of what is seen of it."""
+    shapes = [*ROOM, thing, *others]
+    mask = cells_of(thing, shapes, pose)
+    scene = seen(shapes, pose, np.where(mask, evidence, STATIC).astype(np.uint8))
+    return scene, segment_of(scene, mask)
+
+
+def outlined(
+    x: float, z: float, pose: Pose = HERE, evidence: int = ARRIVED
+) -> tuple[Outline, DenseScene]:
+    """One that was noted once, with the body's origin at its centre."""
+    scene, segment = view(body(x, z), pose=pose, evidence=evidence)
+    outline = Outline.of(segment, scene)
+    outline.note(segment, np.array([x, 0.0, z]), scene, 0.0)
+    return outline, scene
+
+
+def overlap(one: np.ndarray, other: np.ndarray) -> float:
+    return float((one & other).sum() / (one | other).sum())
+
+
+# --- where it is expected ------------------------------------------------------------------
+
+
+@quick
+@given(dx=small, dz=st.floats(-0.5, 0.5), turn=st.floats(-0.1, 0.1), x=small, ahead=small)
+def test_it_is_expected_at_its_new_place_after_body_and_camera_moved(
+    dx: float, dz: float, turn: float, x: float, ahead: float
+) -> None:
+    outline, _ = outlined(0.1, 4.0)
+    pose = Pose.from_rotvec([0.0, turn, 0.0], [x, 0.0, ahead])
+    where = outline.expected(np.array([0.1 + dx, 0.0, 4.0 + dz]), pose.inverse(), GRID)
+    assert where is not None
+    moved = body(0.1 + dx, 4.0 + dz)
+    assert overlap(where.mask, cells_of(moved, [moved], pose)) > 0.85
+    truth = float(np.nanmedian(disparity_of([moved], pose)))
+    assert where.disparity == pytest.approx(truth, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "place",
+    [
+        pytest.param((0.0, 0.0, -2.0), id="behind the camera"),
+        pytest.param((9.0, 0.0, 4.0), id="beside the image"),
+        pytest.param((0.0, 0.0, 1.5), id="much nearer"),
+        pytest.param((0.0, 0.0, 12.0), id="much farther"),
+    ],
+)
+def test_out_of_sight_or_much_nearer_or_farther_it_is_not_expected(
+    place: tuple[float, float, float],
+) -> None:
+    outline, _ = outlined(0.0, 4.0)
+    assert outline.expected(np.array(place), HERE, GRID) is None
+
+
+PILLAR = Solid((0.15, 0.0, 2.5), (0.3, 2.5, 0.1))
+ORIGIN = np.array([0.1, 0.0, 4.0])
+
+
+def test_it_is_expected_whole_while_something_hides_part_of_it() -> None:
+    outline, _ = outlined(0.1, 4.0)
+    whole = outline.segment.mask
+    scene, part = view(body(0.1, 4.0), PILLAR)
+    assert part.area < 0.8 * whole.sum()
+    for age in (0.1, 0.5, 0.9):
+        outline.note(part, ORIGIN, scene, age)
+        where = outline.expected(ORIGIN, HERE, GRID)
+        assert overlap(where.mask, whole) > 0.99
+        assert outline.segment is part
+
+
+def test_who_stays_hidden_in_part_is_expected_as_it_is_seen() -> None:
+    outline, _ = outlined(0.1, 4.0)
+    scene, part = view(body(0.1, 4.0), PILLAR)
+    outline.note(part, ORIGIN, scene, 1.1)
+    assert overlap(outline.expected(ORIGIN, HERE, GRID).mask, part.mask) > 0.99
+
+
+def test_who_is_seen_whole_again_is_expected_as_it_is_then() -> None:
+    scene, part = view(body(0.1, 4.0), PILLAR)
+    outline = Outline.of(part, scene)
+    outline.note(part, ORIGIN, scene, 0.0)
+    scene, whole = view(body(0.1, 4.0))
+    outline.note(whole, ORIGIN, scene, 0.1)
+    assert overlap(outline.expected(ORIGIN, HERE, GRID).mask, whole.mask) > 0.99
+
+
+# --- where it is measured ------------------------------------------------------------------
+
+
+def test_the_anchor_is_the_side_that_is_not_cut() -> None:
+    pillar_left = Solid((-0.1, 0.0, 2.5), (0.3, 2.5, 0.1))
+    assert anchor_of(view(body(0.1, 4.0))[1]) == "middle"
+    assert anchor_of(view(body(0.1, 4.0), PILLAR)[1]) == "left"
+    assert anchor_of(view(body(0.1, 4.0), pillar_left)[1]) == "right"
+    gap = [Solid((x, 0.0, 2.5), (0.2, 2.5, 0.1)) for x in (-0.1, 0.23)]
+    assert anchor_of(view(body(0.1, 4.0), *gap)[1]) == "none"
+
+
+@quick
+@given(x=st.floats(-0.8, 0.8), z=st.floats(2.5, 5.5), turn=st.floats(-0.1, 0.1))
+def test_the_middle_is_measured_where_the_visible_surface_is(
+    x: float, z: float, turn: float
+) -> None:
+    pose = Pose.from_rotvec([0.0, turn, 0.0], [0.3, 0.0, -0.2])
+    scene, segment = view(body(x, z), pose=pose)
+    place, cov = measured_anchor(segment, "middle", scene)
+    gap = place - [x, 0.0, z - SIZE[2] / 2]
+    assert np.linalg.norm(gap) < 0.06
+    assert gap @ np.linalg.solve(cov, gap) < 6.0
+    np.testing.assert_allclose(cov, cov.T, atol=1e-12)
+
+
+def test_along_the_line_of_sight_it_is_less_sure_and_with_the_square_of_the_distance() -> None:
+    sigmas = []
+    for z in (2.5, 5.0):
+        scene, segment = view(body(0.0, z))
+        _, cov = measured_anchor(segment, "middle", scene)
+        sigmas.append(np.sqrt(np.diag(cov)))
+    assert sigmas[1][2] > 2.5 * sigmas[0][2]
+    assert sigmas[1][0] == pytest.approx(sigmas[0][0], rel=0.05)
+
+
+def test_where_both_sides_are_cut_nothing_is_known_across_the_line_of_sight() -> None:
+    scene, segment = view(body(0.0, 4.0))
+    known = measured_anchor(segment, "middle", scene)[1]
+    unknown = measured_anchor(segment, "none", scene)[1]
+    assert unknown[0, 0] > 50 * known[0, 0]
+    assert unknown[2, 2] == pytest.approx(known[2, 2], rel=0.01)
+
+
+def test_the_sides_are_half_a_width_from_the_middle() -> None:
+    scene, segment = view(body(0.2, 4.0))
+    places = {a: measured_anchor(segment, a, scene)[0] for a in ("left", "middle", "right")}
+    for side, sign in (("left", -1), ("right", 1)):
+        gap = places[side] - places["middle"]
+        np.testing.assert_allclose(gap, [sign * SIZE[0] / 2, 0, 0], atol=0.03)
+
+
+@quick
+@given(x=st.floats(-0.8, 0.8), z=st.floats(2.5, 5.5))
+def test_its_extent_is_that_of_the_body(x: float, z: float) -> None:
+    _, segment = view(Solid((x, 0.0, z), (0.45, 1.2, 0.01)))
+    assert extent(segment, GRID) == pytest.approx((0.45, 1.2), abs=0.05)
+
+
+def test_the_middle_lies_behind_the_surface_that_is_seen() -> None:
+    outline, _ = outlined(0.0, 4.0)
+    assert 4.0 - SIZE[2] / 2 < outline.middle[2] < 4.2
+
+
+# --- what is learned over time -------------------------------------------------------------
+
+
+def test_its_extent_shrinks_slowly_for_arms_and_legs_swing() -> None:
+    outline, _ = outlined(0.0, 4.0)
+    before = outline.width
+    scene, segment = view(Solid((0.0, 0.0, 4.0), (0.2, 1.2, 0.1)))
+    outline.note(segment, np.array([0.0, 0.0, 4.0]), scene, 0.1)
+    assert outline.width == pytest.approx(0.97 * before)
+    for _ in range(100):
+        outline.note(segment, np.array([0.0, 0.0, 4.0]), scene, 0.2)
+    assert outline.width == pytest.approx(0.2, abs=0.05)
+
+
+def test_what_is_higher_than_wide_is_upright() -> None:
+    assert outlined(0.0, 4.0)[0].upright
+    scene, segment = view(Solid((0.0, 0.5, 4.0), (0.6, 0.4, 0.1)))
+    assert not Outline.of(segment, scene).upright
+
+
+def test_frames_are_counted_by_what_they_show_of_motion() -> None:
+    outline, _ = outlined(0.0, 4.0)
+    assert (outline.arrived_frames, outline.hidden_frames, outline.stands) == (1, 0, False)
+    scene, still = view(body(0.0, 4.0), evidence=STATIC)
+    outline.note(still, np.array([0.0, 0.0, 4.0]), scene, 0.1)
+    assert (outline.arrived_frames, outline.hidden_frames, outline.stands) == (1, 0, True)
+    scene, left = view(body(0.0, 4.0), evidence=3)
+    outline.note(left, np.array([0.0, 0.0, 4.0]), scene, 0.1)
+    assert (outline.arrived_frames, outline.hidden_frames, outline.stands) == (1, 1, False)
+
+
+def test_a_limb_is_taken_and_a_stranger_is_not() -> None:
+    trunk, leg = Solid((0.0, -0.2, 4.0), (0.5, 0.8, 0.2)), Solid((0.1, 0.5, 3.95), (0.18, 0.5, 0.1))
+    scene, segment = view(trunk, leg)
+    outline = Outline.of(segment, scene)
+    outline.note(segment, np.array([0.0, -0.2, 4.0]), scene, 0.0)
+    limb = segment_of(scene, cells_of(leg, [*ROOM, trunk, leg]))
+    _, far = view(body(1.5, 5.0))
+    assert not outline.take(far, scene)
+    assert outline.take(limb, scene)
+    np.testing.assert_array_equal(outline.segment.mask, segment.mask | limb.mask)
+    where = outline.expected(np.array([0.0, -0.2, 4.0]), HERE, GRID)
+    assert overlap(where.mask, outline.segment.mask) > 0.99
+
+
+def test_one_that_moves_as_a_thing_of_its_own_never_idles() -> None:
+    outline, _ = outlined(0.0, 4.0)
+    assert [outline.idles(True) for _ in range(5)] == [0] * 5
+
+
+def test_a_tentative_one_that_stands_idles_and_a_confirmed_one_may_stand() -> None:
+    outline, scene = outlined(0.0, 4.0)
+    still = view(body(0.0, 4.0), evidence=STATIC)[1]
+    outline.note(still, np.array([0.0, 0.0, 4.0]), scene, 0.1)
+    assert [outline.idles(False) for _ in range(3)] == [0, 0, 0]
+    assert [outline.idles(True) for _ in range(3)] == [1, 2, 3]
+    outline.seen = False
+    assert outline.idles(True) == 0
+
+
+def test_a_confirmed_one_idles_while_it_swallows_what_stands_beside_it() -> None:
+    outline, _ = outlined(0.0, 4.0)
+    scene, twice = view(Solid((0.2, 0.0, 4.0), (0.9, 1.2, 0.1)), evidence=STATIC)
+    outline.note(twice, np.array([0.0, 0.0, 4.0]), scene, 0.1)
+    assert [outline.idles(False) for _ in range(3)] == [1, 2, 3]
+
+
+def test_cells_of_outlines_that_are_seen_are_not_free() -> None:
+    one, other = outlined(0.0, 4.0)[0], outlined(0.8, 4.0)[0]
+    other.seen = False
+    np.testing.assert_array_equal(free_cells([one, other], GRID), ~one.segment.mask)
+    assert free_cells([], GRID).all()
+
+
+def test_a_thing_that_lies_on_the_floor_is_no_person() -> None:
+    scene, segment = view(on_floor(0.0, 3.0, (0.5, 0.3, 0.6)))
+    assert not Outline.of(segment, scene).upright

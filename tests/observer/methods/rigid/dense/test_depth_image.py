@@ -1,0 +1,101 @@
+"""Disparity of image pairs that are made of it: right where texture tells, unknown elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.methods.rigid.dense.depth_image import depth_image, noise_of, textured
+from observer.parameters import StereoParameters
+from observer.types import Image
+
+from ....builders import Texture, as_image
+from ..solid_worlds import CAMERA, GRID
+
+quick = settings(deadline=None, max_examples=15)
+P = StereoParameters()
+SHAPE = (CAMERA.height, CAMERA.width)
+# Texture as fine as a cell, and everywhere, would count as noise.
+PAPER = Texture(1, SHAPE, finest_px=12.0)
+OTHER = Texture(2, SHAPE, finest_px=12.0)
+
+
+def pair_at(disparity: float, noise: float = 1.0) -> tuple[Image, Image]:
+    """A textured wall, straight ahead."""
+    return as_image(PAPER.moved(), noise, 1), as_image(PAPER.moved(-disparity), noise, 2)
+
+
+@pytest.mark.parametrize("disparity", [5.0, 12.5, 31.0, 50.3])
+def test_a_textured_wall_has_its_disparity_in_pixels_of_the_full_image(disparity: float) -> None:
+    found = depth_image(*pair_at(disparity), GRID, P)
+    assert found.shape == GRID.shape
+    beside = found[:, round(disparity / GRID.reduction) + 3 :]
+    assert np.isfinite(beside).mean() > 0.95
+    assert np.nanmedian(np.abs(beside - disparity)) < 0.4
+    assert np.nanquantile(np.abs(beside - disparity), 0.98) < 1.3
+
+
+def test_what_the_right_camera_cannot_see_is_unknown() -> None:
+    """Left of its image's border; the texture repeats, so nothing false is matched there."""
+    found = depth_image(*pair_at(40.0), GRID, P)
+    assert not (found[:, :18] > 2 * np.arange(18) + 2).any()
+
+
+def test_a_thing_before_a_wall_has_a_disparity_of_its_own() -> None:
+    left, right = pair_at(10.0)
+    thing = as_image(OTHER.moved(), 1.0, 3)
+    left[120:300, 250:400] = thing[120:300, 250:400]
+    right[120:300, 220:370] = thing[120:300, 250:400]
+    found = depth_image(left, right, GRID, P)
+    assert np.nanmedian(found[65:145, 130:195]) == pytest.approx(30.0, abs=0.4)
+    assert np.nanmedian(found[:50]) == pytest.approx(10.0, abs=0.4)
+
+
+def test_a_blank_wall_tells_no_depth() -> None:
+    blank = np.full(SHAPE, 120.0)
+    left, right = as_image(blank, 2.0, 1, mean=0.0), as_image(blank, 2.0, 2, mean=0.0)
+    assert np.isfinite(depth_image(left, right, GRID, P)).mean() < 0.01
+
+
+def test_far_from_any_texture_nothing_is_invented() -> None:
+    left, right = pair_at(20.0)
+    left[:, 200:480] = right[:, 180:460] = 120
+    found = depth_image(left, right, GRID, P)
+    assert not np.isfinite(found[:, 115:225]).any()
+    assert np.isfinite(found[:, 260:]).mean() > 0.9
+
+
+def test_the_same_pair_gives_the_same_depth_to_the_last_digit() -> None:
+    pair = pair_at(20.0)
+    np.testing.assert_array_equal(depth_image(*pair, GRID, P), depth_image(*pair, GRID, P))
+
+
+@quick
+@given(sigma=st.floats(1.5, 12.0), seed=st.integers(0, 999))
+def test_noise_is_told_of_a_plain_image(sigma: float, seed: int) -> None:
+    image = as_image(np.zeros((200, 320)), sigma, seed)
+    assert noise_of(image) == pytest.approx(sigma, rel=0.25, abs=0.4)
+
+
+def test_edges_along_rows_and_columns_are_no_noise() -> None:
+    stripes = np.zeros((200, 320))
+    stripes[:, 1::2] += 50
+    stripes[1::2] += 30
+    assert noise_of(as_image(stripes, mean=80.0)) == 0.0
+
+
+@pytest.mark.parametrize("sigma", [0.0, 3.0, 10.0])
+def test_noise_is_no_texture(sigma: float) -> None:
+    assert textured(as_image(np.zeros((200, 320)), sigma, 5)).mean() < 0.05
+
+
+@pytest.mark.parametrize("sigma", [0.0, 3.0])
+def test_a_step_is_texture_for_what_lies_near_it_on_its_row(sigma: float) -> None:
+    step = np.zeros((200, 320))
+    step[50:150, 160:] = 80
+    found = textured(as_image(step, sigma, 6, mean=80.0))
+    assert found[52:148, 152:168].all()
+    assert found[52:148, :140].mean() < 0.05
+    assert found[:48].mean() < 0.05

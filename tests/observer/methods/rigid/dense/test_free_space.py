@@ -1,0 +1,219 @@
+"""Evidence of motion by depth, for worlds whose every change is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.geometry import Pose
+from observer.methods.rigid.dense.free_space import (
+    ARRIVED,
+    HIDDEN,
+    STATIC,
+    UNKNOWN,
+    DepthFrame,
+    FreeSpace,
+)
+
+from ..solid_worlds import (
+    CAMERA,
+    FLOOR,
+    GRID,
+    HERE,
+    ROOM,
+    Shape,
+    cells_of,
+    disparity_of,
+    on_floor,
+    person,
+)
+
+quick = settings(deadline=None, max_examples=12)
+ALL = np.ones(GRID.shape, np.bool_)
+CRATE = on_floor(-1.0, 4.0, (0.6, 0.8, 0.5), 0.3)
+small = st.floats(-0.3, 0.3)
+
+
+def frame(time: float, shapes: Sequence[Shape], T_world_camera: Pose = HERE) -> DepthFrame:
+    return DepthFrame(time, disparity_of(shapes, T_world_camera), T_world_camera.inverse())
+
+
+def evidence(now: DepthFrame, *before: DepthFrame) -> np.ndarray:
+    space = FreeSpace(GRID)
+    for each in before:
+        space.keep(each)
+    return space.evidence(now, ALL)
+
+
+def inner(mask: np.ndarray, by: int = 3) -> np.ndarray:
+    """(h, w) the cells of a mask that lie away from its border."""
+    padded = np.pad(mask, by)
+    out = mask.copy()
+    for row in range(2 * by + 1):
+        for column in range(2 * by + 1):
+            out &= padded[row : row + GRID.height, column : column + GRID.width]
+    return out
+
+
+@st.composite
+def motions(draw: st.DrawFn) -> Pose:
+    turn = [draw(small) * 0.5, draw(small), draw(small) * 0.3]
+    return Pose.from_rotvec(turn, [draw(small), draw(small), draw(small) * 2])
+
+
+@quick
+@given(moved=motions())
+def test_a_static_scene_is_static_wherever_it_was_seen(moved: Pose) -> None:
+    """However the camera moves: a floor and a wall, of which nothing hides anything."""
+    now, before = frame(0.4, ROOM, moved), frame(0.0, ROOM)
+    found = evidence(now, before)
+    cells = np.indices(GRID.shape, np.float64)[::-1].transpose(1, 2, 0)
+    place = moved.apply(CAMERA.triangulate(GRID.to_px(cells), now.disparity))
+    px, _ = CAMERA.project(place)
+    at = GRID.to_cells(px)
+    inside = ((at >= 0) & (at <= [GRID.width - 1, GRID.height - 1])).all(axis=-1)
+    outside = ((at < -1) | (at > [GRID.width, GRID.height])).any(axis=-1)
+    assert (found[inside] == STATIC).all()
+    assert (found[outside] == UNKNOWN).all()
+    assert set(np.unique(found)) <= {STATIC, UNKNOWN}
+
+
+@quick
+@given(moved=motions(), yaw=st.floats(-1, 1))
+def test_nothing_static_ever_arrives_even_where_things_hide_each_other(
+    moved: Pose, yaw: float
+) -> None:
+    world = [*ROOM, on_floor(-0.6, 3.0, (0.5, 1.2, 0.5), yaw), on_floor(0.8, 5.0, (0.8, 0.6, 0.4))]
+    found = evidence(frame(0.4, world, moved), frame(0.0, world))
+    assert (found == ARRIVED).mean() < 1e-4
+
+
+@quick
+@given(moved=motions(), x=st.floats(-0.5, 0.8), z=st.floats(2.5, 5))
+def test_what_enters_free_space_has_arrived_however_the_camera_moves(
+    moved: Pose, x: float, z: float
+) -> None:
+    guest = person(x, z)
+    found = evidence(frame(0.4, [*ROOM, guest], moved), frame(0.0, ROOM))
+    # near its foot it is no nearer than the floor
+    upper = np.arange(GRID.height)[:, None] < GRID.height // 2 + 10
+    on = inner(cells_of(guest, [*ROOM, guest], moved)) & upper & (found != UNKNOWN)
+    assert (found[on] == ARRIVED).all()
+
+
+def test_what_something_left_behind_was_hidden() -> None:
+    guest = person(0.5, 3.0)
+    found = evidence(frame(0.4, ROOM), frame(0.0, [*ROOM, guest]))
+    on = inner(cells_of(guest, [*ROOM, guest]))
+    upper = on & (np.arange(GRID.height)[:, None] < GRID.height // 2 + 20)
+    assert (found[upper] == HIDDEN).all()
+    assert (found[~cells_of(guest, [*ROOM, guest])] == STATIC).all()
+
+
+def test_a_static_thing_beside_one_that_arrives_stays_static() -> None:
+    before, now = [*ROOM, CRATE], [*ROOM, CRATE, person(0.5, 4.0)]
+    found = evidence(frame(0.4, now), frame(0.0, before))
+    assert (found[cells_of(CRATE, now)] == STATIC).all()
+
+
+def test_what_moves_away_along_the_line_of_sight_was_hidden_and_what_comes_has_arrived() -> None:
+    near, far = person(0.0, 3.0), person(0.0, 3.6)
+    on = inner(cells_of(far, [far])) & (np.arange(GRID.height)[:, None] < 110)
+    assert (evidence(frame(0.4, [far]), frame(0.0, [near]))[on] == HIDDEN).all()
+    assert (evidence(frame(0.4, [near, FLOOR]), frame(0.0, [far, FLOOR]))[on] == ARRIVED).all()
+
+
+def test_a_difference_within_the_noise_is_static() -> None:
+    before, now = frame(0.0, ROOM), frame(0.4, ROOM)
+    noise = np.random.default_rng(0).uniform(-0.6, 0.6, GRID.shape).astype(np.float32)
+    found = evidence(DepthFrame(0.4, now.disparity + noise, now.T_camera_world), before)
+    assert (found == STATIC).all()
+
+
+# --- what is unknown -----------------------------------------------------------------------
+
+
+def test_the_first_frame_says_nothing() -> None:
+    assert (evidence(frame(0.0, ROOM)) == UNKNOWN).all()
+
+
+def test_where_nothing_was_measured_before_nothing_is_said() -> None:
+    before = disparity_of(ROOM)
+    before[:, :100] = np.nan
+    found = evidence(frame(0.4, [*ROOM, person(-1.2, 4.0)]), DepthFrame(0.0, before, HERE))
+    assert (found[:, :100] == UNKNOWN).all()
+    assert (found[:, 110:] == STATIC).all()
+
+
+def test_where_nothing_is_measured_now_nothing_is_said() -> None:
+    now = disparity_of(ROOM)
+    now[:90] = np.nan
+    asked = np.isfinite(now)
+    space = FreeSpace(GRID)
+    space.keep(frame(0.0, ROOM))
+    found = space.evidence(DepthFrame(0.4, now, HERE), asked)
+    np.testing.assert_array_equal(found == UNKNOWN, ~asked)
+
+
+def test_only_the_cells_that_were_asked_for_are_judged() -> None:
+    space = FreeSpace(GRID)
+    space.keep(frame(0.0, ROOM))
+    asked = np.zeros(GRID.shape, np.bool_)
+    asked[50:60, 70:90] = True
+    found = space.evidence(frame(0.4, ROOM), asked)
+    np.testing.assert_array_equal(found == STATIC, asked)
+
+
+def test_what_was_behind_the_camera_is_unknown() -> None:
+    back = Pose.from_rotvec([0.0, np.pi, 0.0], np.zeros(3))
+    assert (evidence(frame(0.4, ROOM), frame(0.0, ROOM, back)) == UNKNOWN).all()
+
+
+# --- which of the earlier frames decides ---------------------------------------------------
+
+
+@pytest.mark.parametrize("stood_s", [0.3, 1.0, 3.0])
+def test_the_oldest_frame_decides_so_who_stops_has_still_arrived(stood_s: float) -> None:
+    guest = person(0.5, 4.0)
+    times = np.arange(0.0, 3.3, 0.1)
+    came = times[-1] - stood_s
+    frames = [frame(t, [*ROOM, guest] if t > came else ROOM) for t in times]
+    found = evidence(frame(3.3, [*ROOM, guest]), *frames)
+    on = inner(cells_of(guest, [*ROOM, guest])) & (np.arange(GRID.height)[:, None] < 110)
+    assert (found[on] == ARRIVED).all()
+
+
+def test_who_has_stood_for_longer_than_is_remembered_is_static() -> None:
+    guest = person(0.5, 4.0)
+    world = [*ROOM, guest]
+    frames = [frame(t, world if t > 0.5 else ROOM) for t in np.arange(0.0, 5.5, 0.1)]
+    found = evidence(frame(5.5, world), *frames)
+    assert (found[cells_of(guest, world)] == STATIC).all()
+
+
+def test_a_younger_frame_decides_where_the_oldest_saw_nothing() -> None:
+    aside = Pose.from_rotvec([0.0, -0.4, 0.0], np.zeros(3))
+    guest = person(1.2, 4.0)
+    world = [*ROOM, guest]
+    old, young, now = frame(0.0, ROOM, aside), frame(2.4, ROOM), frame(3.2, world)
+    on = inner(cells_of(guest, world)) & (np.arange(GRID.height)[:, None] < 110)
+    assert (evidence(now, old)[on] == UNKNOWN).all()
+    assert (evidence(now, old, young)[on] == ARRIVED).all()
+
+
+def test_frames_at_no_lag_that_is_compared_are_not_asked() -> None:
+    """Neither those of the moment before nor those of long ago."""
+    for age in (0.02, 0.1, 6.0):
+        assert (evidence(frame(7.0, ROOM), frame(7.0 - age, ROOM)) == UNKNOWN).all()
+
+
+def test_what_is_older_than_any_lag_is_forgotten() -> None:
+    space = FreeSpace(GRID)
+    known = frame(0.0, ROOM)
+    for k in range(200):
+        space.keep(DepthFrame(k * 0.1, known.disparity, known.T_camera_world))
+    assert len(space._frames) < 50

@@ -1,0 +1,77 @@
+"""Cells and pixels: two names for the same places."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.camera import StereoCamera
+from observer.methods.rigid.dense.grid import Grid
+
+from ..solid_worlds import CAMERA, GRID
+
+quick = settings(deadline=None, max_examples=50)
+places = st.floats(-1000, 2000)
+
+
+def camera(width: int, height: int) -> StereoCamera:
+    return StereoCamera(width, height, width * 0.8, width * 0.82, width / 2, height / 2, 0.1)
+
+
+@quick
+@given(width=st.integers(200, 2600), u=places, v=places)
+def test_cells_and_pixels_are_inverse(width: int, u: float, v: float) -> None:
+    grid, px = Grid.of(camera(width, width // 2)), np.array([u, v])
+    np.testing.assert_allclose(grid.to_px(grid.to_cells(px)), px, atol=1e-9)
+    np.testing.assert_allclose(grid.to_cells(grid.to_px(px)), px, atol=1e-9)
+
+
+@quick
+@given(width=st.integers(200, 2600), column=st.integers(0, 99), row=st.integers(0, 49))
+def test_every_pixel_of_a_cell_is_held_by_it(width: int, column: int, row: int) -> None:
+    grid = Grid.of(camera(width, width // 2))
+    r = grid.reduction
+    first = np.array([column * r, row * r])
+    px = first + np.stack(np.meshgrid(np.arange(r), np.arange(r)), axis=-1).reshape(-1, 2)
+    rows, columns = grid.at(px.astype(np.float32))
+    assert set(rows) == {row}
+    assert set(columns) == {column}
+    np.testing.assert_allclose(grid.to_px(np.array([column, row])), px.mean(axis=0))
+
+
+def test_pixels_outside_are_given_the_nearest_cell() -> None:
+    px = np.array([[-50, -9], [CAMERA.width + 30, 10], [5, CAMERA.height + 1]], np.float32)
+    rows, columns = GRID.at(px)
+    assert rows.tolist() == [0, 5, GRID.height - 1]
+    assert columns.tolist() == [0, GRID.width - 1, 2]
+
+
+@quick
+@given(column=st.floats(0, 320), row=st.floats(0, 200), z=st.floats(0.5, 20))
+def test_the_ray_of_a_cell_is_that_of_its_middle_pixel(column: float, row: float, z: float) -> None:
+    ray = GRID.rays @ [column, row, 1.0]
+    px, _ = CAMERA.project(z * ray)
+    np.testing.assert_allclose(px, GRID.to_px(np.array([column, row])), atol=1e-9)
+
+
+@quick
+@given(z=st.floats(0.5, 20))
+def test_a_metre_spans_as_many_cells_as_its_ends_are_apart(z: float) -> None:
+    px, disparity = CAMERA.project([[-0.5, 0.0, z], [0.5, 0.0, z]])
+    ends = GRID.to_cells(px)[:, 0]
+    assert GRID.per_metre(float(disparity[0])) == pytest.approx(ends[1] - ends[0])
+
+
+@pytest.mark.parametrize(("width", "reduction"), [(320, 2), (640, 2), (1280, 4), (1920, 6)])
+def test_images_of_any_size_give_about_as_many_cells(width: int, reduction: int) -> None:
+    grid = Grid.of(camera(width, width // 2))
+    assert grid.reduction == reduction
+    assert grid.shape == (width // 2 // reduction, width // reduction)
+
+
+def test_a_cell_is_as_bright_as_its_pixels_are_on_average() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (400, 640)).astype(np.uint8)
+    mean = image.reshape(200, 2, 320, 2).mean(axis=(1, 3))
+    np.testing.assert_allclose(GRID.reduced(image), mean, atol=0.51)

@@ -1,0 +1,240 @@
+"""The ground's plane: found from any height and tilt, and told from walls and from what stands."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.geometry import Pose
+from observer.methods.rigid.dense.ground import Ground, standing
+from observer.mount import CameraMount
+
+from ..solid_worlds import (
+    FLOOR,
+    GRID,
+    HEIGHT_M,
+    HERE,
+    MOUNT,
+    ROOM,
+    WALL,
+    Plane,
+    Shape,
+    Solid,
+    cells_of,
+    disparity_of,
+    on_floor,
+)
+
+quick = settings(deadline=None, max_examples=12)
+NOISE_PX = 0.15
+
+
+def plane_below(mount: CameraMount) -> Plane:
+    """The ground, in the frame of a camera that is mounted so."""
+    return Plane(mount.down.tolist(), mount.height_m)
+
+
+def noisy(disparity: np.ndarray, seed: int = 0) -> np.ndarray:
+    noise = np.random.default_rng(seed).normal(0, NOISE_PX, disparity.shape)
+    return (disparity + noise).astype(np.float32)
+
+
+def plane_image(plane: np.ndarray) -> np.ndarray:
+    """(h, w) px of a plane a, b, c."""
+    rows, columns = np.indices(GRID.shape)
+    return plane[0] * columns + plane[1] * rows + plane[2]
+
+
+def assert_same_ground(plane: np.ndarray | None, true: Plane, pose: Pose = HERE) -> None:
+    assert plane is not None
+    truth = disparity_of([true], pose)
+    on = np.isfinite(truth)
+    error = np.abs(plane_image(plane) - truth)[on] / (1 + 0.05 * truth[on])
+    # What stands is told from it at more than this.
+    assert error.max() < 0.5
+
+
+def looking(pitch: float, roll: float = 0.0, place: Sequence[float] = (0, 0, 0)) -> Pose:
+    """A camera that looks down by ``pitch`` rad, and leans to its side."""
+    lean = Pose.from_rotvec([0.0, 0.0, roll], np.zeros(3))
+    return Pose.from_rotvec([-pitch, 0.0, 0.0], place) @ lean
+
+
+mounts = st.builds(
+    CameraMount,
+    height_m=st.floats(0.2, 2.5),
+    tilt_rad=st.floats(-0.1, 0.6),
+    roll_rad=st.floats(-0.15, 0.15),
+)
+
+
+@quick
+@given(mount=mounts, seed=st.integers(0, 99))
+def test_the_ground_is_found_from_any_height_and_tilt(mount: CameraMount, seed: int) -> None:
+    true = plane_below(mount)
+    ground = Ground(GRID, None)
+    assert ground.plane(HERE) is None
+    ground.update(noisy(disparity_of([true]), seed), HERE, seed)
+    assert_same_ground(ground.plane(HERE), true)
+
+
+@quick
+@given(mount=mounts)
+def test_a_mount_tells_the_ground_before_anything_is_seen(mount: CameraMount) -> None:
+    assert_same_ground(Ground(GRID, mount).plane(HERE), plane_below(mount))
+
+
+@quick
+@given(pitch=st.floats(-0.2, 0.3), x=st.floats(-2, 2), z=st.floats(-2, 2), up=st.floats(-0.5, 0.5))
+def test_the_ground_stays_where_it_is_while_the_camera_moves(
+    pitch: float, x: float, z: float, up: float
+) -> None:
+    pose = looking(pitch, 0.05, (x, -up, z))
+    assert_same_ground(Ground(GRID, MOUNT).plane(pose.inverse()), FLOOR, pose)
+
+
+@quick
+@given(pitch=st.floats(0.0, 0.3), x=st.floats(-2, 2))
+def test_a_ground_found_at_one_pose_is_right_at_another(pitch: float, x: float) -> None:
+    first = looking(pitch)
+    ground = Ground(GRID, None)
+    ground.update(disparity_of([FLOOR], first), first.inverse(), 0)
+    later = looking(0.1, 0.05, (x, -0.2, 1.0))
+    assert_same_ground(ground.plane(later.inverse()), FLOOR, later)
+
+
+@pytest.mark.parametrize(("height", "tilt"), [(HEIGHT_M + 0.06, 0.0), (HEIGHT_M, 0.015)])
+def test_a_mount_that_is_slightly_wrong_is_corrected_by_what_is_seen(
+    height: float, tilt: float
+) -> None:
+    ground = Ground(GRID, CameraMount(height, tilt))
+    for k in range(60):
+        ground.update(noisy(disparity_of(ROOM), k), HERE, k)
+    assert_same_ground(ground.plane(HERE), FLOOR)
+
+
+def test_it_is_found_among_things_that_stand_on_it() -> None:
+    room = [*ROOM, on_floor(-1.0, 3.0, (0.6, 0.5, 0.6), 0.4), on_floor(0.9, 4.0, (0.5, 1.5, 0.5))]
+    ground = Ground(GRID, None)
+    ground.update(noisy(disparity_of(room)), HERE, 3)
+    assert_same_ground(ground.plane(HERE), FLOOR)
+
+
+@quick
+@given(
+    yaw=st.floats(-1.2, 1.2),
+    distance=st.floats(0.6, 8.0),
+    pitch=st.floats(-0.2, 0.5),
+    seed=st.integers(0, 99),
+)
+def test_walls_are_never_taken_for_the_ground(
+    yaw: float, distance: float, pitch: float, seed: int
+) -> None:
+    wall = Plane((np.sin(yaw), 0.0, np.cos(yaw)), distance)
+    pose = looking(pitch)
+    ground = Ground(GRID, None)
+    for k in range(3):
+        ground.update(noisy(disparity_of([wall], pose), seed + k), pose.inverse(), seed + k)
+    assert ground.plane(pose.inverse()) is None
+
+
+@quick
+@given(yaw=st.floats(-1.2, 1.2), distance=st.floats(1.0, 8.0))
+def test_walls_do_not_move_a_ground_that_is_known(yaw: float, distance: float) -> None:
+    wall = Plane((np.sin(yaw), 0.0, np.cos(yaw)), distance)
+    ground = Ground(GRID, MOUNT)
+    disparity = noisy(disparity_of([wall]))
+    for k in range(10):
+        ground.update(disparity, HERE, k)
+    assert_same_ground(ground.plane(HERE), FLOOR)
+
+
+def test_a_table_does_not_replace_the_ground_that_is_known() -> None:
+    table = Solid((0.0, 0.4, 3.0), (2.0, 0.04, 2.0))
+    ground = Ground(GRID, MOUNT)
+    for k in range(10):
+        ground.update(disparity_of([*ROOM, table]), HERE, k)
+    assert_same_ground(ground.plane(HERE), FLOOR)
+
+
+def test_without_anything_seen_it_stays_as_it_is() -> None:
+    unknown = np.full(GRID.shape, np.nan, np.float32)
+    for mount in (None, MOUNT):
+        ground = Ground(GRID, mount)
+        before = ground.plane(HERE)
+        ground.update(unknown, HERE, 0)
+        np.testing.assert_equal(ground.plane(HERE), before)
+
+
+def test_from_below_the_ground_there_is_none() -> None:
+    under = Pose(np.eye(3), np.array([0.0, HEIGHT_M + 0.1, 0.0]))
+    assert Ground(GRID, MOUNT).plane(under.inverse()) is None
+
+
+def test_the_same_seed_gives_the_same_ground_to_the_last_digit() -> None:
+    disparity = noisy(disparity_of(ROOM))
+    planes = []
+    for _ in range(2):
+        ground = Ground(GRID, None)
+        ground.update(disparity, HERE, 7)
+        planes.append(ground.plane(HERE))
+    np.testing.assert_array_equal(planes[0], planes[1])
+
+
+# --- what stands ---------------------------------------------------------------------------
+
+
+def stands(shapes: Sequence[Shape]) -> np.ndarray:
+    return standing(disparity_of(shapes), Ground(GRID, MOUNT).plane(HERE), GRID)
+
+
+@quick
+@given(x=st.floats(-1, 1), z=st.floats(2, 5), yaw=st.floats(-1, 1))
+def test_things_stand_and_the_ground_does_not(x: float, z: float, yaw: float) -> None:
+    crate = on_floor(x, z, (0.5, 0.8, 0.4), yaw)
+    room: list[Shape] = [FLOOR, crate]
+    found, true = stands(room), cells_of(crate, room)
+    assert not found[~true].any()
+    # near its foot it is no nearer than the ground
+    rows = np.flatnonzero(true.any(axis=1))
+    upper = true & (np.arange(GRID.height)[:, None] < rows[0] + 0.6 * len(rows))
+    assert found[upper].all()
+
+
+def test_the_noise_of_the_ground_does_not_stand() -> None:
+    plane = Ground(GRID, MOUNT).plane(HERE)
+    assert standing(noisy(disparity_of([FLOOR])), plane, GRID).mean() < 1e-3
+
+
+def test_reflections_in_the_ground_do_not_stand() -> None:
+    """A mirrored box is seen below the ground, as far below as the box is above."""
+    mirrored = Solid((0.0, HEIGHT_M + 0.6, 3.0), (0.5, 1.2, 0.4))
+    disparity = disparity_of([FLOOR])
+    image = cells_of(mirrored, [mirrored])
+    disparity[image] = disparity_of([mirrored])[image]
+    assert image.sum() > 200
+    assert not standing(disparity, Ground(GRID, MOUNT).plane(HERE), GRID).any()
+
+
+def test_above_the_horizon_everything_near_stands_but_what_is_very_far_does_not() -> None:
+    found = stands([Plane((0.0, 0.0, 1.0), 6.0)])
+    assert found[: GRID.height // 2 - 2].all()
+    # Four cells of disparity are 7.5 m here.
+    assert not stands([Plane((0.0, 0.0, 1.0), 8.0)]).any()
+
+
+def test_the_unknown_never_stands() -> None:
+    disparity = disparity_of([FLOOR, WALL])
+    disparity[::2] = np.nan
+    plane = Ground(GRID, MOUNT).plane(HERE)
+    assert not standing(disparity, plane, GRID)[::2].any()
+    assert not standing(disparity, None, GRID)[::2].any()
+
+
+def test_where_no_ground_is_known_all_that_is_near_stands() -> None:
+    near = Plane((0.0, 0.0, 1.0), 6.0)
+    assert standing(disparity_of([FLOOR, near]), None, GRID).all()

@@ -1,0 +1,93 @@
+"""From image pairs to evidence: depth, ground and free space at work together."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.geometry import Pose
+from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
+from observer.methods.rigid.dense.scene import DenseScene, DenseVision
+from observer.parameters import StereoParameters
+from observer.vision.view import View
+
+from ....builders import Texture, as_image
+from ..solid_worlds import CAMERA, HERE, MOUNT, seen, step_to
+
+P = StereoParameters()
+SHAPE = (CAMERA.height, CAMERA.width)
+WALL, GUEST = Texture(1, SHAPE, finest_px=12.0), Texture(2, SHAPE, finest_px=12.0)
+# Cells on the guest, all of them above the horizon.
+ON_GUEST = (slice(45, 95), slice(130, 195))
+
+
+def view(index: int, guest: bool) -> View:
+    """A wall at 6 m, with or without a guest at 3 m before it."""
+    left, right = as_image(WALL.moved(), 1.0, 3 * index), as_image(WALL.moved(-10.0), 1.0, index)
+    if guest:
+        thing = as_image(GUEST.moved(), 1.0, 2 * index)[80:200, 250:400]
+        left[80:200, 250:400] = right[80:200, 230:380] = thing
+    return View(index, 0.4 * index, None, left, right)
+
+
+@pytest.fixture(scope="module")
+def scenes() -> list[DenseScene]:
+    """The wall alone, with a guest, and alone again."""
+    vision = DenseVision(CAMERA, MOUNT)
+    return [vision.look(view(k, k == 1), step_to(dt=0.4), P) for k in range(3)]
+
+
+def test_the_first_frame_knows_depth_but_nothing_of_motion(scenes: list[DenseScene]) -> None:
+    assert np.nanmedian(scenes[0].disparity) == pytest.approx(10.0, abs=0.3)
+    assert (scenes[0].evidence == UNKNOWN).all()
+
+
+def test_who_comes_has_arrived_and_the_wall_beside_is_static(scenes: list[DenseScene]) -> None:
+    evidence, stands = scenes[1].evidence, scenes[1].standing
+    assert (evidence[ON_GUEST] == ARRIVED).mean() > 0.95
+    beside = stands.copy()
+    beside[35:105, 115:205] = False
+    assert (evidence[beside] == STATIC).mean() > 0.97
+
+
+def test_what_is_seen_once_it_has_left_was_hidden(scenes: list[DenseScene]) -> None:
+    assert (scenes[2].evidence[ON_GUEST] == STATIC).mean() > 0.9
+    vision = DenseVision(CAMERA, MOUNT)
+    vision.look(view(1, True), step_to(dt=0.4), P)
+    left = vision.look(view(2, False), step_to(dt=0.4), P)
+    assert (left.evidence[ON_GUEST] == HIDDEN).mean() > 0.9
+
+
+def test_only_what_stands_is_judged(scenes: list[DenseScene]) -> None:
+    for scene in scenes:
+        assert (scene.evidence[~scene.standing] == UNKNOWN).all()
+
+
+def test_the_same_images_give_the_same_evidence_to_the_last_digit(
+    scenes: list[DenseScene],
+) -> None:
+    vision = DenseVision(CAMERA, MOUNT)
+    for k, scene in enumerate(scenes):
+        again = vision.look(view(k, k == 1), step_to(dt=0.4), P)
+        np.testing.assert_array_equal(again.disparity, scene.disparity)
+        np.testing.assert_array_equal(again.evidence, scene.evidence)
+
+
+@settings(deadline=None, max_examples=30)
+@given(z=st.floats(0.4, 10.0))
+def test_parts_of_a_body_differ_by_its_thickness_but_never_by_less_than_noise(z: float) -> None:
+    scene = seen([], HERE)
+    focal = CAMERA.fx * CAMERA.baseline
+    tolerance = scene.tolerance(focal / z)
+    assert tolerance >= 1.3
+    if tolerance > 1.3:
+        assert tolerance == pytest.approx(focal / z - focal / (z + 0.35), rel=0.9)
+    assert scene.tolerance(focal / z) >= scene.tolerance(focal / (z + 1))
+
+
+def test_the_pose_of_the_scene_is_that_of_the_frame() -> None:
+    pose = Pose.from_rotvec([0.0, 0.3, 0.0], [1.0, 0.0, 2.0])
+    scene = DenseVision(CAMERA, MOUNT).look(view(0, False), step_to(pose), P)
+    np.testing.assert_allclose(scene.T_world_camera.matrix, pose.matrix, atol=1e-12)

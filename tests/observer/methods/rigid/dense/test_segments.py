@@ -1,0 +1,409 @@
+"""Segments of worlds whose things, and what each of them did, are known cell by cell."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import (
+    Expected,
+    Segment,
+    box_px,
+    followed_segment,
+    fresh_segments,
+    is_limb,
+    owners,
+    segment_of,
+    window_of,
+    with_limb,
+)
+
+from ..solid_worlds import (
+    CAMERA,
+    FLOOR,
+    GRID,
+    HERE,
+    ROOM,
+    WALL,
+    Plane,
+    Shape,
+    Solid,
+    cells_of,
+    disparity_of,
+    on_floor,
+    person,
+    seen,
+)
+
+Mask = NDArray[np.bool_]
+ALL = np.ones(GRID.shape, np.bool_)
+quick = settings(deadline=None, max_examples=10)
+
+
+def world(
+    *things: Shape, arrived: Sequence[Shape] = (), hidden: Sequence[Shape] = ()
+) -> DenseScene:
+    """Things in a room; what arrived is in it too, and so is what stands where it was hidden."""
+    shapes = [*ROOM, *things, *arrived, *hidden]
+    evidence = np.full(GRID.shape, STATIC, np.uint8)
+    for what, kind in ((arrived, ARRIVED), (hidden, HIDDEN)):
+        for shape in what:
+            evidence[cells_of(shape, shapes)] = kind
+    bare = seen(shapes)
+    evidence[~bare.standing] = 0
+    return seen(shapes, HERE, evidence)
+
+
+def cells(scene: DenseScene, thing: Shape, *others: Shape) -> Mask:
+    """(h, w) where a thing is seen before the room and others, and stands."""
+    return cells_of(thing, [*ROOM, thing, *others]) & scene.standing
+
+
+def only(scene: DenseScene) -> Segment:
+    (segment,) = fresh_segments(scene, ALL)
+    return segment
+
+
+def overlap(one: Mask, other: Mask) -> float:
+    """Share of all their cells that two masks (h, w) have in common."""
+    return float((one & other).sum() / (one | other).sum())
+
+
+# --- what is found -------------------------------------------------------------------------
+
+
+@quick
+@given(x=st.floats(-1.0, 1.0), z=st.floats(2.5, 5.5))
+def test_what_arrived_is_one_segment(x: float, z: float) -> None:
+    guest = person(x, z)
+    scene = world(arrived=[guest])
+    segment, true = only(scene), cells(scene, guest)
+    assert overlap(segment.mask, true) > 0.95
+    assert segment.stands_apart
+    assert (segment.arrived, segment.hidden, segment.static) == (1.0, 0.0, 0.0)
+    assert segment.disparity == pytest.approx(60.0 / (z - 0.125), rel=0.01)
+    assert segment.area == segment.mask.sum()
+
+
+def test_what_came_out_of_hiding_is_a_segment_too() -> None:
+    thing = person(0.4, 4.0)
+    segment = only(world(hidden=[thing]))
+    assert segment.hidden == 1.0
+    assert segment.stands_apart
+
+
+def test_what_is_static_is_none() -> None:
+    assert fresh_segments(world(person(0.0, 4.0), on_floor(-1, 3, (0.5, 0.5, 0.5))), ALL) == []
+
+
+def test_a_segment_does_not_grow_over_the_static_crate_beside_it() -> None:
+    """They touch, and are as far away."""
+    guest, crate = person(0.0, 4.0), on_floor(0.525, 4.0, (0.6, 0.9, 0.25))
+    scene = world(crate, arrived=[guest])
+    segment = only(scene)
+    on_guest, on_crate = cells(scene, guest, crate), cells(scene, crate, guest)
+    assert (segment.mask & on_guest).sum() > 0.95 * on_guest.sum()
+    # 12 cm of it, no more
+    assert (segment.mask & on_crate).sum() < 0.25 * on_crate.sum()
+
+
+def test_a_segment_grows_over_what_of_a_thing_is_not_known_to_have_moved() -> None:
+    """Half of it was never seen before."""
+    guest = person(0.0, 4.0)
+    scene = world(arrived=[guest])
+    unknown = cells(scene, guest)
+    unknown[: GRID.height // 2] = False
+    scene.evidence[unknown] = 0
+    assert overlap(only(scene).mask, cells(scene, guest)) > 0.95
+
+
+def test_cells_that_belong_to_something_already_begin_nothing() -> None:
+    guest = person(0.0, 4.0)
+    scene = world(arrived=[guest])
+    assert fresh_segments(scene, ~cells(scene, guest)) == []
+
+
+def test_what_is_small_or_thin_begins_nothing() -> None:
+    ball, pole = Solid((0.0, 0.0, 4.0), (0.15, 0.15, 0.15)), Solid((0.6, 0, 4.0), (0.02, 1.5, 0.02))
+    assert fresh_segments(world(arrived=[ball, pole]), ALL) == []
+
+
+def test_two_who_arrived_side_by_side_are_two_segments() -> None:
+    scene = world(arrived=[person(0.0, 4.0), person(0.8, 4.0)])
+    one, other = fresh_segments(scene, ALL)
+    assert not (one.mask & other.mask).any()
+
+
+def test_of_two_who_arrived_one_before_the_other_the_second_is_found_once_the_first_is() -> None:
+    """What they changed is connected, so it is one seed: the one of the larger part of it."""
+    near, far = person(0.3, 2.5), person(0.0, 4.0)
+    scene = world(arrived=[near, far])
+    first = only(scene)
+    assert overlap(first.mask, cells(scene, near, far)) > 0.9
+    (second,) = fresh_segments(scene, ~first.mask)
+    assert overlap(second.mask, cells(scene, far, near)) > 0.9
+
+
+# --- standing apart ------------------------------------------------------------------------
+
+
+def test_a_box_before_a_wall_stands_apart() -> None:
+    scene = world(person(0.3, 4.0))
+    segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
+    assert segment.stands_apart
+    assert segment.apart > 0.95
+
+
+@pytest.mark.parametrize("slant", [0.0, 0.3, 0.7])
+def test_a_band_of_a_slanted_wall_does_not_stand_apart(slant: float) -> None:
+    wall = Plane((np.sin(slant), 0.0, np.cos(slant)), 4.0)
+    scene = seen([FLOOR, wall])
+    band = scene.standing.copy()
+    band[:, :140] = band[:, 175:] = False
+    assert not segment_of(scene, band).stands_apart
+
+
+@pytest.mark.parametrize("slant", [0.0, 0.5])
+def test_a_wall_that_seems_to_have_arrived_in_part_is_no_segment(slant: float) -> None:
+    wall = Plane((np.sin(slant), 0.0, np.cos(slant)), 4.0)
+    bare = seen([FLOOR, wall])
+    evidence = np.where(bare.standing, STATIC, 0).astype(np.uint8)
+    evidence[30:100, 140:175] = ARRIVED
+    assert fresh_segments(seen([FLOOR, wall], HERE, evidence), ALL) == []
+
+
+def test_what_seems_to_come_out_of_hiding_must_stand_apart_more_clearly() -> None:
+    """Beside it, at its depth, stands something; a quarter of its border is clear."""
+    mask = window_mask(30, 90, 100, 130)
+    scene = world()
+    scene.disparity[:] = np.nan
+    scene.disparity[mask] = 15.0
+    scene.disparity[24:30, 80:150] = 10.0
+    scene.disparity[90:94, 100:115] = 10.0
+    segments = []
+    for kind in (ARRIVED, HIDDEN):
+        scene.evidence[mask] = kind
+        segments.append(segment_of(scene, mask))
+    assert 0.2 < segments[0].clear < 0.35
+    assert segments[0].stands_apart
+    assert not segments[1].stands_apart
+
+
+# --- what cuts it off ----------------------------------------------------------------------
+
+
+def window_mask(top: int, bottom: int, left: int, right: int) -> Mask:
+    mask = np.zeros(GRID.shape, np.bool_)
+    mask[top:bottom, left:right] = True
+    return mask
+
+
+def test_in_the_open_no_side_is_cut() -> None:
+    scene = world(person(0.2, 4.0))
+    segment = segment_of(scene, cells(scene, person(0.2, 4.0)))
+    assert segment.cut == (False, False, False, False)
+    left, top, right, bottom = segment.box
+    assert segment.mask[top:bottom, left:right].sum() == segment.area
+    assert segment.columns == pytest.approx((left, (left + right - 1) / 2, right - 1), abs=0.6)
+
+
+@pytest.mark.parametrize(("side", "x"), [(0, -2.45), (1, 2.55)])
+def test_the_image_s_border_cuts_the_side_it_is_at(side: int, x: float) -> None:
+    guest = person(x, 4.0)
+    scene = world(arrived=[guest])
+    cut = segment_of(scene, cells(scene, guest)).cut
+    assert cut[side]
+    assert not cut[1 - side]
+
+
+def test_the_right_camera_s_border_cuts_the_left_side() -> None:
+    """It sees nothing of the left camera's first columns."""
+    guest = person(0.0, 4.0)
+    scene = world(arrived=[guest])
+    first = int(60.0 / 3.875 / GRID.reduction)
+    mask = window_mask(60, 120, first, first + 25)
+    scene.disparity[mask] = 60.0 / 3.875
+    assert segment_of(scene, mask).cut[:2] == (True, False)
+
+
+@pytest.mark.parametrize(("side", "x"), [(0, -0.35), (1, 0.55)])
+def test_something_nearer_cuts_the_side_it_hides(side: int, x: float) -> None:
+    guest, pillar = person(0.2, 4.0), on_floor(x * 0.6, 2.4, (0.4, 2.0, 0.2))
+    scene = world(pillar, arrived=[guest])
+    cut = segment_of(scene, cells(scene, guest, pillar)).cut
+    assert cut[side]
+    assert not cut[1 - side]
+
+
+def test_something_farther_cuts_nothing() -> None:
+    guest, pillar = person(0.2, 3.0), on_floor(0.8, 5.0, (0.4, 2.0, 0.2))
+    scene = world(pillar, arrived=[guest])
+    assert segment_of(scene, cells(scene, guest, pillar)).cut[:2] == (False, False)
+
+
+def test_near_the_camera_head_and_feet_are_cut() -> None:
+    tall = on_floor(0.0, 1.8, (0.45, 1.9, 0.25))
+    scene = world(arrived=[tall])
+    mask = window_mask(0, GRID.height, 140, 180)
+    scene.disparity[mask] = 35.0
+    assert segment_of(scene, mask).cut[2:] == (True, True)
+
+
+# --- following -----------------------------------------------------------------------------
+
+
+def expected_at(thing: Shape) -> Expected:
+    disparity = disparity_of([thing])
+    return Expected(np.isfinite(disparity), float(np.nanmedian(disparity)))
+
+
+def followed(scene: DenseScene, where: Expected, free: Mask = ALL, grows: bool = True) -> Segment:
+    core = owners(scene, [where]) == 0
+    segment = followed_segment(scene, where, core, free, grows=grows)
+    assert segment is not None
+    return segment
+
+
+@quick
+@given(dx=st.floats(-0.06, 0.06), dz=st.floats(-0.1, 0.1))
+def test_a_body_is_found_near_where_it_was_expected(dx: float, dz: float) -> None:
+    now = person(0.2 + dx, 4.0 + dz)
+    scene = world(arrived=[now])
+    segment = followed(scene, expected_at(person(0.2, 4.0)))
+    assert overlap(segment.mask, cells(scene, now)) > 0.9
+
+
+def test_a_body_that_stopped_long_ago_is_still_found_where_it_is() -> None:
+    guest = person(0.2, 4.0)
+    scene = world(guest)
+    segment = followed(scene, expected_at(guest), grows=False)
+    assert segment.static == 1.0
+    assert overlap(segment.mask, cells(scene, guest)) > 0.95
+
+
+def test_a_stopped_body_does_not_grow_over_a_crate_that_is_put_beside_it() -> None:
+    guest, crate = person(0.0, 4.0), on_floor(0.525, 4.0, (0.6, 0.9, 0.25))
+    scene = world(guest, arrived=[crate])
+    on_crate = cells(scene, crate, guest) & ~expected_at(guest).mask
+    stopped = followed(scene, expected_at(guest), grows=False)
+    assert not (stopped.mask & on_crate).any()
+    # one that moves may
+    assert (followed(scene, expected_at(guest)).mask & on_crate).any()
+
+
+def test_where_a_body_is_gone_nothing_is_found() -> None:
+    where = expected_at(person(0.2, 4.0))
+    scene = world()
+    core = owners(scene, [where]) == 0
+    assert followed_segment(scene, where, core, ALL, grows=True) is None
+
+
+def test_a_body_takes_only_cells_that_are_free() -> None:
+    guest = person(0.2, 4.0)
+    scene = world(arrived=[guest])
+    free = ALL.copy()
+    free[:, 180:] = False
+    assert not followed(scene, expected_at(guest), free).mask[:, 180:].any()
+
+
+@pytest.mark.parametrize("z", [(4.0, 2.8), (2.8, 4.0)])
+def test_cells_of_two_bodies_that_cross_go_by_depth(z: tuple[float, float]) -> None:
+    """Both are expected at the same cells; the nearer one hides the other."""
+    one, other = person(0.1, z[0]), person(0.0, z[1])
+    scene = world(arrived=[one, other])
+    owner = owners(scene, [expected_at(one), expected_at(other)])
+    # Only the tops of them: near their feet neither stands.
+    assert (owner[cells(scene, one, other)] == 0).all()
+    assert (owner[cells(scene, other, one)] == 1).all()
+
+
+def test_cells_far_from_any_expected_depth_or_place_are_nobody_s() -> None:
+    guest, stranger = person(0.1, 4.0), person(0.0, 2.0)
+    scene = world(arrived=[guest, stranger])
+    owner = owners(scene, [expected_at(guest)])
+    assert (owner[cells(scene, stranger, guest)] == -1).all()
+    assert (owner[~expected_at(guest).mask] == -1).all()
+    assert (owners(scene, []) == -1).all()
+
+
+# --- limbs ---------------------------------------------------------------------------------
+
+TRUNK = Solid((0.0, -0.2, 4.0), (0.5, 0.8, 0.25))
+LEG = Solid((0.1, 0.5, 3.95), (0.18, 0.5, 0.15))
+
+
+def parts(*things: Shape) -> tuple[DenseScene, list[Segment]]:
+    scene = world(arrived=list(things))
+    found = [segment_of(scene, cells(scene, t, *(o for o in things if o is not t))) for t in things]
+    return scene, found
+
+
+def test_a_leg_below_a_trunk_is_a_limb() -> None:
+    scene, (trunk, leg) = parts(TRUNK, LEG)
+    assert is_limb(scene, leg, trunk)
+    whole = with_limb(scene, trunk, leg)
+    np.testing.assert_array_equal(whole.mask, trunk.mask | leg.mask)
+    assert whole.box[3] == leg.box[3]
+
+
+def test_a_hand_beside_a_trunk_is_a_limb_for_it_is_small() -> None:
+    hand = Solid((0.38, 0.1, 3.9), (0.15, 0.2, 0.15))
+    scene, (trunk, small) = parts(TRUNK, hand)
+    assert is_limb(scene, small, trunk)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        pytest.param(Solid((0.7, -0.2, 4.0), (0.5, 0.8, 0.25)), id="another body beside it"),
+        pytest.param(Solid((0.1, 0.5, 2.4), (0.18, 0.5, 0.15)), id="something nearer"),
+        pytest.param(Solid((0.1, 0.75, 5.6), (0.3, 0.3, 0.15)), id="something farther"),
+        pytest.param(Solid((1.1, 0.1, 4.0), (0.15, 0.2, 0.15)), id="something small far aside"),
+    ],
+)
+def test_what_is_no_limb(other: Solid) -> None:
+    scene, (trunk, part) = parts(TRUNK, other)
+    assert not is_limb(scene, part, trunk)
+
+
+def test_what_is_seen_between_the_legs_is_taken_but_not_as_part_of_the_body() -> None:
+    """Its depth lies between a limb's and that of another thing."""
+    between = Solid((0.1, 0.5, 4.9), (0.18, 0.5, 0.15))
+    scene, (trunk, part) = parts(TRUNK, between)
+    assert is_limb(scene, part, trunk)
+    assert with_limb(scene, trunk, part) is trunk
+
+
+# --- geometry ------------------------------------------------------------------------------
+
+
+@quick
+@given(
+    top=st.integers(0, 190), left=st.integers(0, 300), h=st.integers(1, 40), w=st.integers(1, 40)
+)
+def test_a_window_holds_its_mask_and_no_more(top: int, left: int, h: int, w: int) -> None:
+    mask = window_mask(top, top + h, left, left + w)
+    assert mask[window_of(mask)].all()
+    assert mask[window_of(mask)].sum() == mask.sum()
+    wide = window_of(mask, 5)
+    assert wide[0].start == max(0, top - 5)
+    assert wide[1].stop == min(GRID.width, min(GRID.width, left + w) + 5)
+
+
+def test_an_empty_mask_has_an_empty_window() -> None:
+    assert window_mask(0, 0, 0, 0)[window_of(window_mask(0, 0, 0, 0))].size == 0
+
+
+def test_the_box_in_pixels_reaches_to_the_outer_edges_of_the_cells() -> None:
+    scene = world(WALL)
+    u0, v0, u1, v1 = box_px(scene, segment_of(scene, window_mask(20, 60, 100, 130)))
+    assert (u0, v0, u1, v1) == (199.5, 39.5, 259.5, 119.5)
+    whole = box_px(scene, segment_of(scene, ALL))
+    assert whole == (-0.5, -0.5, CAMERA.width - 0.5, CAMERA.height - 0.5)
