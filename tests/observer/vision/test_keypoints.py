@@ -13,6 +13,7 @@ from observer.vision.keypoints import (
     density_weights,
     first_in_empty,
     grid_cells,
+    has_corner,
     one_per_cell,
     strongest_corners,
 )
@@ -290,3 +291,53 @@ def test_of_the_squares_that_are_not_marked_half_have_their_turn() -> None:
 
 def test_no_points_give_none() -> None:
     assert len(first_in_empty(NO_POINTS, (WIDTH, HEIGHT), NONE_TAKEN, NOWHERE, P, 3)) == 0
+
+
+# --- corners and straight edges ------------------------------------------------------------
+
+
+def drawn(angle: float, noise: float = 0.0, corner: bool = False, seed: int = 0) -> np.ndarray:
+    """(96, 96) an edge through the middle at an angle, rad; a second one across makes a corner."""
+    v, u = np.indices((96, 96)) - 47.5
+    along, across = u * np.cos(angle) + v * np.sin(angle), v * np.cos(angle) - u * np.sin(angle)
+    # As a lens blurs it, over a pixel or two.
+    bright = 1 / (1 + np.exp(-across))
+    if corner:
+        bright = bright / (1 + np.exp(-along))
+    return as_image(100 * bright, noise, seed, mean=60.0)
+
+
+MIDDLE = np.array([[47.5, 47.5]], np.float32)
+
+
+@quick
+@given(angle=st.floats(0, 2 * np.pi), noise=st.floats(0, 2), seed=st.integers(0, 99))
+def test_a_straight_edge_is_no_corner_however_it_runs(
+    angle: float, noise: float, seed: int
+) -> None:
+    assert not has_corner(drawn(angle, noise, seed=seed), MIDDLE).any()
+
+
+@quick
+@given(angle=st.floats(0, 2 * np.pi), noise=st.floats(0, 2), seed=st.integers(0, 99))
+def test_where_two_edges_meet_is_a_corner(angle: float, noise: float, seed: int) -> None:
+    assert has_corner(drawn(angle, noise, corner=True, seed=seed), MIDDLE).all()
+
+
+def test_texture_has_corners_almost_everywhere_and_at_every_border() -> None:
+    v, u = np.meshgrid(np.arange(HEIGHT), np.arange(WIDTH))
+    px = np.stack([u.ravel(), v.ravel()], axis=1).astype(np.float32)
+    assert has_corner(IMAGE, px).mean() > 0.8
+    outside = np.array([[-3, -3], [WIDTH + 5, HEIGHT + 5]], np.float32)
+    assert has_corner(IMAGE, outside).shape == (2,)
+
+
+def test_no_points_have_no_corners() -> None:
+    assert has_corner(IMAGE, NO_POINTS).shape == (0,)
+
+
+def test_the_same_edge_is_judged_alike_at_any_contrast() -> None:
+    for contrast in (0.3, 1.0):
+        for corner in (False, True):
+            image = (contrast * drawn(0.4, corner=corner).astype(float)).astype(np.uint8)
+            assert has_corner(image, MIDDLE).all() == corner

@@ -15,7 +15,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
-from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.ground import Ground, standing
 from observer.methods.rigid.dense.scene import DenseScene
@@ -130,6 +130,15 @@ def seen(
     if evidence is None:
         evidence = np.zeros(GRID.shape, np.uint8)
     return DenseScene(GRID, T_world_camera, disparity, stands, evidence)
+
+
+def arrived(*things: Shape) -> DenseScene:
+    """Things in a room that was empty before."""
+    shapes = [*ROOM, *things]
+    evidence = np.full(GRID.shape, STATIC, np.uint8)
+    for thing in things:
+        evidence[cells_of(thing, shapes)] = ARRIVED
+    return seen(shapes, evidence=evidence)
 
 
 def step_to(T_world_camera: Pose = HERE, dt: float = DT) -> CameraStep:

@@ -9,7 +9,11 @@ import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import YAW, YAW_RATE, BodyFilter, yaw_matrix
+from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.shape import Box
+from observer.methods.rigid.dense.segments import segment_of
+
+from ..solid_worlds import ROOM, Solid, cells_of, seen
 
 MakeTrack = Callable[..., BodyTrack]
 SIZE = np.array([0.4, 0.3, 0.6])
@@ -160,3 +164,44 @@ def test_rebasing_leaves_the_remembered_places_where_they_are(turning: BodyTrack
     after = turning.shape.box(local[:4] - offset, view, 0.0)
     np.testing.assert_allclose(after.centre, before.centre - offset, atol=1e-12)
     np.testing.assert_allclose(after.size, before.size)
+
+
+def with_offset(track: BodyTrack) -> BodyTrack:
+    """Has an outline that was noted once, and remembers points."""
+    thing = Solid((0.0, 0.0, 4.0), (0.45, 1.2, 0.1))
+    scene = seen([*ROOM, thing])
+    track.outline = Outline.of(segment_of(scene, cells_of(thing, [*ROOM, thing])), scene)
+    track.outline.offsets["middle"] = np.array([0.1, 0.0, 0.0])
+    return track
+
+
+def test_a_loosened_body_goes_on_but_turns_no_more(turning: BodyTrack) -> None:
+    before = turning.filter
+    turning.loosen()
+    assert (turning.rigid, turning.rigidity) == (False, 0.0)
+    np.testing.assert_array_equal(turning.mean[:YAW_RATE], before.mean[:YAW_RATE])
+    assert turning.yaw_rate == 0.0
+
+
+def test_a_stiffened_body_moves_as_its_points_do_and_forgets_how_it_was_measured(
+    turning: BodyTrack, make_track: MakeTrack
+) -> None:
+    track = with_offset(turning)
+    for _ in range(6):
+        track.shape.note(np.zeros((8, 3)))
+    track.recent.note(0.1, np.array([1.0, 0.0, 0.0]), 0.2)
+    track.loosen()
+    motion = make_track((0.2, 0.0, 3.5), (0.6, 0.0, 0.1)).filter
+    track.stiffen(motion)
+    assert (track.rigid, track.rigidity) == (True, 1.0)
+    assert track.filter is motion
+    assert track.outline.offsets == {}
+    assert track.shape.axis(track.yaw) is None
+    # it stays who it is
+    assert track.id == 1
+
+
+def test_a_body_that_was_never_seen_as_an_outline_can_be_stiffened(turning: BodyTrack) -> None:
+    turning.loosen()
+    turning.stiffen(turning.filter)
+    assert turning.rigid

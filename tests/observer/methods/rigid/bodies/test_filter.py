@@ -340,3 +340,59 @@ def test_the_covariance_stays_one_whatever_happens(
         np.testing.assert_allclose(correlation, correlation.T, atol=1e-9)
         assert np.linalg.eigvalsh(correlation)[0] > -1e-9
         np.linalg.cholesky(correlation + 1e-9 * np.eye(STATE_SIZE))
+
+
+@pytest.mark.parametrize("rate", [0.0, 0.6])
+def test_a_position_or_a_velocity_alone_corrects_its_own_part(rate: float) -> None:
+    state = truth(rate=rate)
+    for part, measure in (
+        (POSITION, BodyFilter.with_position),
+        (VELOCITY, BodyFilter.with_velocity),
+    ):
+        motion = begun(state)
+        seen = measure(motion, state[part] + 0.1, np.eye(3) * 1e-8)
+        np.testing.assert_allclose(seen.mean[part], state[part] + 0.1, atol=1e-3)
+        assert np.trace(seen.covariance[part, part]) < 1e-3 * np.trace(
+            motion.covariance[part, part]
+        )
+        # Nothing ties the other parts to it at first.
+        other = np.setdiff1d(np.arange(STATE_SIZE), np.arange(STATE_SIZE)[part])
+        np.testing.assert_allclose(seen.mean[other], state[other], atol=1e-12)
+
+
+def test_positions_alone_tell_the_velocity_over_time() -> None:
+    rng, state = np.random.default_rng(6), truth()
+    motion = begun(
+        state * np.array([1, 1, 1, 0, 0, 0, 1, 1]), FIRST_SIGMA * [1, 1, 1, 4, 4, 4, 1, 1]
+    )
+    for _ in range(40):
+        state = on_circle(state, DT)
+        motion = motion.predicted(DT, ACCELERATION, (0.0, 0.0), None)
+        motion = motion.with_position(state[POSITION] + rng.normal(0, 0.01, 3), np.eye(3) * 1e-4)
+    np.testing.assert_allclose(motion.mean[VELOCITY], state[VELOCITY], atol=0.08)
+
+
+def test_a_measurement_that_says_nothing_changes_nothing() -> None:
+    motion = begun(truth())
+    for measure in (motion.with_position, motion.with_velocity):
+        seen = measure(np.full(3, 5.0), np.eye(3) * 1e12)
+        np.testing.assert_allclose(seen.mean, motion.mean, atol=1e-9)
+        np.testing.assert_allclose(seen.covariance, motion.covariance, atol=1e-9)
+
+
+def test_straightened_it_moves_alike_but_turns_no_more() -> None:
+    motion = begun(truth(rate=0.8)).predicted(DT, ACCELERATION, YAW_ACCELERATION, None)
+    straight = motion.straightened()
+    rest = [k for k in range(STATE_SIZE) if k != YAW_RATE]
+    np.testing.assert_array_equal(straight.mean[rest], motion.mean[rest])
+    np.testing.assert_array_equal(
+        straight.covariance[np.ix_(rest, rest)], motion.covariance[np.ix_(rest, rest)]
+    )
+    assert not straight.covariance[rest, YAW_RATE].any()
+    assert motion.mean[YAW_RATE] == pytest.approx(0.8)
+    for _ in range(15):
+        straight = straight.predicted(DT, ACCELERATION, (0.0, 0.0), None)
+        place = straight.mean[POSITION] + np.array([0.05, 0.0, -0.05])
+        straight = straight.with_position(place, np.eye(3) * 1e-4)
+    assert straight.mean[YAW] == pytest.approx(motion.mean[YAW], abs=0.02)
+    assert abs(straight.mean[YAW_RATE]) < 0.01

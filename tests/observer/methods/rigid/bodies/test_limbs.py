@@ -111,7 +111,7 @@ def test_points_that_disagree_make_it_less_sure(make_track: MakeTrack) -> None:
 
 def test_what_moves_quite_unlike_a_body_that_is_known_hardly_counts(make_track: MakeTrack) -> None:
     """Far from its velocity it is rather that of a limb."""
-    track = with_outline(make_track((0.0, 0.0, 4.0), tuple(WALK), sigma=0.03))
+    track = with_outline(make_track((0.0, 0.0, 4.0), tuple(WALK), sigma=0.1))
     found = measured(track, np.linspace(0.05, 0.55, 10), WALK + np.tile([3.0, 0.0, 0.0], (10, 1)))
     assert np.linalg.norm(found - WALK) < 0.1
 

@@ -21,7 +21,7 @@ from observer.methods.rigid.dense.segments import Segment, segment_of
 
 from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, disparity_of, on_floor, seen
 
-quick = settings(deadline=None, max_examples=12)
+quick = settings(deadline=None, max_examples=10)
 SIZE = (0.45, 1.2, 0.1)
 small = st.floats(-0.2, 0.2)
 

@@ -14,7 +14,7 @@ from observer.types import Image
 from ....builders import Texture, as_image
 from ..solid_worlds import CAMERA, GRID
 
-quick = settings(deadline=None, max_examples=15)
+quick = settings(deadline=None, max_examples=10)
 P = StereoParameters()
 SHAPE = (CAMERA.height, CAMERA.width)
 # Texture as fine as a cell, and everywhere, would count as noise.

@@ -29,7 +29,7 @@ from ..solid_worlds import (
     on_floor,
 )
 
-quick = settings(deadline=None, max_examples=12)
+quick = settings(deadline=None, max_examples=10)
 NOISE_PX = 0.15
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,6 +13,7 @@ from observer.geometry import Pose
 from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
 from observer.methods.rigid.dense.scene import DenseScene, DenseVision
 from observer.parameters import StereoParameters
+from observer.vision.camera_rate import CameraRate
 from observer.vision.view import View
 
 from ....builders import Texture, as_image
@@ -91,3 +94,10 @@ def test_the_pose_of_the_scene_is_that_of_the_frame() -> None:
     pose = Pose.from_rotvec([0.0, 0.3, 0.0], [1.0, 0.0, 2.0])
     scene = DenseVision(CAMERA, MOUNT).look(view(0, False), step_to(pose), P)
     np.testing.assert_allclose(scene.T_world_camera.matrix, pose.matrix, atol=1e-12)
+
+
+def test_a_camera_as_fast_as_on_the_road_sees_no_dense_evidence() -> None:
+    for speed, known in ((2.0, True), (3.0, False)):
+        rate = CameraRate.of(Pose(np.eye(3), np.array([0.0, 0.0, -speed * 0.4])), 0.4)
+        step = replace(step_to(dt=0.4), rate=rate)
+        assert (DenseVision(CAMERA, MOUNT).look(view(0, False), step, P) is not None) is known

@@ -18,11 +18,9 @@ from observer.methods.rigid.dense.segments import (
     box_px,
     followed_segment,
     fresh_segments,
-    is_limb,
     owners,
     segment_of,
     window_of,
-    with_limb,
 )
 
 from ..solid_worlds import (
@@ -331,54 +329,6 @@ def test_cells_far_from_any_expected_depth_or_place_are_nobody_s() -> None:
     assert (owner[cells(scene, stranger, guest)] == -1).all()
     assert (owner[~expected_at(guest).mask] == -1).all()
     assert (owners(scene, []) == -1).all()
-
-
-# --- limbs ---------------------------------------------------------------------------------
-
-TRUNK = Solid((0.0, -0.2, 4.0), (0.5, 0.8, 0.25))
-LEG = Solid((0.1, 0.5, 3.95), (0.18, 0.5, 0.15))
-
-
-def parts(*things: Shape) -> tuple[DenseScene, list[Segment]]:
-    scene = world(arrived=list(things))
-    found = [segment_of(scene, cells(scene, t, *(o for o in things if o is not t))) for t in things]
-    return scene, found
-
-
-def test_a_leg_below_a_trunk_is_a_limb() -> None:
-    scene, (trunk, leg) = parts(TRUNK, LEG)
-    assert is_limb(scene, leg, trunk)
-    whole = with_limb(scene, trunk, leg)
-    np.testing.assert_array_equal(whole.mask, trunk.mask | leg.mask)
-    assert whole.box[3] == leg.box[3]
-
-
-def test_a_hand_beside_a_trunk_is_a_limb_for_it_is_small() -> None:
-    hand = Solid((0.38, 0.1, 3.9), (0.15, 0.2, 0.15))
-    scene, (trunk, small) = parts(TRUNK, hand)
-    assert is_limb(scene, small, trunk)
-
-
-@pytest.mark.parametrize(
-    "other",
-    [
-        pytest.param(Solid((0.7, -0.2, 4.0), (0.5, 0.8, 0.25)), id="another body beside it"),
-        pytest.param(Solid((0.1, 0.5, 2.4), (0.18, 0.5, 0.15)), id="something nearer"),
-        pytest.param(Solid((0.1, 0.75, 5.6), (0.3, 0.3, 0.15)), id="something farther"),
-        pytest.param(Solid((1.1, 0.1, 4.0), (0.15, 0.2, 0.15)), id="something small far aside"),
-    ],
-)
-def test_what_is_no_limb(other: Solid) -> None:
-    scene, (trunk, part) = parts(TRUNK, other)
-    assert not is_limb(scene, part, trunk)
-
-
-def test_what_is_seen_between_the_legs_is_taken_but_not_as_part_of_the_body() -> None:
-    """Its depth lies between a limb's and that of another thing."""
-    between = Solid((0.1, 0.5, 4.9), (0.18, 0.5, 0.15))
-    scene, (trunk, part) = parts(TRUNK, between)
-    assert is_limb(scene, part, trunk)
-    assert with_limb(scene, trunk, part) is trunk
 
 
 # --- geometry ------------------------------------------------------------------------------

@@ -1,0 +1,56 @@
+"""How far reported obstacles are from true bodies."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer.evaluation.instances import Instance, axis_distance, centre_distance
+from observer.truth.contract import TrueBody
+
+HEIGHT_M = 1.7
+CENTRE = np.array([0.5, 0.2, 4.0])
+lengths = st.floats(-3, 3)
+
+
+def body() -> TrueBody:
+    size = np.array([0.3, 0.5, HEIGHT_M])
+    return TrueBody(1, "Ada", "obstacle", CENTRE.copy(), np.zeros(3), size, 0.0, 1.0, None)
+
+
+def seen_at(x: float, y: float, z: float) -> Instance:
+    """An instance so far from the body's centre."""
+    return Instance((0, 1), CENTRE + np.array([x, y, z]), np.zeros(3), None, 0.0, 0.0, None)
+
+
+@given(x=lengths, y=st.floats(-HEIGHT_M / 2, HEIGHT_M / 2), z=lengths)
+def test_beside_a_body_the_height_does_not_count(x: float, y: float, z: float) -> None:
+    assert axis_distance(body(), seen_at(x, y, z)) == pytest.approx(np.hypot(x, z), abs=1e-9)
+
+
+@given(x=lengths, above=st.floats(0, 3), sign=st.sampled_from([-1, 1]))
+def test_above_and_below_it_only_what_is_beyond_its_end_counts(
+    x: float, above: float, sign: int
+) -> None:
+    instance = seen_at(x, sign * (HEIGHT_M / 2 + above), 0.0)
+    assert axis_distance(body(), instance) == pytest.approx(np.hypot(x, above), abs=1e-9)
+
+
+@given(x=lengths, y=lengths, z=lengths)
+def test_the_axis_is_never_farther_than_the_centre_and_at_most_half_a_height_nearer(
+    x: float, y: float, z: float
+) -> None:
+    instance = seen_at(x, y, z)
+    axis, centre = axis_distance(body(), instance), centre_distance(body(), instance)
+    assert axis <= centre + 1e-9
+    assert axis >= centre - HEIGHT_M / 2 - 1e-9
+
+
+def test_asking_changes_neither_the_body_nor_the_instance() -> None:
+    true, instance = body(), seen_at(0.1, 0.5, 0.2)
+    before = instance.position.copy()
+    assert axis_distance(true, instance) == axis_distance(true, instance)
+    np.testing.assert_array_equal(true.position, CENTRE)
+    np.testing.assert_array_equal(instance.position, before)
