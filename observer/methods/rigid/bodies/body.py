@@ -22,8 +22,6 @@ from observer.methods.rigid.bodies.recent_motion import RecentMotion
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.types import MotionState, TrackState
 
-# One standard deviation of where the centre is, as a share of the box's longer side.
-_CENTRE_DOUBT = 0.15
 _LEVEL = np.diag([1.0, 0.0, 1.0])
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 
@@ -114,7 +112,7 @@ class BodyTrack:
         turning = cov[YAW_RATE, YAW_RATE] * swing[:, None] * swing
         cov = cov[VELOCITY, VELOCITY] + mixed + mixed.T + turning + self.lasting_cov
         if self.box is not None:
-            doubt = _CENTRE_DOUBT * float(self.box.size[[0, 2]].max()) * self.yaw_rate
+            doubt = self.shape.centre_doubt * float(self.box.size[[0, 2]].max()) * self.yaw_rate
             cov = cov + doubt**2 * _LEVEL
         return mean[VELOCITY] + turning_velocity(mean[YAW_RATE], arm), cov
 

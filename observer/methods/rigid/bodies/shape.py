@@ -18,13 +18,22 @@ _LEAST_SPREAD_M = 0.01
 # Share of the places on each side that are left out: the outermost are partly wrong ones.
 _TRIM = 0.03
 # A face that turns less of itself than this towards the camera does not show how far it goes; one
-# that has done so for this many seconds does, for by then points have been found all over it.
+# that has done so for this many seconds does, for by then points have been found all over it: a
+# robot's end, seen over half a turn, often carries but a dozen, and not at its edges.
 _SHOWN = 0.7
-_SHOWN_S = 1.5
+_SHOWN_S = 6.0
 # Places of members are remembered in every so many frames, and so many of them: several seconds,
 # so that the box neither follows each frame's points nor forgets the faces that are hidden now.
 _NOTE_EVERY = 3
 _MEMORY = 400
+# Time constant, seconds, with which a larger box is believed: strangers leave sooner than that.
+_GROWS_S = 0.5
+# Time constant, seconds, with which a face that comes into view is believed to be where its points
+# are: the first ones lie on what was seen before, not on the face.
+_SETTLES_S = 1.0
+# One standard deviation of where the centre is, as a share of the box's longer side: of a body
+# whose sides were never shown in full, and of one whose sides were.
+_CENTRE_DOUBT = (0.15, 0.06)
 # Where one side of the box was never seen, it is taken for this share of the other one.
 _ASPECT = 0.85
 # The heading is learnt from velocities that are known at least this well, and tells which face is
@@ -69,9 +78,12 @@ class BodyShape:
         self._frames = 0
         # (2,) seconds for which each side of the box was shown in its full length.
         self._shown_s = np.zeros(2)
-        # (2,) metres: what the box measured when its places were last forgotten.
-        self._size_before = np.zeros(2)
-        self._size = np.zeros(2)
+        # (2,) seconds of these since its places were last forgotten.
+        self._placed_s = np.zeros(2)
+        # (2,) metres: the largest that the box was seen to measure for long.
+        self._largest = np.zeros(2)
+        # (2,) metres, the box's axes: its centre in the frame before; None before the first.
+        self._centre: Float64Array | None = None
 
     def note_heading(self, velocity: Float64Array, cov: Float64Array, yaw: float) -> None:
         """Learn from a velocity (3,) m/s, world, with its covariance, at the body's yaw."""
@@ -101,11 +113,21 @@ class BodyShape:
     def shift(self, offset: Float64Array) -> None:
         """Tell places from another origin, which is at (3,) metres in the old frame."""
         self._places = self._places - offset
+        if self._centre is not None:
+            self._centre = self._centre - offset
 
     def forget(self) -> None:
         """Forget where points were (the body was lost for a while), but not its size."""
         self._places = np.zeros((0, 3))
-        self._size_before = self._size
+        self._placed_s = np.zeros(2)
+        self._centre = None
+
+    @property
+    def centre_doubt(self) -> float:
+        """One standard deviation of the centre, as a share of the box's longer side."""
+        unseen, seen = _CENTRE_DOUBT
+        known = min(1.0, float(self._placed_s.min()) / _SHOWN_S)
+        return unseen + known * (seen - unseen)
 
     def box(self, points: Float64Array, view: Float64Array, dt: float) -> Box:
         """The box around points (N, 3) and the remembered ones, seen along ``view``.
@@ -128,18 +150,49 @@ class BodyShape:
         extent = (high - low)[[0, 2]]
         # Axis k is seen in its full length on the face whose normal is the other axis.
         if np.hypot(*self._axis) >= _HEADING_KNOWN:
-            self._shown_s[np.abs(direction[[2, 0]]) >= _SHOWN] += dt
+            shown = np.abs(direction[[2, 0]]) >= _SHOWN
+            self._shown_s[shown] += dt
+            self._placed_s[shown] += dt
+            self._largest += min(1.0, dt / _GROWS_S) * np.maximum(0.0, extent - self._largest)
         usual = _ASPECT * extent[::-1] * np.maximum(0.0, 1 - self._shown_s / _SHOWN_S)
-        size = self._size = np.maximum(np.maximum(extent, usual), self._size_before)
+        size = np.maximum(np.maximum(extent, usual), self._largest)
         centre = (low + high) / 2
-        for k, axis in enumerate((0, 2)):
-            # What is missing lies behind what is seen.
-            centre[axis] += np.sign(direction[axis]) * (size[k] - extent[k]) / 2
+        slack = (size - extent) / 2
+        before = None if self._centre is None else (R @ self._centre)[[0, 2]]
+        centre[[0, 2]] = _completed(centre[[0, 2]], slack, direction[[0, 2]], before, dt)
+        self._centre = R.T @ centre
         return Box(
-            centre=R.T @ centre,
+            centre=self._centre,
             size=np.array([size[0], high[1] - low[1], size[1]]),
             heading=heading,
         )
+
+
+def _completed(
+    seen: Float64Array,
+    slack: Float64Array,
+    direction: Float64Array,
+    before: Float64Array | None,
+    dt: float,
+) -> Float64Array:
+    """(2,) metres: the centre of a box of which only a part is seen.
+
+    What is missing lies behind what is seen, as far as the face in front shows itself. On the
+    side of a face that the camera looks along, nothing tells where it ends: there the centre
+    stays where it was, if the box so covers all that is seen.
+
+    Args:
+        seen: (2,) metres, the middle of what is seen. slack: (2,) metres by which the box goes
+            further on one side or on both. direction: (2,) of the view, unit length.
+        before: (2,) metres, the centre in the frame before; None if unknown.
+        dt: seconds since then.
+    """
+    behind = seen + np.sign(direction) * slack
+    if before is None:
+        return behind
+    kept = np.clip(before, seen - slack, seen + slack)
+    share = min(1.0, dt / _SETTLES_S) * np.minimum(1.0, (direction / _SHOWN) ** 4)
+    return np.asarray(kept + share * (behind - kept))
 
 
 def _near_most(places: Float64Array) -> NDArray[np.bool_]:

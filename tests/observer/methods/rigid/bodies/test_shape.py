@@ -77,7 +77,7 @@ def test_a_side_is_believed_the_longer_it_is_shown() -> None:
     corner, front = np.array([1.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.2])
     usual = shape.box(thin, front, LONG).size[0]
     assert usual > 0.75 * SIZE[2]
-    widths = [shape.box(thin, corner, 0.1).size[0] for _ in range(20)]
+    widths = [shape.box(thin, corner, 0.1).size[0] for _ in range(80)]
     assert widths[0] > 0.9 * usual
     assert all(np.diff(widths) <= 0)
     assert widths[-1] < 0.15
@@ -105,6 +105,73 @@ def test_a_face_that_is_hidden_now_is_remembered() -> None:
     box = shape.box(face(rng, 2, -1, 20), np.array([0.0, 0.0, 1.0]), LONG)
     np.testing.assert_allclose(box.size, SIZE, rtol=0.15)
     np.testing.assert_allclose(box.centre, 0, atol=0.06)
+
+
+def shown(rng: np.random.Generator, view: np.ndarray) -> np.ndarray:
+    """Points (N, 3) on the faces towards the camera: the fewer, the more askew they are seen."""
+    faces = [face(rng, k, -int(np.sign(view[k])), int(40 * abs(view[k]))) for k in (0, 2)]
+    return np.concatenate(faces)
+
+
+def test_the_centre_stays_while_a_body_turns_before_the_camera() -> None:
+    """Its faces come and go; none of them takes the centre with it."""
+    rng, shape = np.random.default_rng(9), BodyShape()
+    heading_for(shape, 0.0)
+    centres, sizes = [], []
+    for angle in np.arange(0.3, 0.3 + 4 * np.pi, 0.06):
+        view = np.array([np.sin(angle), 0.0, np.cos(angle)])
+        points = shown(rng, view)
+        shape.note(points)
+        box = shape.box(points, view, 0.07)
+        centres.append(box.centre[[0, 2]])
+        sizes.append(box.size[[0, 2]])
+    after = len(centres) // 2
+    assert np.abs(sizes[after:] - SIZE[[0, 2]]).max() < 0.03
+    assert np.linalg.norm(centres[after:], axis=1).max() < 0.02
+    # and it does not jump when a face is seen edge on.
+    assert np.linalg.norm(np.diff(centres[after:], axis=0), axis=1).max() < 0.02
+
+
+def test_a_side_stays_as_long_as_it_was_seen_when_its_points_are_forgotten() -> None:
+    rng, shape = np.random.default_rng(10), BodyShape()
+    heading_for(shape, 0.0)
+    corner, front = np.array([1.0, 0.0, 1.0]), np.array([0.0, 0.0, 1.0])
+    both = np.concatenate([face(rng, 0, -1, 60), face(rng, 2, -1, 60)])
+    for _ in range(90):
+        shape.note(both)
+        shape.box(both, corner, 0.1)
+    sizes = []
+    for _ in range(90):
+        few = face(rng, 2, -1, 20) * [0.5, 1.0, 1.0]
+        shape.note(few)
+        sizes.append(shape.box(few, front, 0.1).size)
+    np.testing.assert_allclose(sizes[-1][[0, 2]], SIZE[[0, 2]], rtol=0.15)
+
+
+def test_strangers_do_not_stretch_the_box_for_good() -> None:
+    rng, shape = np.random.default_rng(11), BodyShape()
+    heading_for(shape, 0.0)
+    corner = np.array([1.0, 0.0, 1.0])
+    both = np.concatenate([face(rng, 0, -1, 60), face(rng, 2, -1, 60)])
+    before = shape.box(both, corner, 2.0).size
+    strangers = np.concatenate([both, both[:12] + np.array([0.5, 0.0, 0.0])])
+    assert shape.box(strangers, corner, 0.07).size[0] > 1.3 * before[0]
+    assert shape.box(both, corner, 0.07).size[0] < 1.1 * before[0]
+
+
+def test_the_centre_is_known_better_once_both_sides_were_shown() -> None:
+    rng, shape = np.random.default_rng(12), BodyShape()
+    heading_for(shape, 0.0)
+    both = np.concatenate([face(rng, 0, -1), face(rng, 2, -1)])
+    unseen = shape.centre_doubt
+    for _ in range(100):
+        shape.box(both, np.array([0.0, 0.0, 1.0]), 0.1)
+    assert shape.centre_doubt == unseen
+    for _ in range(100):
+        shape.box(both, np.array([1.0, 0.0, 1.0]), 0.1)
+    assert shape.centre_doubt < 0.5 * unseen
+    shape.forget()
+    assert shape.centre_doubt == unseen
 
 
 def test_few_wrong_points_do_not_stretch_the_box() -> None:
