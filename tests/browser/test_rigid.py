@@ -73,8 +73,13 @@ def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confi
     assert {"dynamic", "static", "too_few_features"} <= verdicts
     of_it = [a for a in answers if a["obstacle"] and a["obstacle"]["id"] == number]
     # What stands out beside it and is no point of it yet is told otherwise.
-    ending = re.compile(r"obstacles\.min_points at \d+ or above")
-    points = [a for a in of_it if ending.search(a["would_change"])]
+    ending = re.compile(r"obstacles\.min_points|stands apart in depth")
+    points = [
+        a
+        for a in of_it
+        if ending.search(a["would_change"])
+        and (a["numbers"]["significance"] or 0) > a["numbers"]["threshold"]
+    ]
     assert points, [a["would_change"] for a in of_it]
     told = points[len(points) // 2]
     assert told["numbers"]["speed_mps"] > 0.05
