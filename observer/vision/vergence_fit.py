@@ -12,7 +12,8 @@ seen one: ways seem longer or shorter by the factor ``1 - f v <g / d>``, with th
 points weighted by what each tells of the way, about d^2. So the way by the wheels tells v, as well
 as the scene's disparities are small: f v is known to ``sigma_wheels d``. And as near and far points
 ask for different ways, the spread of disparities tells v even where the wheels' scale is unknown.
-Both follow from one fit of R, t, v and the wheels' scale; R and t are of no interest.
+Both follow from one fit of R, t, v and the wheels' scale; R and t are of no interest. Without
+wheels near against far points alone tell v.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, rotation_matrix
+from observer.vision.view import StereoRows
 
 # Standard deviation of a followed point and of its disparity, pixels.
 _SIGMA_PX = 0.15
@@ -30,6 +32,8 @@ _STEPS = 3
 # Tukey's weight is 0 beyond this many standard deviations.
 _TUKEY_SIGMAS = 4.7
 _LEAST_POINTS = 30
+# Disparities below are as good as none; the method clips them.
+_LEAST_DISPARITY_PX = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +44,8 @@ class SeenTwice:
         before_px, now_px: (N, 2) pixels, rectified left image.
         before_disparity, now_disparity: (N,) pixels.
         T_now_before: the camera's motion as the images tell it; where the fit begins.
-        way_m: length of the camera's way by the wheels, metres, and one standard deviation of
-            it beyond the wheels' scale.
+        way_m: length of the camera's way by the wheels, metres; None where no wheels tell it.
+        way_std_m: one standard deviation of it beyond the wheels' scale.
     """
 
     before_px: Float64Array
@@ -49,8 +53,38 @@ class SeenTwice:
     now_px: Float64Array
     now_disparity: Float64Array
     T_now_before: Pose
-    way_m: float
-    way_std_m: float
+    way_m: float | None = None
+    way_std_m: float = 0.0
+
+    @staticmethod
+    def of(
+        before: StereoRows,
+        now: StereoRows,
+        T_now_before: Pose,
+        way_m: float | None = None,
+        way_std_m: float = 0.0,
+    ) -> SeenTwice:
+        """Match the points of two views by their numbers.
+
+        What moves among them is left to the fit's own weights: the method's inliers are those
+        that fit the calibration as it is, right or wrong.
+        """
+        at_a, at_b = (
+            np.flatnonzero(rows.disparity > _LEAST_DISPARITY_PX) for rows in (before, now)
+        )
+        _, in_a, in_b = np.intersect1d(
+            before.number[at_a], now.number[at_b], assume_unique=True, return_indices=True
+        )
+        at_a, at_b = at_a[in_a], at_b[in_b]
+        return SeenTwice(
+            before_px=before.px[at_a],
+            before_disparity=before.disparity[at_a],
+            now_px=now.px[at_b],
+            now_disparity=now.disparity[at_b],
+            T_now_before=T_now_before,
+            way_m=way_m,
+            way_std_m=way_std_m,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +110,7 @@ def way_equation(
 
     Args:
         start: v and s where the fit begins. scale_sigma: of s; it only holds the fit, and is no
-            part of the result, for all pairs of a robot share it.
+            part of the result, for all pairs of a robot share it. Without a way nothing tells s.
 
     Returns:
         None where too few points fit one motion.
@@ -123,10 +157,11 @@ def way_equation(
         rows = J.reshape(-1, 8)
         weighted = rows * weight[:, None]
         H, b = weighted.T @ rows, weighted.T @ residual.ravel()
-        way = float(np.linalg.norm(t))
-        row = np.concatenate([np.zeros(3), t / way, [0.0, -seen.way_m]]) / seen.way_std_m
-        H += np.outer(row, row)
-        b += row * (seen.way_m * (1 + theta[1]) - way) / seen.way_std_m
+        if seen.way_m is not None:
+            way = float(np.linalg.norm(t))
+            row = np.concatenate([np.zeros(3), t / way, [0.0, -seen.way_m]]) / seen.way_std_m
+            H += np.outer(row, row)
+            b += row * (seen.way_m * (1 + theta[1]) - way) / seen.way_std_m
         held, pull = H.copy(), b.copy()
         held[7, 7] += scale_sigma**-2
         pull[7] -= theta[1] * scale_sigma**-2
