@@ -7,7 +7,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.geometry import Float64Array
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.filter import (
     POSITION,
     VELOCITY,
@@ -41,7 +42,8 @@ class BodyTrack:
         hits: frames in which it moved significantly. sightings: of members in those frames,
             beyond those that may err alike.
         significance: Mahalanobis length of the velocity.
-        box_px: u0 v0 u1 v1 around the members in the left image.
+        box_px: u0 v0 u1 v1 in the left image, around what is seen of it; while it is not seen,
+            where that should be by now.
         lasting_cov: (3, 3) (m/s)^2, world: of the velocity, by errors that time does not reduce.
         outline: at which it stands out in depth; None before one was found.
         rigid: False once its limbs were seen to move by themselves, or before any point is known
@@ -73,6 +75,8 @@ class BodyTrack:
     rigidity: float = 1.0
     by_points: bool = False
     merged_s: float = 0.0
+    # (3,) u, v and disparity of its centre in the last frame, px.
+    _centre_px: Float64Array | None = None
 
     @property
     def mean(self) -> Float64Array:
@@ -129,6 +133,18 @@ class BodyTrack:
         self.recent.forget()
         if self.outline is not None:
             self.outline.offsets.clear()
+
+    def carry_box(self, T_camera_world: Pose, camera: StereoCamera) -> None:
+        """Move the box of a body that is not seen to where it is expected in this frame."""
+        px, disparity = camera.project(T_camera_world.apply(self.centre[None]))
+        now, before = np.array([*px[0], disparity[0]]), self._centre_px
+        if not np.isfinite(now).all():
+            return
+        if self.missed_s > 0 and before is not None:
+            corners = np.array(self.box_px).reshape(2, 2) - before[:2]
+            u0, v0, u1, v1 = (corners * now[2] / before[2] + now[:2]).ravel().tolist()
+            self.box_px = (u0, v0, u1, v1)
+        self._centre_px = now
 
     def rebase(self) -> Float64Array:
         """Make the centre of the box the body's origin; returns (3,) m, where it was before."""

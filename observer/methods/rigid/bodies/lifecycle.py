@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import VELOCITY
 from observer.parameters import ObstacleParameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import expired, next_state
@@ -25,13 +27,18 @@ _OUTLINE_PATIENCE_S = 1.5
 _MERGED_S = 1.0
 _IDLE_FRAMES = 3
 # Frames in which a segment must have entered free space, or come out of hiding, and standard
-# deviations of its velocity.
+# deviations of its velocity. What goes away comes out from behind itself; what others uncover
+# seems to move as they do, across the view: so much of the velocity must lead away.
 _ARRIVED_FRAMES, _ARRIVED_SIGMAS = 3, 3.0
-_HIDDEN_FRAMES, _HIDDEN_SIGMAS = 4, 5.0
+_HIDDEN_FRAMES, _HIDDEN_SIGMAS, _AWAY_SHARE = 4, 5.0, 0.7
 
 
-def judge(track: BodyTrack, parameters: ObstacleParameters) -> None:
-    """Judge whether a track moves, and whether it is confirmed, coasts or is seen again."""
+def judge(track: BodyTrack, camera_position: Float64Array, parameters: ObstacleParameters) -> None:
+    """Judge whether a track moves, and whether it is confirmed, coasts or is seen again.
+
+    Args:
+        camera_position: (3,) metres, world.
+    """
     velocity, cov = track.centre_velocity()
     track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
     speed = float(np.linalg.norm(velocity))
@@ -44,7 +51,8 @@ def judge(track: BodyTrack, parameters: ObstacleParameters) -> None:
     elif speed - sigma > limit:
         track.motion = MotionState.MOVING
     seen = track.missed_s == 0
-    confirmed = seen and track.state is TrackState.TENTATIVE and _confirmed(track, parameters)
+    tentative = track.state is TrackState.TENTATIVE
+    confirmed = seen and tentative and _confirmed(track, camera_position, parameters)
     track.state = next_state(track.state, seen=seen, confirmed=confirmed)
 
 
@@ -61,7 +69,9 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
 
 
-def _confirmed(track: BodyTrack, parameters: ObstacleParameters) -> bool:
+def _confirmed(
+    track: BodyTrack, camera_position: Float64Array, parameters: ObstacleParameters
+) -> bool:
     """Count this frame's evidence: a track must move significantly in enough frames and points.
 
     The fewer points there are, the longer they must keep moving alike.
@@ -73,16 +83,21 @@ def _confirmed(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     else:
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
-    return (by_points and track.merged_s == 0) or _confirmed_by_outline(track)
+    if by_points and track.merged_s == 0:
+        return True
+    return _confirmed_by_outline(track, camera_position)
 
 
-def _confirmed_by_outline(track: BodyTrack) -> bool:
-    """Return whether a body moves that enters free space as a thing of its own."""
+def _confirmed_by_outline(track: BodyTrack, camera_position: Float64Array) -> bool:
+    """Return whether a body moves that enters free space as a thing of its own, or goes away."""
     outline = track.outline
     if outline is None or not outline.seen or track.motion is not MotionState.MOVING:
         return False
     arrived = outline.arrived_frames >= _ARRIVED_FRAMES
+    away = track.centre - camera_position
+    away_mps = float(track.mean[VELOCITY] @ away) / float(np.linalg.norm(away))
     hidden = outline.hidden_frames >= _HIDDEN_FRAMES
+    hidden &= away_mps > _AWAY_SHARE * float(np.linalg.norm(track.mean[VELOCITY]))
     return (arrived and track.significance >= _ARRIVED_SIGMAS) or (
         hidden and track.significance >= _HIDDEN_SIGMAS
     )

@@ -10,11 +10,13 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array, inverse_3x3
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, turning_velocity
+from observer.methods.rigid.bodies.shape import Box
+from observer.methods.rigid.dense.segments import TRUNK_SHARE
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import ObstacleParameters
-from observer.types import MotionState
+from observer.types import MotionState, TrackState
 from observer.vision.chi_square import quantile
 
 # A point joins if its velocity fits the body's and it is this much likelier than at rest (twice
@@ -39,6 +41,8 @@ _PARTS_DIFFER = 0.12
 # within which points may be it.
 _FIRST_EXTENT_M = 0.3
 _FOUND_SIGMAS = 2.5
+# Metres by which a foot may be beside the body that steps with it.
+_STRIDE_M = 0.35
 # (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
 _LEAST_VELOCITY_VARIANCE = 1e-6
 
@@ -172,13 +176,15 @@ def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
 def are_one(
     older: BodyTrack, younger: BodyTrack, reach: float, parameters: ObstacleParameters
 ) -> bool:
-    """Return whether two tracks are one body: in one place, and moving as one.
+    """Return whether two tracks are one body: in one place, and moving as one or as its legs do.
 
     Args:
         reach: metres within which points count as neighbours there.
     """
     if older.box is None or younger.box is None:
         return False
+    if _is_leg(older, older.box, younger, younger.box):
+        return True
     room = older.room(parameters.margin) + younger.room(parameters.margin) + reach
     if not older.contains(younger.centre[None], room + younger.box.size[0] / 2)[0]:
         return False
@@ -186,6 +192,19 @@ def are_one(
     velocity, cov = younger.centre_velocity()
     expected = older.velocity_at(younger.centre)
     return _moves_with(velocity, cov, expected, older_cov, _PARTS_DIFFER)
+
+
+def _is_leg(body: BodyTrack, whole: Box, part: BodyTrack, box: Box) -> bool:
+    """Return whether a track is what moves below the trunk of a body with limbs.
+
+    What is confirmed is no leg any more: a robot that passes at somebody's feet stays itself.
+    """
+    if body.rigid or part.state is not TrackState.TENTATIVE:
+        return False
+    across, down, along = (part.centre - body.centre).tolist()
+    beside = np.hypot(across, along) < whole.size[0] / 2 + _STRIDE_M
+    below = down - box.size[1] / 2 > (TRUNK_SHARE - 0.5) * whole.size[1]
+    return bool(beside and below)
 
 
 def placed(track: BodyTrack, sums: PositionVelocityFilter) -> tuple[Float64Array, Float64Array]:

@@ -107,7 +107,10 @@ class BodyTracker:
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
         points = self.spawn(points, motion, reach, p)
-        return self.update_lifecycle(points, now.position, reach, now.dt, p)
+        points = self.update_lifecycle(points, now.position, reach, now.dt, p)
+        for track in self.tracks:
+            track.carry_box(now.T_camera_world, now.camera)
+        return points
 
     def predict(self, now: CameraStep, parameters: ObstacleParameters) -> None:
         """Move all bodies on by one frame."""
@@ -341,7 +344,7 @@ class BodyTracker:
                 offset = track.rebase()
                 every = points.obstacle == track.id
                 shape_vector[every] -= points.shape_information[every] @ offset
-            judge(track, parameters)
+            judge(track, camera_position, parameters)
         points = self._named(points.but(shape_vector=shape_vector))
         obstacle = points.obstacle.copy()
         for track in [t for t in self.tracks if is_over(t, parameters)]:

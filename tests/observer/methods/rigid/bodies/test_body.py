@@ -7,13 +7,14 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import YAW, YAW_RATE, BodyFilter, yaw_matrix
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.shape import Box
 from observer.methods.rigid.dense.segments import segment_of
 
-from ..solid_worlds import ROOM, Solid, cells_of, seen
+from ..solid_worlds import CAMERA, ROOM, Solid, cells_of, seen
 
 MakeTrack = Callable[..., BodyTrack]
 SIZE = np.array([0.4, 0.3, 0.6])
@@ -205,3 +206,33 @@ def test_a_body_that_was_never_seen_as_an_outline_can_be_stiffened(turning: Body
     turning.loosen()
     turning.stiffen(turning.filter)
     assert turning.rigid
+
+
+def test_the_box_of_a_body_that_is_not_seen_moves_with_its_prediction(
+    make_track: MakeTrack,
+) -> None:
+    """It is carried as its own place is, grows as it comes nearer, and leaves the image."""
+    track = make_track((0.0, 0.0, 4.0), (1.0, 0.0, -1.0))
+
+    def around() -> tuple[float, float, float, float]:
+        px, d = CAMERA.project(track.centre[None])
+        (u, v), half = px[0], d[0]
+        return (u - half, v - 2 * half, u + half, v + 2 * half)
+
+    track.box_px = around()
+    track.carry_box(Pose.identity(), CAMERA)
+    assert track.box_px == around()
+    track.missed_s = 0.1
+    for _ in range(20):
+        track.filter = track.filter.predicted(0.1, (0, 0), (0, 0), None)
+        track.carry_box(Pose.identity(), CAMERA)
+        assert track.box_px == pytest.approx(around())
+    assert track.box_px[0] > CAMERA.width * 0.75
+
+
+def test_the_box_of_a_body_that_is_seen_stays_where_it_is_seen(make_track: MakeTrack) -> None:
+    track = make_track()
+    track.box_px = (10.0, 20.0, 30.0, 40.0)
+    for x in (0.0, 0.2):
+        track.carry_box(Pose(np.eye(3), np.array([x, 0.0, 0.0])), CAMERA)
+    assert track.box_px == (10.0, 20.0, 30.0, 40.0)

@@ -19,7 +19,7 @@ from ..solid_worlds import ROOM, Solid, cells_of, seen
 
 P = Parameters().obstacles
 MakeTrack = Callable[..., BodyTrack]
-STOOD = (0.0, 0.0, 0.0)
+STOOD, AWAY = (0.0, 0.0, 0.0), (0.2, 0.0, 0.5)
 PLACE = np.array([0.0, 0.0, 4.0])
 
 
@@ -48,7 +48,7 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
 
 def judged(track: BodyTrack, frames: int = 1) -> TrackState:
     for _ in range(frames):
-        judge(track, P)
+        judge(track, np.zeros(3), P)
     return track.state
 
 
@@ -63,8 +63,13 @@ def test_too_few_frames_of_evidence_confirm_nobody(guest: MakeTrack) -> None:
 def test_who_comes_out_of_hiding_needs_more_frames_and_a_surer_velocity(guest: MakeTrack) -> None:
     """Of 3.9 standard deviations, and then of more than 16."""
     for sigma, state in ((0.13, TrackState.TENTATIVE), (0.03, TrackState.CONFIRMED)):
-        assert judged(guest(hidden=4, sigma=sigma)) is state
+        assert judged(guest(AWAY, hidden=4, sigma=sigma)) is state
     assert judged(guest(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
+
+
+def test_what_others_uncover_seems_to_move_across_and_is_not_confirmed(guest: MakeTrack) -> None:
+    for velocity in ((0.5, 0.0, 0.0), (0.5, 0.0, 0.4), (0.0, 0.0, -0.5)):
+        assert judged(guest(velocity, hidden=50), 20) is TrackState.TENTATIVE
 
 
 def test_an_outline_confirms_only_while_it_moves(guest: MakeTrack) -> None:

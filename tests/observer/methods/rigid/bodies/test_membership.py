@@ -26,7 +26,7 @@ from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import ObstacleParameters
-from observer.types import MotionState
+from observer.types import MotionState, TrackState
 
 MakeTrack = Callable[..., BodyTrack]
 P = ObstacleParameters()
@@ -319,6 +319,25 @@ def test_what_rests_is_no_part_of_a_body_however_little_is_known_of_it(
     resting_one = make_track((0.1, 0, 3), (0.0, 0, 0), number=2)
     assert not are_one(vague, resting_one, REACH_M, P)
     assert are_one(vague, make_track((0.1, 0, 3), (0.35, 0, 0), number=2), REACH_M, P)
+
+
+def test_what_steps_below_a_trunk_is_its_leg(make_track: MakeTrack) -> None:
+    """A foot at 1.9 m/s below somebody who walks at 0.6 m/s; not what is beside them or known."""
+    walker = make_track(velocity=(0.6, 0, 0), box=Box(np.zeros(3), np.array([0.5, 1.7, 0.3]), 0.0))
+    walker.rigid = False
+
+    def foot(*place: float) -> BodyTrack:
+        small = Box(np.zeros(3), np.array([0.3, 0.15, 0.1]), 0.0)
+        return make_track(place, (1.9, 0, 0), number=2, box=small)
+
+    assert are_one(walker, foot(0.3, 0.75, 3.2), REACH_M, P)
+    for elsewhere in ((1.0, 0.75, 3.0), (0.1, 0.75, 4.0), (0.3, -0.2, 3.2)):
+        assert not are_one(walker, foot(*elsewhere), REACH_M, P)
+    known = foot(0.3, 0.75, 3.2)
+    known.state = TrackState.CONFIRMED
+    assert not are_one(walker, known, REACH_M, P)
+    walker.rigid = True
+    assert not are_one(walker, foot(0.3, 0.75, 3.2), REACH_M, P)
 
 
 # --- one body or two -----------------------------------------------------------------------
