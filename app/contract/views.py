@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TypedDict
 
 # Views that a person can watch; each is one slot of JPEG bytes.
-#   left      rectified left image, green star features, flow vectors, yellow obstacle rectangles
+#   left      rectified left image, green star features, flow vectors, the obstacles' silhouettes
+#             and boxes
 #   warped    the image of t+dt transformed into the frame of t
 #   disparity disparity as colours, nothing where it is unknown
 #   residual  residual flow as arrows and colours over the darkened image
