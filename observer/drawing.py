@@ -83,8 +83,13 @@ def silhouette_mask(
 
 def tint(canvas: Image, mask: NDArray[np.bool_], color: Color, share: float) -> None:
     """Mix a colour into the pixels of a mask (H, W), by a share from 0 to 1."""
-    mixed = canvas[mask] * (1 - share) + np.array(color) * share
-    canvas[mask] = np.rint(mixed).astype(np.uint8)
+    u, v, width, height = cv2.boundingRect(mask.view(np.uint8))
+    if width == 0:
+        return
+    window = slice(v, v + height), slice(u, u + width)
+    ink = np.full((height, width, 3), color, np.uint8)
+    mixed = cv2.addWeighted(canvas[window], 1 - share, ink, share, 0.0)
+    cv2.copyTo(mixed, mask[window].view(np.uint8), canvas[window])
 
 
 def _corners(silhouette: Sequence[ArrayLike], reduction: int = 1) -> list[NDArray[np.int32]]:

@@ -87,6 +87,9 @@ def test_a_tint_changes_its_mask_alone_by_its_share() -> None:
     tint(image, mask, (0, 100, 255), 0.5)
     assert image[3, 4].tolist() == [40, 90, 168]
     assert (image[~mask] == GREY).all()
+    untouched = canvas()
+    tint(untouched, np.zeros((200, 300), np.bool_), (0, 100, 255), 0.5)
+    assert (untouched == GREY).all()
 
 
 def test_grey_images_become_colour_and_none_is_drawn_on() -> None:
