@@ -1,11 +1,27 @@
-"""Images to draw on; colours are BGR."""
+"""Drawing on images; colours are BGR."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-from observer.types import Image
+from observer.types import Image, MotionState, TrackState
+
+Color = tuple[int, int, int]
+
+# Of obstacles that move, stand now, and are not seen at present.
+_MOVING: Color = (0, 235, 255)
+_STOPPED: Color = (255, 170, 80)
+_COASTING: Color = (160, 160, 160)
+# Share of an obstacle's colour within its silhouette.
+_TINT = 0.25
+TEXT_SCALE = 0.45
+# Pixels between an obstacle's box and the text above it, and from the image's upper border to the
+# text's foot, in letters of scale 1.
+_ABOVE_PX, _LETTER_PX = 6, 28
 
 
 def color_copy(image: Image) -> Image:
@@ -13,3 +29,70 @@ def color_copy(image: Image) -> Image:
     if image.ndim == 2:
         return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR), dtype=np.uint8)
     return image.copy()
+
+
+def obstacle_color(state: str, motion: str) -> Color:
+    """Return the colour of an obstacle in this ``TrackState`` and ``MotionState``."""
+    if state == TrackState.COASTING:
+        return _COASTING
+    return _MOVING if motion == MotionState.MOVING else _STOPPED
+
+
+def draw_obstacle(
+    canvas: Image,
+    box_px: Sequence[float],
+    silhouette: Sequence[ArrayLike] | None,
+    text: str,
+    color: Color,
+    scale: float = TEXT_SCALE,
+) -> None:
+    """Draw an obstacle's silhouette, tinted within, its box, and a text above; in view only.
+
+    Args:
+        canvas: (H, W, 3). box_px, silhouette: as of ``Obstacle``. scale: of the text.
+    """
+    if silhouette:
+        tint(canvas, silhouette_mask(silhouette, canvas.shape[:2]), color, _TINT)
+        cv2.polylines(canvas, _corners(silhouette), True, color, 1, cv2.LINE_AA)
+    u0, v0, u1, v1 = (round(value) for value in box_px)
+    if u1 < 0 or v1 < 0 or u0 >= canvas.shape[1] or v0 >= canvas.shape[0]:
+        return
+    cv2.rectangle(canvas, (u0, v0), (u1, v1), color, 2, cv2.LINE_AA)
+    draw_text(canvas, text, (u0, max(v0 - _ABOVE_PX, round(_LETTER_PX * scale))), color, scale)
+
+
+def draw_text(
+    canvas: Image, text: str, at: tuple[int, int], color: Color, scale: float = TEXT_SCALE
+) -> None:
+    """Write a text with a dark border; its lower left corner is at a pixel (u, v)."""
+    for thickness, ink in ((3, (0, 0, 0)), (1, color)):
+        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, thickness, cv2.LINE_AA)
+
+
+def silhouette_mask(
+    silhouette: Sequence[ArrayLike], shape: tuple[int, ...], reduction: int = 1
+) -> NDArray[np.bool_]:
+    """Return which pixels (H, W) lie on a silhouette.
+
+    Args:
+        silhouette: as of ``Obstacle``. shape: H, W. reduction: pixels of the silhouette's image
+            along one of these.
+    """
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillPoly(mask, _corners(silhouette, reduction), 1)
+    return mask.view(np.bool_)
+
+
+def tint(canvas: Image, mask: NDArray[np.bool_], color: Color, share: float) -> None:
+    """Mix a colour into the pixels of a mask (H, W), by a share from 0 to 1."""
+    u, v, width, height = cv2.boundingRect(mask.view(np.uint8))
+    if width == 0:
+        return
+    window = slice(v, v + height), slice(u, u + width)
+    ink = np.full((height, width, 3), color, np.uint8)
+    mixed = cv2.addWeighted(canvas[window], 1 - share, ink, share, 0.0)
+    cv2.copyTo(mixed, mask[window].view(np.uint8), canvas[window])
+
+
+def _corners(silhouette: Sequence[ArrayLike], reduction: int = 1) -> list[NDArray[np.int32]]:
+    return [(np.asarray(each) // reduction).astype(np.int32) for each in silhouette]

@@ -50,8 +50,18 @@ class ObstacleEntry(TypedDict):
     why: str
 
 
-class ObservationLine(TypedDict):
-    """One observation; ``time`` is the source's clock."""
+class OutlinedEntry(ObstacleEntry):
+    """One obstacle with its ``silhouette`` in the rectified left image.
+
+    A list of closed polygons, each a list of ``[u, v]`` in whole pixels; null where the obstacle is
+    not seen in this frame or known by points alone.
+    """
+
+    silhouette: list[list[list[int]]] | None
+
+
+class FrameLine(TypedDict):
+    """One observation without its obstacles; ``time`` is the source's clock."""
 
     frame: int
     time: float
@@ -60,8 +70,13 @@ class ObservationLine(TypedDict):
     reasons: list[str]
     parameters_revision: int
     pose: PoseEntry | None
-    obstacles: list[ObstacleEntry]
     timings_ms: dict[str, float]
+
+
+class ObservationLine(FrameLine):
+    """One observation, as it is written and recorded."""
+
+    obstacles: list[OutlinedEntry]
 
 
 def observation_line(observation: Observation, *, tentative: bool = False) -> ObservationLine:
@@ -104,7 +119,7 @@ def line_pose(line: Mapping[str, Any]) -> Pose | None:
     return Pose.from_quaternion(pose["orientation_wxyz"], pose["position"])
 
 
-def obstacle_entry(obstacle: Obstacle) -> ObstacleEntry:
+def obstacle_entry(obstacle: Obstacle) -> OutlinedEntry:
     """Return one obstacle of a JSON line."""
     return {
         "id": obstacle.id,
@@ -126,6 +141,9 @@ def obstacle_entry(obstacle: Obstacle) -> ObstacleEntry:
         "significance": obstacle.significance,
         "box_px": list(obstacle.box_px),
         "why": obstacle.reason,
+        "silhouette": None
+        if obstacle.silhouette is None
+        else [np.rint(polygon).astype(int).tolist() for polygon in obstacle.silhouette],
     }
 
 

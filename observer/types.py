@@ -198,6 +198,9 @@ class Obstacle:
         significance: how far the motion stands out, in standard deviations of the residual.
         box_px: u0, v0, u1, v1 in the rectified left image of this frame.
         reason: one sentence: why this counts as dynamic.
+        silhouette: closed polygons, each (N, 2) whole pixels of the rectified left image, around
+            all of it that is seen in this frame; None where it is not seen or known by points
+            alone.
     """
 
     id: int
@@ -219,6 +222,7 @@ class Obstacle:
     significance: float
     box_px: tuple[float, float, float, float]
     reason: str
+    silhouette: tuple[Float64Array, ...] | None = None
 
     def __repr__(self) -> str:
         std = "" if self.speed_std is None else f" ± {self.speed_std:.2f}"

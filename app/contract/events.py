@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from enum import StrEnum
+from typing import cast
 
 from app.contract.calibrating import BoardLook
 from app.contract.live_truth import LiveTruthStatus
@@ -17,7 +18,7 @@ from app.contract.status import (
 )
 from observer.calibration.board import BoardView
 from observer.camera import StereoCamera
-from observer.jsonl import ObservationLine
+from observer.jsonl import FrameLine, ObservationLine, ObstacleEntry
 from observer.mount import CameraMount
 from observer.robots.contract import RobotPort
 from observer.sources.contract import SourceInfo
@@ -35,14 +36,30 @@ class EngineState(StrEnum):
     FAILED = "failed"
 
 
+class LiveLine(FrameLine):
+    """One observation, as pages are told it: silhouettes are drawn in the views already."""
+
+    obstacles: list[ObstacleEntry]
+
+
+def live_line(line: ObservationLine) -> LiveLine:
+    """Return an observation's JSON line without the silhouettes."""
+    bare = [
+        {name: value for name, value in entry.items() if name != "silhouette"}
+        for entry in line["obstacles"]
+    ]
+    return cast(LiveLine, {**line, "obstacles": bare})
+
+
 @dataclass(frozen=True)
 class ObservationEvent:
     """One frame was observed.
 
     Attributes:
         sequence: counted from 0 within one engine process; a gap is a loss.
-        line: the JSON line of ``observe`` (see ``observer.jsonl``), confirmed and coasting
-            obstacles, each with ``why`` added: one sentence of why it counts as dynamic.
+        line: the JSON line of ``observe`` (see ``observer.jsonl``) without silhouettes, confirmed
+            and coasting obstacles, each with ``why`` added: one sentence of why it counts as
+            dynamic.
         truth: one entry per true body; of live motion capture, what was not measured is left out,
             and all of it as long as nothing is aligned.
         received, published: the host's monotonic clock at reception and after observing.
@@ -53,7 +70,7 @@ class ObservationEvent:
     """
 
     sequence: int
-    line: ObservationLine
+    line: LiveLine
     truth: list[TrueBodyEntry]
     received: float
     published: float

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
+from app.contract.events import LiveLine
 from app.contract.robots import RobotsNow, WheelSpeed
 from app.contract.status import EngineWord, Status
 from app.contract.values import means
-from observer.jsonl import ObservationLine
 from observer.rig.rig import Role
 from observer.truth.matching import TrueBodyEntry
 
@@ -42,7 +42,7 @@ class ObservationTold:
     """Part of ``ObservationMessage`` that all pages are told alike."""
 
     sequence: Annotated[int, means("Counted by the server over all engines, from 1.")]
-    line: ObservationLine
+    line: LiveLine
     truth: Sequence[TrueBodyEntry]
     type: Literal["observation"] = "observation"
 

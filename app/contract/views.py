@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TypedDict
 
 # Views that a person can watch; each is one slot of JPEG bytes.
-#   left      rectified left image, green star features, flow vectors, yellow obstacle rectangles
+#   left      rectified left image, green star features, flow vectors, the obstacles' silhouettes
+#             and boxes
 #   warped    the image of t+dt transformed into the frame of t
 #   disparity disparity as colours, nothing where it is unknown
 #   residual  residual flow as arrows and colours over the darkened image
@@ -24,6 +25,8 @@ VIEW_NAMES: tuple[str, ...] = (
 DISPARITY_NAME = "disparity"
 # The slot of the dense cloud; watched like a view.
 CLOUD_NAME = "cloud"
+# Colour of obstacles in the 3D scene: of their boxes, and of what is seen of them in the cloud.
+OBSTACLE_RGB: tuple[int, int, int] = (226, 44, 44)
 
 
 class ViewHeader(TypedDict):
@@ -50,7 +53,7 @@ class CloudHeader(FrameInstant):
     """Facts of the cloud's frame, the number of points, and of pixels along one that was matched.
 
     The payload is points (N, 3) float32, metres, in the camera frame, then colours (N, 3) uint8
-    RGB.
+    RGB: those of the image, with ``OBSTACLE_RGB`` mixed in on obstacles.
     """
 
     count: int

@@ -13,11 +13,12 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.contract.views import CloudHeader, FrameInstant
+from app.contract.views import OBSTACLE_RGB, CloudHeader, FrameInstant
 from app.engine.observed import Observed
 from observer.camera import StereoCamera, as_gray
+from observer.drawing import color_copy, silhouette_mask, tint
 from observer.parameters import StereoParameters
-from observer.types import Image
+from observer.types import Image, Observation, Obstacle
 from observer.vision.stereo import disparity_map, point_cloud
 
 # On a 20 Mbit/s link this many points ten times a second lag by 75 ms; 50000 lag by seconds.
@@ -28,6 +29,8 @@ _REMEMBERED = 16
 # one core; 1242x375 would take 85 ms ten times a second.
 _MOST_COMPARISONS = 16_000_000
 _FEWEST_DISPARITIES = 16
+# Share of its own colour in what is seen of a body.
+_TINT = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +40,7 @@ class DensePair:
     Attributes:
         left: (H, W) grey or (H, W, 3) BGR. right: the same, or None where none is known.
         disparity: (H, W) pixels, where the method has computed it.
-        instant: facts of this very pair.
+        instant: facts of this very pair. obstacles: reported in it.
         reasons: those given in the observation.
     """
 
@@ -45,6 +48,7 @@ class DensePair:
     right: Image | None
     disparity: NDArray[np.float32] | None
     instant: FrameInstant
+    obstacles: tuple[Obstacle, ...]
     camera: StereoCamera
     parameters: StereoParameters
     reasons: tuple[str, ...]
@@ -77,26 +81,34 @@ class PairKeeper:
     """
 
     def __init__(self) -> None:
-        self._seen: deque[tuple[Image, FrameInstant]] = deque(maxlen=_REMEMBERED)
+        self._seen: deque[tuple[Image, Observation]] = deque(maxlen=_REMEMBERED)
 
     def remember(self, observed: Observed) -> None:
         """Store the frame's pose for the disparity that a later frame may bring."""
         left = observed.trace.get("left")
         if left is not None:
-            self._seen.append((left, _instant(observed)))
+            self._seen.append((left, observed.observation))
 
     def pair(self, observed: Observed) -> DensePair:
         """Return the pair whose disparity is known, else the newest pair."""
         trace = observed.trace
-        left, right, instant = trace["left"], trace.get("right"), _instant(observed)
+        left, right, shown = trace["left"], trace.get("right"), observed.observation
         disparity, time = trace.get("disparity"), trace.get("previous_time")
-        seen = next((seen for seen in self._seen if seen[1]["time"] == time), None)
+        seen = next((seen for seen in self._seen if seen[1].time == time), None)
         if disparity is not None and seen is not None:
-            left, instant = seen
+            left, shown = seen
         else:
             disparity = None
-        reasons, stereo = observed.observation.reasons, observed.parameters.stereo
-        return DensePair(left, right, disparity, instant, observed.camera, stereo, reasons)
+        return DensePair(
+            left=left,
+            right=right,
+            disparity=disparity,
+            instant=_instant(shown),
+            obstacles=shown.reported,
+            camera=observed.camera,
+            parameters=observed.parameters.stereo,
+            reasons=observed.observation.reasons,
+        )
 
 
 def dense_stereo(pair: DensePair) -> DenseStereo | None:
@@ -124,16 +136,33 @@ def coarseness(camera: StereoCamera, parameters: StereoParameters) -> int:
 
 
 def cloud_value(pair: DensePair, dense: DenseStereo) -> tuple[CloudHeader, list[bytes]]:
-    """Return header and payload as the cloud slot carries them."""
-    points, colors = point_cloud(
-        dense.disparity, dense.image, dense.camera, dense.parameters, MAX_POINTS
-    )
+    """Return header and payload as the cloud slot carries them; bodies have their own colour."""
+    image = _with_bodies(pair.obstacles, dense)
+    points, colors = point_cloud(dense.disparity, image, dense.camera, dense.parameters, MAX_POINTS)
     header: CloudHeader = {
         **pair.instant,
         "count": len(points),
         "coarseness": dense.coarseness,
     }
     return header, [points.tobytes(), colors.tobytes()]
+
+
+def _with_bodies(obstacles: tuple[Obstacle, ...], dense: DenseStereo) -> Image:
+    """Return the image in which what is seen of bodies, at their depth, has their colour."""
+    image = dense.image
+    for one in obstacles:
+        if one.silhouette is None:
+            continue
+        # Silhouettes reach a little beyond a body, to what stands behind it.
+        reach = float(np.linalg.norm(one.size)) / 2
+        focal = dense.camera.fx * dense.camera.baseline
+        with np.errstate(divide="ignore", invalid="ignore"):
+            on_body = np.abs(focal / dense.disparity - one.position_camera[2]) <= reach
+        on_body &= silhouette_mask(one.silhouette, on_body.shape, dense.coarseness)
+        if image is dense.image:
+            image = color_copy(image)
+        tint(image, on_body, OBSTACLE_RGB[::-1], _TINT)
+    return image
 
 
 def _comparisons(camera: StereoCamera, parameters: StereoParameters, factor: int) -> int:
@@ -169,8 +198,7 @@ def _coarser_camera(camera: StereoCamera, factor: int) -> StereoCamera:
     )
 
 
-def _instant(observed: Observed) -> FrameInstant:
-    observation = observed.observation
+def _instant(observation: Observation) -> FrameInstant:
     pose = observation.T_world_camera
     return {
         "frame": observation.frame,

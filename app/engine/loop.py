@@ -12,7 +12,13 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
-from app.contract.events import HeartbeatEvent, ObservationEvent, SkippedFrameEvent, StateEvent
+from app.contract.events import (
+    HeartbeatEvent,
+    ObservationEvent,
+    SkippedFrameEvent,
+    StateEvent,
+    live_line,
+)
 from app.engine.calibrating import BoardPublisher, CalibrationSession
 from app.engine.commands import CommandHandler
 from app.engine.current_source import CurrentSource, Opening
@@ -234,7 +240,7 @@ class Engine:
             entries = truth.match(observation, played.source_time)
         event = ObservationEvent(
             sequence=self._sequence,
-            line=line,
+            line=live_line(line),
             truth=entries,
             received=frame.received,
             published=published,

@@ -64,7 +64,9 @@ class SightTeller:
         scan = None
         if mount is not None and world is not None and self._robot_is_there():
             scan = self._scan(observed, mount, guard)
-        sight = sight_of_observation(observed.observation, mount, world, scan, self._clock())
+        sight = sight_of_observation(
+            observed.observation, observed.camera, mount, world, scan, self._clock()
+        )
         self._sight.write(sight.facts())
 
     def odometry(self, received: float) -> Odometry | None:

@@ -16,7 +16,13 @@ from numpy.typing import NDArray
 
 from app.engine.dense_stereo import DensePair, DenseStereo
 from app.engine.observed import Observed
-from observer.drawing import color_copy
+from observer.drawing import (
+    TEXT_SCALE,
+    color_copy,
+    draw_obstacle,
+    draw_text,
+    obstacle_color,
+)
 from observer.types import Image, Obstacle
 
 JPEG_QUALITY = 80
@@ -27,14 +33,13 @@ _GREEN = (60, 220, 60)
 _LIGHT_GREEN = (170, 255, 170)
 _ORANGE = (40, 140, 255)
 _RED = (60, 60, 255)
-_YELLOW = (0, 235, 255)
 _DARK = (24, 24, 24)
 _GREY = (150, 150, 150)
 # Sub-pixel coordinates: OpenCV's drawing takes integers with this many fractional bits.
 _SHIFT = 3
 _STAR_ARM_PX = 3.0
-# Text scale in pictures, and the resulting width of its letters.
-_TEXT_SCALE, _LETTER_PX = 0.45, 8.0
+# Width of the letters in pictures.
+_LETTER_PX = 8.0
 # Models that transform images.
 _TRANSFORMING = ("affine", "homography")
 # Message letters are as wide as if this many fitted into the picture's width.
@@ -91,7 +96,7 @@ def jpeg_size(width: int, height: int) -> tuple[int, int]:
 
 
 def _left(observed: Observed) -> Image:
-    """Draw the left image with feature stars, their flow since t, and the obstacles' rectangles."""
+    """Draw the left image with feature stars, their flow since t, and the obstacles."""
     trace = observed.trace
     canvas = color_copy(trace["left"])
     matches, ego_motion = trace.get("matches"), trace.get("ego_motion")
@@ -103,7 +108,7 @@ def _left(observed: Observed) -> Image:
         _lines(canvas, flow[inliers], _LIGHT_GREEN)
         _lines(canvas, flow[~inliers], _ORANGE)
         _stars(canvas, matches.current, _GREEN)
-    _rectangles(canvas, observed.observation.reported)
+    _obstacles(canvas, observed.observation.reported)
     return canvas
 
 
@@ -171,11 +176,11 @@ def _nothing(size: tuple[int, int], sentence: str, reasons: tuple[str, ...]) -> 
     """Draw a dark picture of this height and width that says why it is dark."""
     height, width = size
     canvas = np.full((height, width, 3), _DARK, dtype=np.uint8)
-    scale = _TEXT_SCALE * max(1.0, width / _LETTERS / _LETTER_PX)
+    scale = TEXT_SCALE * max(1.0, width / _LETTERS / _LETTER_PX)
     lines = [line for text in (sentence, *reasons[:3]) for line in textwrap.wrap(text, _LETTERS)]
     for row, text in enumerate(lines):
-        at = round(22 * scale / _TEXT_SCALE) * (row + 1)
-        _text(canvas, text, (8, at), _GREY, scale)
+        at = round(22 * scale / TEXT_SCALE) * (row + 1)
+        draw_text(canvas, text, (8, at), _GREY, scale)
     return canvas
 
 
@@ -211,19 +216,7 @@ def _arrow_heads(canvas: Image, arrows: NDArray[Any], color: tuple[int, int, int
         _lines(canvas, np.stack([tips, tips - 4.0 * along + 2.5 * side], axis=1), color)
 
 
-def _rectangles(canvas: Image, obstacles: Iterable[Obstacle]) -> None:
-    for obstacle in obstacles:
-        u0, v0, u1, v1 = (round(value) for value in obstacle.box_px)
-        cv2.rectangle(canvas, (u0, v0), (u1, v1), _YELLOW, 2, cv2.LINE_AA)
-        _text(canvas, f"#{obstacle.id}  {obstacle.speed:.2f} m/s", (u0, max(v0 - 6, 12)), _YELLOW)
-
-
-def _text(
-    canvas: Image,
-    text: str,
-    at: tuple[int, int],
-    color: tuple[int, int, int],
-    scale: float = _TEXT_SCALE,
-) -> None:
-    for thickness, ink in ((3, (0, 0, 0)), (1, color)):
-        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, thickness, cv2.LINE_AA)
+def _obstacles(canvas: Image, obstacles: Iterable[Obstacle]) -> None:
+    for one in obstacles:
+        text, color = f"#{one.id}  {one.speed:.2f} m/s", obstacle_color(one.state, one.motion)
+        draw_obstacle(canvas, one.box_px, one.silhouette, text, color)

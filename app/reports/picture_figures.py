@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Polygon, Rectangle
 
 from app.reports.drawing import (
     GREEN,
@@ -28,6 +28,8 @@ from observer.jsonl import line_pose
 from observer.vision.stereo import disparity_map, point_cloud
 
 _CLOUD_POINTS = 12_000
+# Share of an obstacle's colour within its silhouette.
+_TINT = 0.2
 # Pairs of ``CORNERS`` that differ in one sign.
 _EDGES = ((0, 1), (0, 2), (0, 4), (1, 3), (1, 5), (2, 3), (2, 6), (3, 7), (4, 5), (4, 6), (5, 7),
           (6, 7))  # fmt: skip
@@ -155,6 +157,9 @@ def _boxes(axes: Axes, line: Mapping[str, Any], color: str = YELLOW) -> None:
     for entry in line["obstacles"]:
         if not is_moving(entry):
             continue
+        # Recordings of before tell no silhouettes.
+        for polygon in entry.get("silhouette") or ():
+            axes.add_patch(Polygon(polygon, facecolor=(color, _TINT), edgecolor=color, lw=0.9))
         u0, v0, u1, v1 = entry["box_px"]
         axes.add_patch(Rectangle((u0, v0), u1 - u0, v1 - v0, fill=False, edgecolor=color, lw=1.8))
         axes.text(

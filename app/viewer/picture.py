@@ -13,7 +13,7 @@ from app.contract.events import EngineState, ObservationEvent, StateEvent
 from app.contract.robots import RobotsNow
 from app.runtime.latest import Latest
 from app.viewer.robot_marks import RobotMarks, robot_marks
-from app.viewer.shapes import box_edges, rig_edges, upright_rotation
+from app.viewer.shapes import box_edges, rig_edges, upright_rotation, uprighted
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.mount import level_pose
@@ -23,6 +23,8 @@ STALE_AFTER_S = 1.0
 _ARROW_S = 1.0
 _SLOWEST_ARROW_MPS = 0.03
 _LABEL_ABOVE_M = 0.08
+# Nothing that stands on the floor begins to be seen higher above it.
+_FOOT_M = 0.25
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +105,9 @@ def make_picture(
         T_world_camera=T_world_camera,
         rig=rig_edges(mount, T_world_camera),
         optics=None if state.camera is None else _optics(state.camera),
-        boxes=_stacked([_obstacle_edges(o) for o in placed], 12),
+        boxes=_stacked(
+            [_obstacle_edges(o, T_display_world, mount is not None) for o in placed], 12
+        ),
         truth=_stacked([_true_edges(b, up) for b in (event.truth if event else [])], 12),
         arrows=_stacked([a for o in placed if (a := _arrow(o)) is not None], None),
         tags=tuple(_tag(o, up) for o in placed),
@@ -153,9 +157,19 @@ def _pose(entry: Mapping[str, Any]) -> Pose:
     return Pose.from_quaternion(entry["orientation_wxyz"], entry["position"])
 
 
-def _obstacle_edges(obstacle: Mapping[str, Any]) -> Float64Array:
+def _obstacle_edges(
+    obstacle: Mapping[str, Any], T_display_world: Pose, floor_known: bool
+) -> Float64Array:
+    """Return the edges of an upright box, whose foot is on the floor where that is near."""
+    up = T_display_world.rotation.T @ np.array([0.0, 0.0, 1.0])
     rotation = np.eye(3) if obstacle["orientation_wxyz"] is None else _pose(obstacle).rotation
-    return box_edges(obstacle["position"], obstacle["size"], rotation)
+    position, size = np.array(obstacle["position"]), np.array(obstacle["size"], np.float64)
+    foot = float(T_display_world.apply(position)[2]) - size[1] / 2
+    if floor_known and 0.0 < foot < _FOOT_M:
+        # Seen in depth, feet are part of the floor.
+        size[1] += foot
+        position = position - up * foot / 2
+    return box_edges(position, size, uprighted(rotation, up))
 
 
 def _true_edges(body: Mapping[str, Any], up: Float64Array) -> Float64Array:

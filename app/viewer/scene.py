@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import viser
 
+from app.contract.views import OBSTACLE_RGB
 from app.viewer.picture import Cloud, Picture, Tag
 from app.viewer.robot_marks import (
     MOST_OUTLINE_LINES,
@@ -96,7 +97,7 @@ class Scene:
             point_shading="flat",
             visible=False,
         )
-        self._boxes = self._lines("boxes", _MOST_OBSTACLES * EDGES_OF_A_BOX, _RED, 3.0)
+        self._boxes = self._lines("boxes", _MOST_OBSTACLES * EDGES_OF_A_BOX, OBSTACLE_RGB, 3.0)
         self._truth = self._lines("truth", _MOST_BODIES * EDGES_OF_A_BOX, _TRUTH, 1.5)
         self._rig = self._lines("rig", _MOST_RIG_LINES, _BLUE, 2.0)
         self._trail = self._lines("trail", _TRAIL_LINES, _BLUE, 2.0)
@@ -250,7 +251,7 @@ class Scene:
         self._stale = stale = picture.stale
         self._cloud.colors = greyed(self._cloud_colors) if stale else self._cloud_colors
         for node, color in (
-            (self._boxes, _RED),
+            (self._boxes, OBSTACLE_RGB),
             (self._arrows, _ORANGE),
             (self._trail, _BLUE),
             (self._rig, _BLUE),

@@ -77,6 +77,19 @@ def upright_rotation(yaw: float, up: Float64Array) -> Float64Array:
     return np.stack([ahead, np.cross(up, ahead), up], axis=1)
 
 
+def uprighted(rotation: Float64Array, up: Float64Array) -> Float64Array:
+    """Return (3, 3) axes of a body's box (across, down, along) turned so that it stands upright.
+
+    The world is the camera's first view, which may look down or up; bodies stand on the floor.
+
+    Args:
+        rotation: (3, 3) box axes in the world. up: (3,) unit vector in the world.
+    """
+    along = rotation[:, 2] - (rotation[:, 2] @ up) * up
+    along /= np.linalg.norm(along)
+    return np.stack([np.cross(-up, along), -up, along], axis=1)
+
+
 def trail_segments(positions: Sequence[ArrayLike]) -> Float64Array:
     """Return (N - 1, 2, 3) lines through N positions."""
     points = np.array(positions, dtype=np.float64).reshape(-1, 3)

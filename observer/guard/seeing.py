@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.mount import CameraMount
@@ -11,12 +12,14 @@ from observer.types import Observation, Obstacle, TrackState
 
 # What is not confirmed yet counts once its motion stands out so far, in standard deviations.
 _SURE = 4.0
-# A thing that is seen by a few points only is larger than they are.
-_LEAST_RADIUS_M = 0.15
+# Often only a part of a body is seen, or a few points on it: then it is taken for a person, who
+# measures so much from the middle to the elbows and to the foot ahead.
+_LEAST_RADIUS_M = 0.3
 
 
 def sight_of_observation(
     observation: Observation,
+    camera: StereoCamera,
     mount: CameraMount | None,
     world: str | None,
     scan: FreeScan | None,
@@ -25,7 +28,8 @@ def sight_of_observation(
     """Return what the drive process is told of a frame.
 
     Args:
-        mount: of the cameras on the robot, None where unknown: then nothing is known of places.
+        camera: the rectified pair. mount: of the cameras on the robot, None where unknown: then
+            nothing is known of places.
         scan: the free floor of this very frame, None where it was not looked for.
         published: the host's monotonic clock.
     """
@@ -37,12 +41,14 @@ def sight_of_observation(
         status=observation.status,
         reasons=observation.reasons,
         mount_known=mount is not None,
-        obstacles=() if mount is None else seen_obstacles(observation, mount),
+        obstacles=() if mount is None else seen_obstacles(observation, camera, mount),
         scan=None if mount is None else scan,
     )
 
 
-def seen_obstacles(observation: Observation, mount: CameraMount) -> tuple[SeenObstacle, ...]:
+def seen_obstacles(
+    observation: Observation, camera: StereoCamera, mount: CameraMount
+) -> tuple[SeenObstacle, ...]:
     """The tracks that count for driving, over the floor.
 
     Confirmed and coasting ones; and tentative ones whose motion stands out by ``_SURE`` standard
@@ -51,29 +57,38 @@ def seen_obstacles(observation: Observation, mount: CameraMount) -> tuple[SeenOb
     out: they come and go, and what they are made of is in the free scan as surfaces anyway.
     """
     return tuple(
-        _seen(one, mount)
+        _seen(one, camera, mount)
         for one in observation.obstacles
         if one.state is not TrackState.TENTATIVE
         or (one.significance >= _SURE and one.velocity_cov is not None)
     )
 
 
-def _seen(one: Obstacle, mount: CameraMount) -> SeenObstacle:
+def _seen(one: Obstacle, camera: StereoCamera, mount: CameraMount) -> SeenObstacle:
     place = mount.T_base_camera.apply(one.position_camera)
     velocity = mount.R_base_camera @ one.velocity_camera
     # Sizes are across the heading, upwards and along it.
-    radius = float(np.hypot(one.size[0], one.size[2])) / 2
+    corner = float(np.hypot(one.size[0], one.size[2])) / 2
     return SeenObstacle(
         id=one.id,
         x=float(place[0]),
         y=float(place[1]),
         vx=float(velocity[0]),
         vy=float(velocity[1]),
-        radius_m=max(radius, _LEAST_RADIUS_M),
+        radius_m=max(corner, _reach(one, camera), _LEAST_RADIUS_M),
         position_sigma_m=_largest_sigma(one.position_cov),
         velocity_sigma_mps=_largest_sigma(one.velocity_cov),
         coasting=one.state is TrackState.COASTING,
     )
+
+
+def _reach(one: Obstacle, camera: StereoCamera) -> float:
+    """Metres to which the silhouette reaches beside the centre, at its depth; 0 without one."""
+    if one.silhouette is None:
+        return 0.0
+    x, _, z = one.position_camera
+    u = np.concatenate(one.silhouette)[:, 0]
+    return float(np.abs((u - camera.cx) / camera.fx * z - x).max())
 
 
 def _largest_sigma(covariance: Float64Array | None) -> float | None:

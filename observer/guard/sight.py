@@ -22,7 +22,7 @@ class SeenObstacle:
 
     Attributes:
         x, y: of its centre, metres. vx, vy: over ground, m/s, in the base's axes.
-        radius_m: of a circle about the centre that holds it as far as seen.
+        radius_m: of a circle about the centre that holds the whole body, to its farthest edge.
         position_sigma_m, velocity_sigma_mps: largest standard deviation over all directions;
             None where unknown.
         coasting: not seen in this frame.

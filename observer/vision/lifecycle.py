@@ -106,4 +106,5 @@ def _unseen(obstacle: Obstacle, elapsed_s: float, missed_s: float) -> Obstacle:
         position_camera=obstacle.position_camera + elapsed_s * obstacle.velocity_camera,
         points=0,
         reason=why,
+        silhouette=None,
     )

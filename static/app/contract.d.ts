@@ -358,6 +358,21 @@ export interface components {
       /** @description Settings that it did not accept. */
       refused: string[];
     };
+    /** @description One observation, as pages are told it: silhouettes are drawn in the views already. */
+    LiveLine: {
+      frame: number;
+      time: number;
+      segment: number;
+      /** @enum {string} */
+      status: "ok" | "degraded" | "lost";
+      reasons: string[];
+      parameters_revision: number;
+      pose: components["schemas"]["PoseEntry"] | null;
+      timings_ms: {
+        [key: string]: number;
+      };
+      obstacles: components["schemas"]["ObstacleEntry"][];
+    };
     /** @description State of a live source. */
     LiveStatus: {
       cameras: components["schemas"]["LiveCamera"][];
@@ -396,26 +411,11 @@ export interface components {
       roll_rad: number;
       pan_rad: number;
     };
-    /** @description One observation; ``time`` is the source's clock. */
-    ObservationLine: {
-      frame: number;
-      time: number;
-      segment: number;
-      /** @enum {string} */
-      status: "ok" | "degraded" | "lost";
-      reasons: string[];
-      parameters_revision: number;
-      pose: components["schemas"]["PoseEntry"] | null;
-      obstacles: components["schemas"]["ObstacleEntry"][];
-      timings_ms: {
-        [key: string]: number;
-      };
-    };
     /** @description A frame was observed; it is answered with ``painted`` and its sequence. */
     ObservationMessage: {
       /** @description Counted by the server over all engines, from 1. */
       sequence: number;
-      line: components["schemas"]["ObservationLine"];
+      line: components["schemas"]["LiveLine"];
       truth: components["schemas"]["TrueBodyEntry"][];
       /**
        * @default observation
@@ -1650,10 +1650,10 @@ export type Latch = components["schemas"]["Latch"];
 export type LatencyStatus = components["schemas"]["LatencyStatus"];
 export type LiveAlignment = components["schemas"]["LiveAlignment"];
 export type LiveCamera = components["schemas"]["LiveCamera"];
+export type LiveLine = components["schemas"]["LiveLine"];
 export type LiveStatus = components["schemas"]["LiveStatus"];
 export type LiveTruthStatus = components["schemas"]["LiveTruthStatus"];
 export type MountStatus = components["schemas"]["MountStatus"];
-export type ObservationLine = components["schemas"]["ObservationLine"];
 export type ObservationMessage = components["schemas"]["ObservationMessage"];
 export type ObstacleEntry = components["schemas"]["ObstacleEntry"];
 export type Odometry = components["schemas"]["Odometry"];

@@ -37,6 +37,7 @@ from app.contract.events import (
     EngineStartedEvent,
     EngineState,
     Event,
+    LiveLine,
     ObservationEvent,
     StateEvent,
 )
@@ -51,7 +52,6 @@ from app.runtime.supervisor import ProcessHealth
 from observer.calibration.board import Board, BoardSighting, BoardView
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration, StereoCamera
-from observer.jsonl import ObservationLine
 from observer.mount import CameraMount
 from observer.robots.contract import RobotPort
 from observer.sources.contract import SourceInfo
@@ -385,7 +385,7 @@ class PeerEngine:
         return event
 
 
-def line(frame: int, segment: int, revision: int, padding: str) -> ObservationLine:
+def line(frame: int, segment: int, revision: int, padding: str) -> LiveLine:
     """A JSON line with one obstacle that drives to the right at 0.4 m/s."""
     at = [0.4 * frame / 15, 0.1, 3.0]
     return {

@@ -1,6 +1,6 @@
 /** What the server would say, in short: each gives a whole message with what a test changes of it. */
 
-/** @import { ObservationLine, ObstacleEntry, RobotNow, RobotReport, Run, TrueBodyEntry } from "../../static/app/contract" */
+/** @import { LiveLine, ObstacleEntry, RobotNow, RobotReport, Run, TrueBodyEntry } from "../../static/app/contract" */
 
 /** A moving one, 3 m ahead. @param {Partial<ObstacleEntry>} [changes] @returns {ObstacleEntry} */
 export function obstacle(changes) {
@@ -46,7 +46,7 @@ export function body(changes) {
   };
 }
 
-/** @param {Partial<ObservationLine>} [changes] @returns {ObservationLine} */
+/** @param {Partial<LiveLine>} [changes] @returns {LiveLine} */
 export function line(changes) {
   return {
     frame: 0,

@@ -1,6 +1,6 @@
 /** Numbers and observations in words. Pure functions. */
 
-/** @import { ObservationLine, ObstacleEntry, TrueBodyEntry } from "../contract" */
+/** @import { LiveLine, ObstacleEntry, TrueBodyEntry } from "../contract" */
 
 const STRAIGHT_RAD = (8 * Math.PI) / 180;
 // A true body slower than this stands; one less visible than this is not expected to be seen.
@@ -34,7 +34,7 @@ export function bearingInWords(bearing) {
  * Say where an obstacle goes, as the camera sees it.
  *
  * @param {ObstacleEntry} obstacle
- * @param {ObservationLine["pose"]} pose of the camera in the world
+ * @param {LiveLine["pose"]} pose of the camera in the world
  * @returns {string} as in "to the left and towards us", empty where it is not known
  */
 export function headingInWords(obstacle, pose) {
@@ -52,7 +52,7 @@ export function headingInWords(obstacle, pose) {
 /**
  * The first line of the page.
  *
- * @param {ObservationLine} line
+ * @param {LiveLine} line
  * @param {TrueBodyEntry[]} truth
  * @returns {{text: string, id: number | null, tone: "moving" | "calm" | "lost"}}
  */
@@ -87,7 +87,7 @@ export function firstLine(line, truth) {
 /**
  * @param {ObstacleEntry} obstacle
  * @param {number} others how many more move
- * @param {ObservationLine} line
+ * @param {LiveLine} line
  * @param {TrueBodyEntry[]} truth
  */
 function movingLine(obstacle, others, line, truth) {

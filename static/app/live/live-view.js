@@ -12,7 +12,8 @@ export const VIEWS = {
   left: {
     title: "Left",
     help:
-      "Green stars are features, lines their flow; a yellow box is an obstacle that moves. " +
+      "Green stars are features, lines their flow. A yellow box is an obstacle that moves, a blue " +
+      "one stands for now, a grey one is out of sight; shaded is all that is seen of it. " +
       "Click a place to ask why it counts as moving or not.",
   },
   warped: {

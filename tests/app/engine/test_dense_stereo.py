@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import cv2
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from app.contract.views import OBSTACLE_RGB
 from app.engine.dense_stereo import PairKeeper, cloud_value, coarseness, dense_stereo
 from app.engine.observed import Observed
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.parameters import Parameters, StereoParameters
 from observer.types import Observation, Status, StereoFrame
+
+from .test_pictures import obstacle
 
 DISPARITY_PX = 24
 BASELINE_M = 0.2
@@ -105,6 +110,61 @@ def test_the_cloud_lies_on_the_wall_whatever_the_grid(width: int, height: int) -
     means = cv2.blur(pair.left.astype(np.float32), (side, side), anchor=(0, 0))
     at = [np.round(axis - (side - 1) / 2).astype(int) for axis in (v, u)]
     assert np.abs(means[tuple(at)] - colors).max() <= 1.0
+
+
+def seen_body(what: Observed, z: float, polygon: NDArray[np.float64]) -> Observed:
+    """The same frame in which a body of 0.3 m is reported at this depth, seen in a polygon, px."""
+    one = replace(
+        obstacle(),
+        position_camera=np.array([0.0, 0.0, z]),
+        size=np.full(3, 0.3),
+        silhouette=(polygon,),
+    )
+    return replace(what, observation=replace(what.observation, obstacles=(one,)))
+
+
+@pytest.mark.parametrize(("width", "height"), [(160, 120), (1242, 375)])
+def test_points_on_a_body_have_its_colour_and_no_others(width: int, height: int) -> None:
+    plain = observed(0, width=width, height=height)
+    z = plain.camera.fx * BASELINE_M / DISPARITY_PX
+    u0, u1, v0, v1 = width // 2, width // 2 + 40, 30, 90
+    square = np.array([[u0, v0], [u1, v0], [u1, v1], [u0, v1]], np.float64)
+
+    def cloud(what: Observed) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+        pair = keeper(what).pair(what)
+        dense = dense_stereo(pair)
+        assert dense is not None
+        before = dense.image.copy()
+        _, (points, colors) = cloud_value(pair, dense)
+        assert np.array_equal(dense.image, before)
+        return (
+            np.frombuffer(points, np.float32).reshape(-1, 3),
+            np.frombuffer(colors, np.uint8).reshape(-1, 3).astype(np.int64),
+        )
+
+    places, grey = cloud(plain)
+    same, colors = cloud(seen_body(plain, z + 0.1, square))
+    assert np.array_equal(places, same)
+    u, v = plain.camera.project(places)[0].T
+    within = (u > u0 + 2) & (u < u1 - 2) & (v > v0 + 2) & (v < v1 - 2)
+    without = (u < u0 - 3) | (u > u1 + 3) | (v < v0 - 3) | (v > v1 + 3)
+    on_it = np.abs(places[:, 2] - z) < 0.05
+    assert np.count_nonzero(within & on_it) > 50
+    half = (grey + OBSTACLE_RGB) / 2
+    assert np.abs(colors - half)[within & on_it].max() <= 1
+    assert np.array_equal(colors[without], grey[without])
+    # A body nearer than what is seen there has no part of it.
+    _, behind = cloud(seen_body(plain, z - 1.0, square))
+    assert np.array_equal(behind[on_it], grey[on_it])
+
+
+def test_the_obstacles_are_those_of_the_pair_whose_disparity_is_known() -> None:
+    known = np.full((120, 160), 9.0, np.float32)
+    older = seen_body(observed(1), 2.0, np.zeros((3, 2)))
+    newest = observed(3, disparity=known, previous_time=0.1)
+    made = keeper(observed(0), older, newest)
+    assert made.pair(newest).obstacles == older.observation.obstacles
+    assert made.pair(observed(3)).obstacles == ()
 
 
 def test_the_grid_follows_from_sizes_alone() -> None:

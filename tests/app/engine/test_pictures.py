@@ -70,6 +70,7 @@ def obstacle() -> Obstacle:
         significance=3.0,
         box_px=(200.0, 60.0, 280.0, 150.0),
         reason="it moves",
+        silhouette=(np.array([[220.0, 70.0], [260.0, 70.0], [260.0, 140.0], [220.0, 140.0]]),),
     )
 
 
@@ -142,6 +143,10 @@ def test_the_left_view_shows_stars_flow_and_rectangle_on_a_copy(gray: bool) -> N
     assert near(image, (46, 40), (60, 220, 60)), "a star marks the feature now"
     assert near(image, (222, 100), (40, 140, 255)), "an outlier's flow is orange"
     assert np.array_equal(what.trace["left"], before)
+    assert near(image, (220, 120), (0, 235, 255)), "so is the silhouette's"
+    blue, green, red = image[130, 240]
+    assert min(green, red) > 110 > 90 > blue, "within it the grey is tinted"
+    assert np.ptp(image[65, 240]) < 25, "between it and the box it is not"
 
 
 def test_unknown_disparity_stays_dark() -> None:

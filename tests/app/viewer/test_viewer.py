@@ -185,6 +185,30 @@ def test_a_picture_of_one_obstacle(observed: Any) -> None:
     assert not picture.stale
 
 
+@pytest.mark.parametrize("tilt", [-0.2, 0.0, 0.3])
+@pytest.mark.parametrize(("foot", "drawn"), [(0.1, 0.0), (0.6, 0.6), (-0.05, -0.05)])
+def test_a_box_stands_upright_around_the_body_however_the_camera_is_tilted(
+    observed: Any, tilt: float, foot: float, drawn: float
+) -> None:
+    """A person of 1.7 m, seen from ``foot`` on upwards; what is missing of the feet is added."""
+    event = observed.observe()
+    mount = CameraMount(0.9, tilt)
+    T_world_display = level_pose(mount).inverse()
+    height = 1.7 - foot
+    event.line["obstacles"][0].update(
+        position=T_world_display.apply([3.0, 0.4, foot + height / 2]).tolist(),
+        size=[0.5, height, 0.4],
+        orientation_wxyz=[1.0, 0.0, 0.0, 0.0],
+    )
+    state = replace(observed.state(), mount=mount)
+    picture = make_picture(event, state, 1, event.received)
+    edges = picture.T_display_world.apply(picture.boxes[0].reshape(-1, 3))
+    np.testing.assert_allclose(edges.min(axis=0), [2.8, 0.15, drawn], atol=1e-9)
+    np.testing.assert_allclose(edges.max(axis=0), [3.2, 0.65, 1.7], atol=1e-9)
+    unknown = make_picture(event, replace(state, mount=None), 1, event.received)
+    assert np.ptp(unknown.boxes[0].reshape(-1, 3)[:, 1]) == pytest.approx(height)
+
+
 def test_what_is_old_says_so(observed: Any) -> None:
     event = observed.observe()
     state = observed.state()

@@ -93,6 +93,16 @@ def test_the_video_of_a_run_shows_each_frame_with_its_obstacles(
         assert np.array_equal(left, before)
         u0, v0, _, v1 = (round(value) for value in line["obstacles"][0]["box_px"])
         assert drawn[(v0 + v1) // 2, u0].tolist() == [0, 235, 255]
+        # A recording from before the silhouettes, and one with: tinted within it.
+        older = dict(line["obstacles"][0])
+        older.pop("silhouette")
+        plain = draw_overlay(left, {**line, "obstacles": [older]})
+        square = [[u0 + 5, v0 + 5], [u0 + 15, v0 + 5], [u0 + 15, v0 + 15], [u0 + 5, v0 + 15]]
+        shown = draw_overlay(left, {**line, "obstacles": [{**older, "silhouette": [square]}]})
+        changed = (plain != shown).any(axis=2)
+        assert changed[v0 + 10, u0 + 10]
+        assert not changed[: v0 + 3].any()
+        assert not changed[:, : u0 + 3].any()
         # The same place of the encoded picture is yellow, too: blue stays far behind green.
         blue, green, red = found[-1][(v0 + v1) // 2, u0].astype(int)
         assert min(green, red) > blue + 60

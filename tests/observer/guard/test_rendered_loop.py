@@ -81,7 +81,7 @@ class SimulatedLab(Lab):
         observation = self._observer.observe(frame, trace)
         scan = self._free_path.scan(as_gray(trace["left"]), as_gray(trace["right"]))
         return sight_of_observation(
-            replace(observation, received=time), self._mount, "w", scan, time
+            replace(observation, received=time), self._observer.camera, self._mount, "w", scan, time
         )
 
 

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from observer.camera import StereoCamera
 from observer.guard.seeing import seen_obstacles, sight_of_observation
 from observer.mount import CameraMount
 from observer.types import MotionState, Observation, Obstacle, Status, TrackState
 
+CAMERA = StereoCamera(640, 400, 500.0, 500.0, 319.5, 199.5, 0.12)
 MOUNT = CameraMount(0.4, math.radians(5), 0.05, 0.06)
 
 
@@ -23,7 +25,7 @@ def obstacle(**changes: Any) -> Obstacle:
         "position": None, "velocity": None,
         "position_cov": np.diag([0.01, 0.0025, 0.04]), "velocity_cov": np.diag([0.01] * 3),
         "velocity_time": 1.0, "speed": 0.4, "speed_std": None,
-        "size": np.array([0.3, 0.9, 0.4]), "orientation_wxyz": None, "closing_speed": None,
+        "size": np.array([0.6, 0.9, 0.8]), "orientation_wxyz": None, "closing_speed": None,
         "points": 5, "significance": 6.0, "box_px": (0, 0, 1, 1), "reason": "",
     }  # fmt: skip
     return Obstacle(**{**values, **changes})
@@ -34,18 +36,20 @@ def observation(*obstacles: Obstacle) -> Observation:
 
 
 def test_places_and_velocities_are_in_the_robots_frame() -> None:
-    (seen,) = seen_obstacles(observation(obstacle()), MOUNT)
+    (seen,) = seen_obstacles(observation(obstacle()), CAMERA, MOUNT)
     assert (seen.x, seen.y) == pytest.approx((2.0, -0.5))
     assert (seen.vx, seen.vy) == pytest.approx((0.1, 0.4))
     # Half the diagonal over the floor; the height does not count.
-    assert seen.radius_m == pytest.approx(0.25)
+    assert seen.radius_m == pytest.approx(0.5)
     assert seen.position_sigma_m == pytest.approx(0.2)
     assert seen.velocity_sigma_mps == pytest.approx(0.1)
     assert not seen.coasting
 
 
 def test_what_is_unknown_stays_unknown() -> None:
-    (seen,) = seen_obstacles(observation(obstacle(position_cov=None, velocity_cov=None)), MOUNT)
+    (seen,) = seen_obstacles(
+        observation(obstacle(position_cov=None, velocity_cov=None)), CAMERA, MOUNT
+    )
     assert (seen.position_sigma_m, seen.velocity_sigma_mps) == (None, None)
 
 
@@ -62,14 +66,14 @@ def test_what_is_unknown_stays_unknown() -> None:
 def test_tentative_tracks_count_when_they_are_sure_enough(
     changes: dict[str, Any], counts: bool
 ) -> None:
-    seen = seen_obstacles(observation(obstacle(**changes)), MOUNT)
+    seen = seen_obstacles(observation(obstacle(**changes)), CAMERA, MOUNT)
     assert len(seen) == counts
     if counts:
         assert seen[0].coasting == (changes.get("state") is TrackState.COASTING)
 
 
 def test_without_a_mount_there_are_no_places() -> None:
-    sight = sight_of_observation(observation(obstacle()), None, "real", None, 100.1)
+    sight = sight_of_observation(observation(obstacle()), CAMERA, None, "real", None, 100.1)
     assert not sight.mount_known
     assert sight.obstacles == ()
     assert (sight.frame, sight.received, sight.published) == (3, 100.0, 100.1)

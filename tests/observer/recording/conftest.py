@@ -130,6 +130,7 @@ def made_up_line(frame: StereoFrame) -> dict[str, Any]:
         "significance": 9.5,
         "box_px": [10.0, 20.0, 60.0, 90.0],
         "why": "it moves",
+        "silhouette": [[[12, 20], [60, 25], [55, 90]], [[10, 80], [14, 80], [14, 88]]],
     }
     return {
         "frame": frame.index,

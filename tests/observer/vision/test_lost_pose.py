@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -52,6 +53,13 @@ def test_who_was_confirmed_coasts(
     np.testing.assert_allclose(lost.position_camera, (0.12, 0, 3), atol=1e-12)
     assert lost.velocity_time == 2.0
     assert lost.reason.count("not seen for") == 1
+
+
+def test_who_is_not_seen_has_no_silhouette(make_track: MakeTrack) -> None:
+    known = described(make_track, TrackState.CONFIRMED)
+    seen = replace(known, silhouette=(np.array([[0.0, 0.0], [9.0, 0.0], [9.0, 9.0]]),))
+    (lost,) = while_lost([(seen, 0.0)], 0.1, 1.0)
+    assert lost.silhouette is None
 
 
 def test_who_was_not_seen_for_too_long_is_left_out(make_track: MakeTrack) -> None:

@@ -19,6 +19,7 @@ from observer.methods.rigid.dense.segments import (
     is_limb,
     with_limb,
 )
+from observer.methods.rigid.dense.silhouette import silhouette_px
 
 # Which part of a body its segment shows where it is: the middle, or, where one side is hidden, the
 # other one.
@@ -62,7 +63,7 @@ class Outline:
     """The outline of one body over time.
 
     Attributes:
-        segment: the last one. seen: in this frame.
+        segment: the last one. grid: of its cells. seen: in this frame.
         bias_px: one standard deviation of how wrong its disparity stays.
         offsets: (3,) metres, world, from the body's origin to each anchor.
         width, height: metres, largest of the recent ones. box_px: around it, see ``Obstacle``.
@@ -73,6 +74,7 @@ class Outline:
     """
 
     segment: Segment
+    grid: Grid
     moving_area: float
     seen: bool = True
     offsets: dict[Anchor, Float64Array] = field(default_factory=dict)
@@ -90,10 +92,15 @@ class Outline:
     @staticmethod
     def of(segment: Segment, scene: DenseScene) -> Outline:
         """Return the outline of a body that is first seen as a segment."""
-        outline = Outline(segment, segment.area / segment.disparity**2)
+        outline = Outline(segment, scene.grid, segment.area / segment.disparity**2)
         outline.width, outline.height = extent(segment, scene.grid)
         outline.box_px = box_px(scene, segment)
         return outline
+
+    @property
+    def silhouette(self) -> tuple[Float64Array, ...] | None:
+        """Polygons (N, 2) px around the body in this frame, see ``Obstacle``; None if not seen."""
+        return silhouette_px(self.segment.mask, self.grid) or None if self.seen else None
 
     @property
     def upright(self) -> bool:

@@ -51,6 +51,7 @@ def describe_body(
         significance=track.significance,
         box_px=track.box_px,
         reason=_why(track, speed),
+        silhouette=None if track.outline is None else track.outline.silhouette,
     )
 
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from observer.drawing import silhouette_mask
 from observer.geometry import Pose
 from observer.methods.rigid.bodies.outline import (
     Outline,
@@ -53,6 +54,36 @@ def outlined(
 
 def overlap(one: np.ndarray, other: np.ndarray) -> float:
     return float((one & other).sum() / (one | other).sum())
+
+
+# --- where it is seen ----------------------------------------------------------------------
+
+
+@quick
+@given(x=st.floats(-0.8, 0.8), z=st.floats(2.5, 6.0))
+def test_its_silhouette_is_what_is_seen_of_the_solid_within_its_box(x: float, z: float) -> None:
+    outline, _ = outlined(x, z)
+    assert outline.silhouette is not None
+    camera = GRID.camera
+    drawn = silhouette_mask(outline.silhouette, (camera.height, camera.width))
+    # The board is flat: its front is at one depth, and its picture a rectangle.
+    front = z - SIZE[2] / 2
+    edges, _ = camera.project(
+        np.array([[x - SIZE[0] / 2, -SIZE[1] / 2, front], [x + SIZE[0] / 2, SIZE[1] / 2, front]])
+    )
+    u, v = np.meshgrid(np.arange(camera.width), np.arange(camera.height))
+    truth = (edges[0, 0] <= u) & (u <= edges[1, 0]) & (edges[0, 1] <= v) & (v <= edges[1, 1])
+    assert overlap(drawn, truth) > 0.85
+    corners = np.concatenate(outline.silhouette)
+    u0, v0, u1, v1 = outline.box_px
+    assert corners.min(axis=0).tolist() == [u0 + 0.5, v0 + 0.5]
+    assert corners.max(axis=0).tolist() == [u1 - 0.5, v1 - 0.5]
+
+
+def test_who_is_not_seen_has_no_silhouette() -> None:
+    outline, _ = outlined(0.1, 4.0)
+    outline.seen = False
+    assert outline.silhouette is None
 
 
 # --- where it is expected ------------------------------------------------------------------

@@ -1,0 +1,153 @@
+"""The guard keeps from the nearest edge of a body, wherever that was measured."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from app.drive.separation import separation
+from observer.geometry import Float64Array
+from observer.guard.outline import Outline
+from observer.guard.parameters import GuardParameters
+from observer.guard.seeing import seen_obstacles, sight_of_observation
+from observer.guard.separation import approach
+from observer.guard.sight import SeenObstacle
+from observer.methods.rigid.bodies.reporting import describe_body
+from observer.robots.contract import RobotPhase, RobotReport
+from observer.types import MotionState, Observation, Obstacle, Status, TrackState
+
+from ..methods.rigid.solid_worlds import CAMERA, HERE, MOUNT, ROOM, Solid, SolidView, on_floor
+
+# Across, height, along the line of sight; metres.
+PERSON = (0.5, 1.7, 0.3)
+ROBOT = RobotReport(RobotPhase.CONNECTED, length_m=0.5, width_m=0.4)
+
+
+def person(z: float, x: float = 0.0) -> Solid:
+    return on_floor(x, z, PERSON)
+
+
+def obstacle(x: float, y: float, **changes: object) -> Obstacle:
+    """One that stands at a place (x, y) m of the robot's base, whose size and place are known."""
+    position = MOUNT.T_base_camera.inverse().apply(np.array([x, y, 0.85]))
+    values: dict[str, object] = {
+        "id": 1, "state": TrackState.CONFIRMED, "motion": MotionState.MOVING,
+        "position_camera": position, "velocity_camera": np.zeros(3),
+        "position": position, "velocity": np.zeros(3),
+        "position_cov": np.zeros((3, 3)), "velocity_cov": np.zeros((3, 3)),
+        "velocity_time": 1.0, "speed": 0.0, "speed_std": None,
+        "size": np.array(PERSON), "orientation_wxyz": np.array([1.0, 0.0, 0.0, 0.0]),
+        "closing_speed": None, "points": 5, "significance": 6.0,
+        "box_px": (0.0, 0.0, 1.0, 1.0), "reason": "",
+    }  # fmt: skip
+    return Obstacle(**{**values, **changes})  # type: ignore[arg-type]
+
+
+def observation(*obstacles: Obstacle) -> Observation:
+    return Observation(3, 1.0, 100.0, 0, Status.OK, (), 0, HERE, obstacles)
+
+
+def told(one: Obstacle) -> SeenObstacle:
+    (seen,) = seen_obstacles(observation(one), CAMERA, MOUNT)
+    return seen
+
+
+def nearest(seen: SeenObstacle) -> float:
+    """Metres from the base's origin to the nearest edge of what the guard is told."""
+    return math.hypot(seen.x, seen.y) - seen.radius_m
+
+
+def corners(x: float, y: float, yaw: float) -> Float64Array:
+    """(4, 2) of a person's box on the floor, base frame."""
+    half = np.array([[a, b] for a in (-0.15, 0.15) for b in (-0.25, 0.25)])
+    c, s = math.cos(yaw), math.sin(yaw)
+    return half @ np.array([[c, s], [-s, c]]) + (x, y)
+
+
+@pytest.mark.parametrize("y", [-1.0, 0.0, 0.6])
+def test_the_whole_box_counts_however_the_body_is_turned(y: float) -> None:
+    seen = told(obstacle(2.0, y))
+    for yaw in np.linspace(0, math.pi, 13):
+        edge = np.hypot(*corners(2.0, y, yaw).T).min()
+        assert nearest(seen) <= edge
+    # Not the centre, and not much nearer than the nearest corner can be.
+    assert nearest(seen) == pytest.approx(math.hypot(2.0, y) - 0.3, abs=0.01)
+
+
+def test_what_is_left_before_a_stopped_robot_ends_at_the_body_s_edge() -> None:
+    sight = sight_of_observation(observation(obstacle(2.0, 0.0)), CAMERA, MOUNT, "real", None, 1.0)
+    left = separation(sight, ROBOT, 0.0, 1.0)
+    assert left is not None
+    assert 1.4 < left <= 2.0 - 0.15 - 0.25
+
+
+@pytest.mark.parametrize("state", list(TrackState))
+def test_a_fragment_of_a_few_points_counts_as_a_person(state: TrackState) -> None:
+    # At the edge of a person whose middle is 0.25 m beside it.
+    seen = told(obstacle(2.0, 0.25, size=np.full(3, 0.05), state=state))
+    assert math.hypot(seen.x - 2.0, seen.y) <= seen.radius_m
+    assert nearest(seen) <= 1.85
+
+
+@pytest.mark.parametrize(("x", "y"), [(2.0, 0.0), (3.0, 0.7), (3.0, -0.7)])
+def test_the_silhouette_counts_where_points_show_less_of_a_body(x: float, y: float) -> None:
+    """Of a cart 1.4 m wide points are known on its right third; its picture shows all."""
+    one = obstacle(x, y - 0.45, size=np.array([0.4, 0.8, 0.4]))
+    edges = MOUNT.T_base_camera.inverse().apply(
+        np.array([[x, y + side, height] for side in (-0.7, 0.7) for height in (0.1, 0.9)])
+    )
+    px, _ = CAMERA.project(edges)
+    bare = told(one)
+    seen = told(obstacle(x, y - 0.45, size=one.size, silhouette=(px[[0, 1, 3, 2]],)))
+    assert seen.radius_m == pytest.approx(0.7 + 0.45, abs=1e-6)
+    assert bare.radius_m == pytest.approx(0.3)
+    assert (seen.x, seen.y) == (bare.x, bare.y)
+
+
+def test_a_body_found_by_its_outline_is_told_to_its_nearest_edge() -> None:
+    view = SolidView()
+    for _ in range(4):
+        view.step(ROOM)
+    seconds, told_edges = 0, []
+    for k in range(25):
+        solid = person(2.6, -1.0 + 0.08 * k)
+        tracks = view.step([*ROOM, solid])
+        reported = [describe_body(t, HERE, np.zeros(3), view.time) for t in tracks]
+        seen = seen_obstacles(observation(*reported), CAMERA, MOUNT)
+        if not any(not one.coasting for one in seen) or k < 8:
+            continue
+        seconds += 1
+        (one,) = seen
+        # x forward, y left of the base; the solid's front is 0.15 m before its middle.
+        near = corners(2.6, -solid.centre[0], 0.0)
+        assert nearest(one) <= np.hypot(*near.T).min()
+        assert np.hypot(*(near - (one.x, one.y)).T).max() <= one.radius_m + 2 * (
+            one.position_sigma_m or 0.0
+        )
+        told_edges.append(np.hypot(*near.T).min() - nearest(one))
+    assert seconds > 10
+    # Careful, but not so that no robot would pass.
+    assert np.median(told_edges) < 0.35
+
+
+def test_the_robot_must_stop_before_the_edge_and_its_uncertainty() -> None:
+    """The stop is asked for at the same place as before a point at the body's edge."""
+    p, outline, speed = GuardParameters(), Outline.of(0.5, 0.4, None), (0.4, 0.0)
+    sigma = 0.1
+    cov = np.diag([sigma**2] * 3)
+
+    def is_stopped(one: SeenObstacle) -> bool:
+        return approach([one], (0.0, 0.0, 0.0), 0.0, speed, outline, p).stop_share < 1.0
+
+    def first(where: float, radius: float) -> bool:
+        return is_stopped(SeenObstacle(1, where, 0.0, 0.0, 0.0, radius, sigma, 0.0, False))
+
+    for x in np.arange(0.6, 2.0, 0.05):
+        body = told(obstacle(float(x), 0.0, position_cov=cov))
+        assert is_stopped(body) == first(x - body.radius_m, 0.0)
+        if is_stopped(body) and not first(float(x), 0.0):
+            break
+    else:
+        pytest.fail("the body's extent makes no difference")

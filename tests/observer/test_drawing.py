@@ -1,0 +1,107 @@
+"""Obstacles drawn on images of which every pixel is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from observer.drawing import color_copy, draw_obstacle, obstacle_color, silhouette_mask, tint
+from observer.types import MotionState, TrackState
+
+GREY = 80
+# A triangle in a larger box.
+TRIANGLE = np.array([[60.0, 40.0], [100.0, 140.0], [20.0, 140.0]])
+BOX = (10.0, 30.0, 110.0, 150.0)
+COLOR = obstacle_color(TrackState.CONFIRMED, MotionState.MOVING)
+
+
+def canvas() -> np.ndarray:
+    return np.full((200, 300, 3), GREY, np.uint8)
+
+
+def drawn(*silhouette: np.ndarray) -> np.ndarray:
+    image = canvas()
+    draw_obstacle(image, BOX, silhouette or None, "", COLOR)
+    return image
+
+
+def test_the_silhouette_is_outlined_and_tinted_within_the_box() -> None:
+    image = drawn(TRIANGLE)
+    # Smoothed lines are a little paler.
+    assert image[140, 60].tolist() == pytest.approx(list(COLOR), abs=20), "its lower edge"
+    assert image[90, 10].tolist() == list(COLOR), "the box's left edge"
+    within = image[110, 60].astype(int)
+    assert within.tolist() == [round(0.75 * GREY + 0.25 * part) for part in COLOR]
+    assert image[60, 90].tolist() == [GREY] * 3, "in the box, beside the silhouette"
+    assert image[180, 200].tolist() == [GREY] * 3
+
+
+def test_all_parts_of_a_silhouette_are_drawn() -> None:
+    other = TRIANGLE + np.array([120.0, 0.0])
+    image = drawn(TRIANGLE, other)
+    assert np.array_equal(image[110, 60], image[110, 180])
+    assert np.array_equal(image[140, 60], image[140, 180])
+
+
+def test_without_a_silhouette_the_box_alone_is_drawn() -> None:
+    image = drawn()
+    inner = image[35:145, 15:105]
+    assert (inner == GREY).all()
+    assert image[90, 10].tolist() == list(COLOR)
+
+
+@pytest.mark.parametrize("reach", [0, 400])
+def test_what_reaches_beyond_the_image_is_drawn_as_far_as_it_goes(reach: int) -> None:
+    image = canvas()
+    outline = np.array(
+        [[250.0, 50.0], [290.0 + reach, 50.0], [290.0 + reach, 100.0], [250.0, 100.0]]
+    )
+    draw_obstacle(image, (250.0, 50.0, 290.0 + reach, 100.0), [outline], "#1", COLOR)
+    assert image[75, 270].tolist() != [GREY] * 3
+
+
+def test_colors_tell_moving_from_standing_from_unseen() -> None:
+    told = {
+        obstacle_color(state, motion)
+        for state, motion in (
+            ("confirmed", "moving"),
+            ("confirmed", "stopped"),
+            ("coasting", "moving"),
+        )
+    }
+    assert len(told) == 3
+    assert obstacle_color("coasting", "moving") == obstacle_color("coasting", "stopped")
+
+
+def test_a_mask_on_a_coarser_grid_covers_the_same_part() -> None:
+    square = np.array([[40.0, 20.0], [79.0, 20.0], [79.0, 99.0], [40.0, 99.0]])
+    coarse = silhouette_mask([square], (50, 75), 4)
+    truth = np.zeros((50, 75), np.bool_)
+    truth[5:25, 10:20] = True
+    assert np.array_equal(coarse, truth)
+
+
+def test_a_tint_changes_its_mask_alone_by_its_share() -> None:
+    image, mask = canvas(), np.zeros((200, 300), np.bool_)
+    mask[3, 4] = True
+    tint(image, mask, (0, 100, 255), 0.5)
+    assert image[3, 4].tolist() == [40, 90, 168]
+    assert (image[~mask] == GREY).all()
+    untouched = canvas()
+    tint(untouched, np.zeros((200, 300), np.bool_), (0, 100, 255), 0.5)
+    assert (untouched == GREY).all()
+
+
+def test_grey_images_become_colour_and_none_is_drawn_on() -> None:
+    grey = np.full((4, 5), 7, np.uint8)
+    copied = color_copy(grey)
+    assert copied.shape == (4, 5, 3)
+    copied[:] = 0
+    assert (grey == 7).all()
+
+
+@pytest.mark.parametrize("box", [(-90, 50, -10, 99), (310, 50, 390, 99), (10, 210, 60, 300)])
+def test_what_is_out_of_view_is_not_drawn_nor_named(box: tuple[float, ...]) -> None:
+    image = canvas()
+    draw_obstacle(image, box, None, "#1", COLOR)
+    assert (image == GREY).all()

@@ -1,0 +1,71 @@
+"""Lines of observations: what is written is what is read."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+
+from observer.drawing import silhouette_mask
+from observer.evaluation.lines import checked_lines
+from observer.jsonl import observation_line
+from observer.types import MotionState, Observation, Obstacle, Status, TrackState
+
+PART = np.array([[3.0, 2.0], [20.0, 2.0], [20.0, 30.0], [3.0, 31.0]])
+OTHER = np.array([[40.0, 5.0], [44.0, 5.0], [42.0, 9.0]])
+
+
+def obstacle() -> Obstacle:
+    return Obstacle(
+        id=4,
+        state=TrackState.CONFIRMED,
+        motion=MotionState.MOVING,
+        position_camera=np.array([0.1, 0.2, 3.0]),
+        velocity_camera=np.zeros(3),
+        position=np.array([0.1, 0.2, 3.0]),
+        velocity=np.zeros(3),
+        position_cov=np.eye(3),
+        velocity_cov=None,
+        velocity_time=0.5,
+        speed=0.0,
+        speed_std=None,
+        size=np.ones(3),
+        orientation_wxyz=None,
+        closing_speed=None,
+        points=5,
+        significance=3.0,
+        box_px=(3.0, 2.0, 44.0, 31.0),
+        reason="it moves",
+        silhouette=(PART, OTHER),
+    )
+
+
+def observed(*obstacles: Obstacle) -> Observation:
+    return Observation(7, 0.5, 1.0, 0, Status.OK, (), 0, None, obstacles)
+
+
+def test_a_silhouette_is_written_as_whole_pixels_and_read_back() -> None:
+    text = json.dumps(observation_line(observed(obstacle())), allow_nan=False)
+    # Compact: no decimals.
+    assert (
+        '"silhouette": [[[3, 2], [20, 2], [20, 30], [3, 31]], [[40, 5], [44, 5], [42, 9]]]' in text
+    )
+    (entry,) = json.loads(text)["obstacles"]
+    read = silhouette_mask(entry["silhouette"], (40, 60))
+    assert np.array_equal(read, silhouette_mask((PART, OTHER), (40, 60)))
+    assert read[2, 3]
+    assert read[6, 42]
+    assert not read[20, 30]
+
+
+def test_one_without_a_silhouette_says_so() -> None:
+    line = observation_line(observed(replace(obstacle(), silhouette=None)))
+    assert line["obstacles"][0]["silhouette"] is None
+
+
+def test_evaluation_reads_lines_with_and_without_silhouettes() -> None:
+    line = observation_line(observed(obstacle()))
+    (entry,) = line["obstacles"]
+    older = {name: value for name, value in entry.items() if name != "silhouette"}
+    assert checked_lines([line]) == checked_lines([{**line, "obstacles": [older]}])
