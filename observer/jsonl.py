@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from typing_extensions import TypedDict
 
 from observer.geometry import Pose
-from observer.types import Observation, Obstacle
+from observer.types import Observation, Obstacle, Unseen
 
 
 class PoseEntry(TypedDict):
@@ -50,6 +50,15 @@ class ObstacleEntry(TypedDict):
     why: str
 
 
+class UnseenEntry(TypedDict):
+    """Where motion could not be noticed; see ``observer.types.Unseen``."""
+
+    share: float
+    causes: dict[str, float]
+    cell_px: int
+    rows: list[str]
+
+
 class ObservationLine(TypedDict):
     """One observation; ``time`` is the source's clock."""
 
@@ -61,6 +70,7 @@ class ObservationLine(TypedDict):
     parameters_revision: int
     pose: PoseEntry | None
     obstacles: list[ObstacleEntry]
+    unseen: UnseenEntry | None
     timings_ms: dict[str, float]
 
 
@@ -88,6 +98,7 @@ def observation_line(observation: Observation, *, tentative: bool = False) -> Ob
             obstacle_entry(o)
             for o in (observation.obstacles if tentative else observation.reported)
         ],
+        "unseen": None if observation.unseen is None else _unseen_entry(observation.unseen),
         "timings_ms": {name: round(ms, 3) for name, ms in observation.timings_ms.items()},
     }
 
@@ -126,6 +137,15 @@ def obstacle_entry(obstacle: Obstacle) -> ObstacleEntry:
         "significance": obstacle.significance,
         "box_px": list(obstacle.box_px),
         "why": obstacle.reason,
+    }
+
+
+def _unseen_entry(unseen: Unseen) -> UnseenEntry:
+    return {
+        "share": unseen.share,
+        "causes": dict(unseen.causes),
+        "cell_px": unseen.cell_px,
+        "rows": list(unseen.rows),
     }
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from app.engine.dense_stereo import DensePair, DenseStereo
 from app.engine.observed import Observed
-from observer.drawing import color_copy
+from observer.drawing import color_copy, hatch_unseen
 from observer.types import Image, Obstacle
 
 JPEG_QUALITY = 80
@@ -91,9 +91,14 @@ def jpeg_size(width: int, height: int) -> tuple[int, int]:
 
 
 def _left(observed: Observed) -> Image:
-    """Draw the left image with feature stars, their flow since t, and the obstacles' rectangles."""
+    """Draw the left image with feature stars, their flow since t, and the obstacles' rectangles.
+
+    Where motion could not be noticed it is hatched.
+    """
     trace = observed.trace
     canvas = color_copy(trace["left"])
+    if observed.observation.unseen is not None:
+        hatch_unseen(canvas, observed.observation.unseen)
     matches, ego_motion = trace.get("matches"), trace.get("ego_motion")
     if matches is not None and len(matches):
         inliers = None if ego_motion is None else ego_motion.inliers

@@ -30,9 +30,10 @@ from observer.methods.rigid.point_tracking import (
 )
 from observer.methods.rigid.trace import keep_background, keep_motion, stereo_rows
 from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.methods.rigid.unseen import UnseenRegions
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import Obstacle, Trace
+from observer.types import Obstacle, Trace, TrackState
 from observer.vision.camera_rate import CameraRate
 from observer.vision.keypoints import density_weights, has_corner
 from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
@@ -68,6 +69,7 @@ class RigidMethod:
         self._renewal = PointRenewal(camera)
         self._gate = MotionGate()
         self._dense = DenseVision(camera, mount)
+        self._unseen = UnseenRegions(camera)
         self._points = TrackedPoints.none()
         self._view = view
         # The last frame whose pose is known; None while that is the first.
@@ -92,7 +94,7 @@ class RigidMethod:
         keep_background(trace, previous, before, points, seen, ego, rows)
         now = CameraStep.of(self._camera, ego, dt)
         if now is None:
-            return Step(ego, None, self._unseen(view.time, p), points.stereo_share, rows)
+            return Step(ego, None, self._coasting(view.time, p), points.stereo_share, rows)
         with timer("motion"):
             # The background shows the noise of all sightings.
             scale = max(ego.noise_scale, p.evidence.least_noise)
@@ -109,9 +111,14 @@ class RigidMethod:
             points = self._tracker.step(points, sightings, motion, scene, now, p)
         keep_motion(trace, before, points, seen, ego, motion)
         self._view, self._points, self._last = view, points, now
+        obstacles = self._described(now)
+        with timer("unseen"):
+            told = [o.box_px for o in obstacles if o.state is TrackState.CONFIRMED]
+            unseen = self._unseen.look(view, scene, points, told, p.stereo)
+        trace.keep("unseen", unseen)
         with timer("features"):
             self._renew_points(p)
-        return Step(ego, T_world_camera, self._described(now), points.stereo_share, rows)
+        return Step(ego, T_world_camera, obstacles, points.stereo_share, rows, unseen)
 
     # --- the steps ---------------------------------------------------------------------------
 
@@ -195,7 +202,7 @@ class RigidMethod:
             for track in self._tracker.tracks
         )
 
-    def _unseen(self, time: float, p: Parameters) -> tuple[Obstacle, ...]:
+    def _coasting(self, time: float, p: Parameters) -> tuple[Obstacle, ...]:
         """The obstacles at a frame without a pose, seconds on the source's clock."""
         before, T_world_camera = self._view.time, self._T_camera_world.inverse()
         last = [
