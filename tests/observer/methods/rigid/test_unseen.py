@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.dense.scene import DenseVision
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.methods.rigid.unseen import UnseenRegions
 from observer.parameters import StereoParameters
@@ -168,6 +169,23 @@ def test_at_speed_only_points_tell() -> None:
     unseen = regions.look(now, None, TrackedPoints.none(), (), P)
     assert unseen.causes["fast"] > 0.97
     assert unseen.hides_person
+
+
+@pytest.mark.parametrize(("sightings", "depth", "sees"), [(5, 10.0, True), (1, 10.0, False),
+                                                          (5, np.nan, False)])  # fmt: skip
+def test_a_cell_is_seen_by_a_point_with_depth_that_was_followed(
+    sightings: int, depth: float, sees: bool
+) -> None:
+    px = np.array([[100.0, 50.0], [330.0, 200.0]], np.float32)
+    disparity = np.full(2, depth)
+    place = CAMERA.triangulate(px, np.full(2, 10.0))
+    sums = PositionVelocityFilter.begin(place, np.broadcast_to(np.eye(3), (2, 3, 3)).copy())
+    points = TrackedPoints.begin(0, px, px - np.float32(10), disparity, sums)
+    points = points.but(sightings=np.full(2, sightings), cornered=np.ones(2, np.bool_))
+    unseen = UnseenRegions(CAMERA).look(view(0, nothing), None, points, (), P)
+    seen_at = [unseen.cause_at((float(u), float(v))) is None for u, v in px]
+    assert seen_at == [sees, sees]
+    assert unseen.cause_at((200.0, 50.0)) == "fast"
 
 
 def test_the_same_view_tells_the_same_to_the_last_digit() -> None:
