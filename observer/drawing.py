@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from observer.types import Image, MotionState, TrackState
+from observer.types import Image, MotionState, TrackState, Unseen
 
 Color = tuple[int, int, int]
 
@@ -22,6 +22,8 @@ TEXT_SCALE = 0.45
 # Pixels between an obstacle's box and the text above it, and from the image's upper border to the
 # text's foot, in letters of scale 1.
 _ABOVE_PX, _LETTER_PX = 6, 28
+# A thin stroke from edge to edge of each cell, mixed with the picture.
+_HATCH, _HATCH_SHARE = (200, 120, 200), 0.5
 
 
 def color_copy(image: Image) -> Image:
@@ -92,6 +94,21 @@ def tint(canvas: Image, mask: NDArray[np.bool_], color: Color, share: float) -> 
     ink = np.full((height, width, 3), color, np.uint8)
     mixed = cv2.addWeighted(canvas[window], 1 - share, ink, share, 0.0)
     cv2.copyTo(mixed, mask[window].view(np.uint8), canvas[window])
+
+
+def hatch_unseen(canvas: Image, unseen: Unseen) -> None:
+    """Hatch where motion could not be noticed, on a BGR canvas of the left image's size."""
+    side = unseen.cell_px
+    corners = [
+        (side * column, side * row)
+        for row, letters in enumerate(unseen.rows)
+        for column, letter in enumerate(letters)
+        if letter != "."
+    ]
+    strokes = [np.array([(u, v + side), (u + side, v)], np.int32) for u, v in corners]
+    drawn = canvas.copy()
+    cv2.polylines(drawn, strokes, False, _HATCH, 1, cv2.LINE_AA)
+    cv2.addWeighted(drawn, _HATCH_SHARE, canvas, 1 - _HATCH_SHARE, 0, dst=canvas)
 
 
 def _corners(silhouette: Sequence[ArrayLike], reduction: int = 1) -> list[NDArray[np.int32]]:

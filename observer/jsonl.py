@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from typing_extensions import TypedDict
 
 from observer.geometry import Pose
-from observer.types import Observation, Obstacle
+from observer.types import Observation, Obstacle, Unseen
 
 
 class PoseEntry(TypedDict):
@@ -60,6 +60,15 @@ class OutlinedEntry(ObstacleEntry):
     silhouette: list[list[list[int]]] | None
 
 
+class UnseenEntry(TypedDict):
+    """Where motion could not be noticed; see ``observer.types.Unseen``."""
+
+    share: float
+    causes: dict[str, float]
+    cell_px: int
+    rows: list[str]
+
+
 class FrameLine(TypedDict):
     """One observation without its obstacles; ``time`` is the source's clock."""
 
@@ -70,6 +79,7 @@ class FrameLine(TypedDict):
     reasons: list[str]
     parameters_revision: int
     pose: PoseEntry | None
+    unseen: UnseenEntry | None
     timings_ms: dict[str, float]
 
 
@@ -103,6 +113,7 @@ def observation_line(observation: Observation, *, tentative: bool = False) -> Ob
             obstacle_entry(o)
             for o in (observation.obstacles if tentative else observation.reported)
         ],
+        "unseen": None if observation.unseen is None else _unseen_entry(observation.unseen),
         "timings_ms": {name: round(ms, 3) for name, ms in observation.timings_ms.items()},
     }
 
@@ -144,6 +155,15 @@ def obstacle_entry(obstacle: Obstacle) -> OutlinedEntry:
         "silhouette": None
         if obstacle.silhouette is None
         else [np.rint(polygon).astype(int).tolist() for polygon in obstacle.silhouette],
+    }
+
+
+def _unseen_entry(unseen: Unseen) -> UnseenEntry:
+    return {
+        "share": unseen.share,
+        "causes": dict(unseen.causes),
+        "cell_px": unseen.cell_px,
+        "rows": list(unseen.rows),
     }
 
 

@@ -29,6 +29,7 @@ points_current        (K, 3) metres, the same points at t+dt, in the same frame
 detections            the obstacles of this frame before they get an identity
 --------------------  rigid only
 evidence              ``Evidence``: how every followed point moves, and how sure that is
+unseen                ``Unseen``: where motion could not be noticed
 rows                  ``StereoRows``: where the points are in the right image; the inliers of
                       ``ego_motion`` are aligned with them
 disparity_bias        ``DisparityBias``: what all disparities lack, as far as known
@@ -56,7 +57,7 @@ from observer.methods.rigid.method import RigidMethod
 from observer.methods.rigid.stereo_drift import StereoDrift
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import NoTrace, Observation, Obstacle, Status, StereoFrame, Trace
+from observer.types import NoTrace, Observation, Obstacle, Status, StereoFrame, Trace, Unseen
 from observer.vision.image_health import ImageHealth
 from observer.vision.rectification import Rectification
 from observer.vision.view import View
@@ -186,9 +187,12 @@ class Observer:
             self._frames_lost += 1
         with timer("health"):
             ills = self._health.look(view, p.stereo, step.stereo_share, step.rows)
-        status = Status.DEGRADED if ills and step.ego.status is Status.OK else step.ego.status
-        reasons = (*notes, *step.notes, *ills, *step.ego.reasons)
-        return self._observation(frame, status, reasons, step.T_world_camera, step.obstacles, timer)
+        blind = () if step.unseen is None else step.unseen.reasons
+        degraded = step.ego.status is Status.OK and (ills or blind)
+        status = Status.DEGRADED if degraded else step.ego.status
+        reasons = (*notes, *step.notes, *ills, *step.ego.reasons, *blind)
+        pose = step.T_world_camera
+        return self._observation(frame, status, reasons, pose, step.obstacles, timer, step.unseen)
 
     def _rectified(self, frame: StereoFrame, trace: Trace) -> View:
         left, right = self._rectification.apply(frame.left, frame.right)
@@ -247,6 +251,7 @@ class Observer:
         T_world_camera: Pose | None,
         obstacles: tuple[Obstacle, ...],
         timer: _StageTimer,
+        unseen: Unseen | None = None,
     ) -> Observation:
         return Observation(
             frame=frame.index,
@@ -259,6 +264,7 @@ class Observer:
             T_world_camera=T_world_camera,
             obstacles=obstacles,
             timings_ms=timer.finish(),
+            unseen=unseen,
         )
 
 

@@ -242,6 +242,62 @@ class Obstacle:
         return float(np.arctan2(self.position_camera[0], self.position_camera[2]))
 
 
+# Why motion could not be noticed in a cell, in words.
+UNSEEN_BECAUSE = {
+    "plain": "too plain",
+    "dark": "too dark or saturated",
+    "near": "too near",
+    "fast": "too fast",
+    "unmatched": "no match between left and right",
+}
+# Smaller shares of the view are not worth a word.
+_TOLD_SHARE = 0.005
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """Regions of the rectified left image in which motion could not be noticed.
+
+    Attributes:
+        share: of the image. causes: shares by cause, largest first: ``plain`` (no texture),
+            ``dark`` (too dark or saturated for an outline to stand out), ``near`` (nearer than
+            stereo searches), ``fast`` (the camera moves too fast for dense depth), ``unmatched``
+            (textured, but left and right do not match).
+        cell_px: side of a cell, pixels.
+        rows: of cells, from the top, a letter for each cell from the left: the first one of its
+            cause, "." where motion could be noticed.
+        hides_person: a person could move in it without being noticed.
+    """
+
+    share: float
+    causes: Mapping[str, float]
+    cell_px: int
+    rows: tuple[str, ...]
+    hides_person: bool
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """One sentence of why this degrades a frame; none where it does not."""
+        if not self.hides_person:
+            return ()
+        causes = ", ".join(
+            f"{UNSEEN_BECAUSE[cause]} ({100 * share:.0f} %)"
+            for cause, share in self.causes.items()
+            if share >= _TOLD_SHARE
+        )
+        return (
+            f"motion could not be noticed in {100 * self.share:.0f} % of the view, in one place "
+            f"enough to hide a person: {causes}",
+        )
+
+    def cause_at(self, px: tuple[float, float]) -> str | None:
+        """Return the cause at a pixel u, v of the image; None where motion could be noticed."""
+        row = min(max(0, int((px[1] + 0.5) // self.cell_px)), len(self.rows) - 1)
+        column = min(max(0, int((px[0] + 0.5) // self.cell_px)), len(self.rows[0]) - 1)
+        letter = self.rows[row][column]
+        return next((cause for cause in self.causes if cause[0] == letter), None)
+
+
 @dataclass(frozen=True, eq=False)
 class Observation:
     """Result of one call of ``Observer.observe``.
@@ -253,6 +309,7 @@ class Observation:
         parameters_revision: the revision of the parameters that were in force.
         T_world_camera: the camera's pose; None where unknown.
         obstacles: all tracks, tentative ones included.
+        unseen: where motion could not be noticed; None where the method does not tell.
         timings_ms: wall time of each stage, milliseconds; diagnostics, never part of a result.
     """
 
@@ -266,6 +323,7 @@ class Observation:
     T_world_camera: Pose | None
     obstacles: tuple[Obstacle, ...]
     timings_ms: Mapping[str, float] = field(default_factory=dict)
+    unseen: Unseen | None = None
 
     def __repr__(self) -> str:
         return (

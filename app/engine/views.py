@@ -21,6 +21,7 @@ from observer.drawing import (
     color_copy,
     draw_obstacle,
     draw_text,
+    hatch_unseen,
     obstacle_color,
 )
 from observer.types import Image, Obstacle
@@ -96,9 +97,14 @@ def jpeg_size(width: int, height: int) -> tuple[int, int]:
 
 
 def _left(observed: Observed) -> Image:
-    """Draw the left image with feature stars, their flow since t, and the obstacles."""
+    """Draw the left image with feature stars, their flow since t, and the obstacles.
+
+    Where motion could not be noticed it is hatched.
+    """
     trace = observed.trace
     canvas = color_copy(trace["left"])
+    if observed.observation.unseen is not None:
+        hatch_unseen(canvas, observed.observation.unseen)
     matches, ego_motion = trace.get("matches"), trace.get("ego_motion")
     if matches is not None and len(matches):
         inliers = None if ego_motion is None else ego_motion.inliers

@@ -55,7 +55,8 @@ def explain_pixel(
     if "evidence" in trace:
         left = trace.get("left")
         image = None if left is None else as_gray(left)
-        return explain_by_evidence(trace["evidence"], camera, parameters, px, counts, image)
+        told, unseen = trace["evidence"], trace.get("unseen")
+        return explain_by_evidence(told, camera, parameters, px, counts, image, unseen)
     return explain_by_flow(trace, camera, parameters, px, counts)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from observer.explanation.texture import texture_around
 from observer.methods.rigid.point_motion import PointEvidence
 from observer.methods.rigid.tracked_points import NO_OBSTACLE
 from observer.parameters import Parameters
-from observer.types import Image
+from observer.types import UNSEEN_BECAUSE, Image, Unseen
 from observer.vision.chi_square import log_share_above
 from observer.vision.lifecycle import is_provisional
 
@@ -44,16 +45,23 @@ def explain_by_evidence(
     px: tuple[float, float],
     counts: Mapping[str, float],
     image: Image | None = None,
+    unseen: Unseen | None = None,
 ) -> PixelAnswer:
     """Return the answer of the nearest features' majority.
 
     Args:
+        unseen: where motion could not be noticed; None where that is not told.
         image: the rectified left image, to say why there is no feature; None says less.
         counts: figures of the camera's own motion, shown with the answer's.
     """
     near = look_around(evidence.px, px, camera, parameters.klt_tracking.spacing_px)
     if len(near.members) == 0:
-        return _nothing_there(near, radius_px(camera), px, counts, image, parameters)
+        answer = _nothing_there(near, radius_px(camera), px, counts, image, parameters)
+        cause = None if unseen is None else unseen.cause_at(px)
+        if cause is None:
+            return answer
+        sentence = f"Motion could not be noticed here: {UNSEEN_BECAUSE[cause]}. {answer.sentence}"
+        return replace(answer, sentence=sentence)
     chosen = near.speakers
     moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
     middle = float(np.median(evidence.significance[chosen]))

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from observer.geometry import Pose
 from observer.parameters import Parameters
-from observer.types import EgoMotion, Obstacle, Trace
+from observer.types import EgoMotion, Obstacle, Trace, Unseen
 from observer.vision.view import StereoRows, View
 
 # Times a stage by name: ``with timer("features"): ...``.
@@ -26,6 +26,7 @@ class Step:
         obstacles: all tracks, tentative ones included.
         stereo_share: share of the features whose depth is known.
         rows: None where the method does not match points between left and right.
+        unseen: where motion could not be noticed; None where the method does not tell.
         waiting: the pose is unknown because the method has not seen enough yet; nothing is lost.
         notes: what is told of this frame beside what makes it weak, one sentence each.
     """
@@ -35,6 +36,7 @@ class Step:
     obstacles: tuple[Obstacle, ...]
     stereo_share: float
     rows: StereoRows | None
+    unseen: Unseen | None = None
     waiting: bool = False
     notes: tuple[str, ...] = ()
 

@@ -368,6 +368,7 @@ export interface components {
       reasons: string[];
       parameters_revision: number;
       pose: components["schemas"]["PoseEntry"] | null;
+      unseen: components["schemas"]["UnseenEntry"] | null;
       timings_ms: {
         [key: string]: number;
       };
@@ -762,6 +763,15 @@ export interface components {
       commanded_speed: number | null;
       track_id: number | null;
       time?: number;
+    };
+    /** @description Where motion could not be noticed; see ``observer.types.Unseen``. */
+    UnseenEntry: {
+      share: number;
+      causes: {
+        [key: string]: number;
+      };
+      cell_px: number;
+      rows: string[];
     };
     Velocity: {
       speed_mps: number;
@@ -1680,6 +1690,7 @@ export type SourceStatus = components["schemas"]["SourceStatus"];
 export type StatusMessage = components["schemas"]["StatusMessage"];
 export type StopMeasured = components["schemas"]["StopMeasured"];
 export type TrueBodyEntry = components["schemas"]["TrueBodyEntry"];
+export type UnseenEntry = components["schemas"]["UnseenEntry"];
 export type Velocity = components["schemas"]["Velocity"];
 export type VergenceStatus = components["schemas"]["VergenceStatus"];
 export type WheelSpeed = components["schemas"]["WheelSpeed"];

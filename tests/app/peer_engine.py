@@ -419,6 +419,7 @@ def line(frame: int, segment: int, revision: int, padding: str) -> LiveLine:
                 "why": "its flow differs from the background's",
             }
         ],
+        "unseen": None,
         "timings_ms": {"features": 1.0 + frame % 3, "total": 20.0},
     }
 

@@ -118,5 +118,5 @@ def _line(
         "frame": number, "time": time, "segment": 0, "status": "ok", "reasons": [],
         "parameters_revision": 1,
         "pose": {"position": [0.0, 0.0, 0.0], "orientation_wxyz": [1.0, 0.0, 0.0, 0.0]},
-        "obstacles": [] if 13.5 < time < 14.5 else [obstacle], "timings_ms": {},
+        "obstacles": [] if 13.5 < time < 14.5 else [obstacle], "unseen": None, "timings_ms": {},
     }  # fmt: skip

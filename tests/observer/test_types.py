@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from observer.evaluation.lines import checked_lines
+from observer.jsonl import observation_line
 from observer.methods.planar.results import ResidualFlow
 from observer.types import (
     FullTrace,
@@ -15,6 +20,7 @@ from observer.types import (
     Status,
     StereoFrame,
     TrackState,
+    Unseen,
 )
 
 GREY = np.zeros((4, 6), np.uint8)
@@ -95,3 +101,46 @@ def test_traces() -> None:
     for trace in (full, NoTrace()):
         trace.keep("left", 1)
     assert full == {"left": 1}
+
+
+UNSEEN = Unseen(0.5, {"plain": 0.25, "dark": 0.25}, 16, ("p.", ".d"), hides_person=True)
+
+
+@pytest.mark.parametrize(
+    ("px", "cause"),
+    [
+        ((-0.5, -0.5), "plain"),
+        ((15.4, 15.4), "plain"),
+        ((15.6, 15.4), None),
+        ((15.6, 15.6), "dark"),
+        ((40.0, 40.0), "dark"),
+    ],
+)
+def test_a_pixel_belongs_to_the_cell_that_holds_it(
+    px: tuple[float, float], cause: str | None
+) -> None:
+    assert UNSEEN.cause_at(px) == cause
+
+
+def test_what_could_not_be_noticed_is_a_reason_only_where_it_hides_a_person() -> None:
+    (reason,) = UNSEEN.reasons
+    assert reason == (
+        "motion could not be noticed in 50 % of the view, in one place enough to hide a person: "
+        "too plain (25 %), too dark or saturated (25 %)"
+    )
+    assert replace(UNSEEN, hides_person=False).reasons == ()
+
+
+def test_a_json_line_tells_where_motion_could_not_be_noticed_as_evaluation_reads_it() -> None:
+    seen = Observation(0, 0.0, 0.0, 0, Status.DEGRADED, UNSEEN.reasons, 0, None, (), unseen=UNSEEN)
+    line = json.loads(json.dumps(observation_line(seen)))
+    (read,) = checked_lines([line])
+    assert read.unseen is not None
+    assert read.unseen.model_dump() == {
+        "share": 0.5,
+        "causes": {"plain": 0.25, "dark": 0.25},
+        "cell_px": 16,
+        "rows": ("p.", ".d"),
+    }
+    (untold,) = checked_lines([observation_line(replace(seen, unseen=None))])
+    assert untold.unseen is None

@@ -57,6 +57,7 @@ export function line(changes) {
     parameters_revision: 1,
     pose: { position: [0, 0, 0], orientation_wxyz: [1, 0, 0, 0] },
     obstacles: [],
+    unseen: null,
     timings_ms: {},
     ...changes,
   };

@@ -31,9 +31,10 @@ from observer.methods.rigid.point_tracking import (
 from observer.methods.rigid.stereo_drift import StereoDrift, with_bias
 from observer.methods.rigid.trace import keep_background, keep_motion, stereo_rows
 from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.methods.rigid.unseen import UnseenRegions
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import Obstacle, Trace
+from observer.types import Obstacle, Trace, TrackState
 from observer.vision.camera_rate import CameraRate
 from observer.vision.keypoints import density_weights, has_corner
 from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
@@ -73,6 +74,7 @@ class RigidMethod:
         self._renewal = PointRenewal(camera)
         self._gate = MotionGate()
         self._dense = DenseVision(camera, mount)
+        self._unseen = UnseenRegions(camera)
         self._points = TrackedPoints.none()
         self._drift = StereoDrift(camera) if drift is None else drift
         self._drift.begin_segment()
@@ -103,7 +105,7 @@ class RigidMethod:
         keep_background(trace, previous, before, points, seen, ego, rows)
         now = CameraStep.of(self._camera, ego, dt)
         if now is None:
-            return Step(ego, None, self._unseen(view.time, p), points.stereo_share, rows)
+            return Step(ego, None, self._coasting(view.time, p), points.stereo_share, rows)
         with timer("motion"):
             # The background shows the noise of all sightings.
             scale = max(ego.noise_scale, p.evidence.least_noise)
@@ -122,10 +124,15 @@ class RigidMethod:
         self._view, self._points, self._last = view, points, now
         with timer("drift"):
             notes = self._follow_drift(given, before.take(seen.found), rows, p, trace)
+        obstacles = self._described(now)
+        with timer("unseen"):
+            told = [o.box_px for o in obstacles if o.state is TrackState.CONFIRMED]
+            unseen = self._unseen.look(view, scene, points, told, p.stereo)
+        trace.keep("unseen", unseen)
         with timer("features"):
             self._renew_points(p)
-        described, share = self._described(now), points.stereo_share
-        return Step(ego, T_world_camera, described, share, rows, notes=notes)
+        share = points.stereo_share
+        return Step(ego, T_world_camera, obstacles, share, rows, unseen, notes=notes)
 
     # --- the steps ---------------------------------------------------------------------------
 
@@ -232,7 +239,7 @@ class RigidMethod:
             for track in self._tracker.tracks
         )
 
-    def _unseen(self, time: float, p: Parameters) -> tuple[Obstacle, ...]:
+    def _coasting(self, time: float, p: Parameters) -> tuple[Obstacle, ...]:
         """The obstacles at a frame without a pose, seconds on the source's clock."""
         before, T_world_camera = self._view.time, self._T_camera_world.inverse()
         last = [

@@ -32,6 +32,7 @@ from observer.types import (
     Status,
     StereoFrame,
     TrackState,
+    Unseen,
 )
 
 WIDTH, HEIGHT = 320, 200
@@ -247,3 +248,19 @@ def test_the_rows_of_a_board_are_those_of_its_corners() -> None:
     assert 0 < preview.vertical_error_px < 0.15
     # Another board is not there; then features are all there is.
     assert preview_calibration(frame, text, lambda: None, Board(rows=5)).matches != 54
+
+
+def test_the_left_view_hatches_where_motion_could_not_be_noticed() -> None:
+    seen = observed()
+    rows = ("." * 20,) * 6 + ("." * 4 + "pp" + "." * 14,) + ("." * 20,) * 6
+    unseen = Unseen(2 / 260, {"plain": 2 / 260}, 16, rows, hides_person=False)
+    blind = replace(seen, observation=replace(seen.observation, unseen=unseen))
+    changed = np.abs(picture("left", blind) - picture("left", seen)).max(axis=2) > 25
+    v, u = np.nonzero(changed)
+    # Two cells of 16 px, each with a stroke, and what JPEG smears around it.
+    assert len(v) > 16
+    assert u.min() >= 4 * 16 - 8
+    assert u.max() < 6 * 16 + 8
+    assert v.min() >= 6 * 16 - 8
+    assert v.max() < 7 * 16 + 8
+    assert (blind.trace["left"] == seen.trace["left"]).all()

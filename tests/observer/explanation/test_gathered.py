@@ -16,7 +16,7 @@ from observer.geometry import Pose
 from observer.methods.planar.ego_motion import PlanarEgoMotion
 from observer.methods.rigid.point_motion import PointEvidence
 from observer.parameters import Parameters
-from observer.types import Status
+from observer.types import Status, Unseen
 
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 HERE = (200.0, 100.0)
@@ -263,3 +263,18 @@ def test_what_lies_on_an_outline_is_its_obstacles() -> None:
     assert answer.verdict is PixelVerdict.DYNAMIC
     assert "part of obstacle 3" in answer.sentence
     assert "stands apart in depth" in answer.would_change
+
+
+def test_where_motion_could_not_be_noticed_the_cause_is_told_first() -> None:
+    """The cell at 256, 64 is plain; features speak for their own surroundings all the same."""
+    rows = ("." * 32,) * 4 + ("." * 16 + "p" * 16,) + ("." * 32,) * 11
+    unseen = Unseen(16 / 512, {"plain": 16 / 512}, 16, rows, hides_person=False)
+
+    def ask_with(px: tuple[float, float]) -> str:
+        trace = {"ego_motion": EGO, "evidence": evidence(9.0), "unseen": unseen}
+        return explain_pixel(trace, CAMERA, PARAMETERS, px).sentence
+
+    assert ask_with((300.0, 70.0)).startswith("Motion could not be noticed here: too plain. No ")
+    assert ask_with((250.0, 70.0)).startswith("No feature")
+    assert ask_with((300.0, 81.0)).startswith("No feature")
+    assert ask_with(HERE).startswith("It moves")

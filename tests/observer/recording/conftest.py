@@ -141,5 +141,6 @@ def made_up_line(frame: StereoFrame) -> dict[str, Any]:
         "parameters_revision": 1,
         "pose": {"position": [0.0, 0.0, 0.1 * frame.time], "orientation_wxyz": [1.0, 0, 0, 0]},
         "obstacles": [obstacle],
+        "unseen": {"share": 0.25, "causes": {"dark": 0.25}, "cell_px": 16, "rows": ["d.", ".."]},
         "timings_ms": {"total": 12.5},
     }

@@ -61,15 +61,19 @@ def depth_image(
     fixed = np.asarray(matcher.compute(*wide))[:, count:]
     # A match beyond the right image's left edge was made in the added columns.
     inside = fixed <= _FIXED_POINT * np.arange(grid.width)
-    known = (fixed > 0) & inside & textured(small_left)
+    known = (fixed > 0) & inside & textured(small_left, least_step(small_left))
     disparity = fixed * np.float32(grid.reduction / _FIXED_POINT)
     return np.where(known, disparity, np.float32(np.nan))
 
 
-def textured(image: Image) -> NDArray[np.bool_]:
-    """(h, w) which pixels have texture near them on their row, above the image's own noise."""
-    limit = max(_SOBEL_STEP * _TEXTURE, _TEXTURE_SIGMAS * _SOBEL_NOISE * noise_of(image))
-    steep = np.abs(cv2.Sobel(image, cv2.CV_16S, 1, 0)) > limit
+def least_step(image: Image) -> float:
+    """Return the least horizontal step, grey levels, that stands out of the image's own noise."""
+    return float(max(_TEXTURE, _TEXTURE_SIGMAS * _SOBEL_NOISE / _SOBEL_STEP * noise_of(image)))
+
+
+def textured(image: Image, step: float) -> NDArray[np.bool_]:
+    """(h, w) which pixels have near them, on their row, a step of more than so many grey levels."""
+    steep = np.abs(cv2.Sobel(image, cv2.CV_16S, 1, 0)) > _SOBEL_STEP * step
     row = np.ones((1, 2 * _SUPPORT_CELLS + 1), np.uint8)
     return np.asarray(cv2.dilate(steep.view(np.uint8), row), np.uint8).view(np.bool_)
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from observer.methods.rigid.dense.depth_image import depth_image, noise_of, textured
+from observer.methods.rigid.dense.depth_image import depth_image, least_step, noise_of, textured
 from observer.parameters import StereoParameters
 from observer.types import Image
 
@@ -88,14 +88,16 @@ def test_edges_along_rows_and_columns_are_no_noise() -> None:
 
 @pytest.mark.parametrize("sigma", [0.0, 3.0, 10.0])
 def test_noise_is_no_texture(sigma: float) -> None:
-    assert textured(as_image(np.zeros((200, 320)), sigma, 5)).mean() < 0.05
+    image = as_image(np.zeros((200, 320)), sigma, 5)
+    assert textured(image, least_step(image)).mean() < 0.05
 
 
 @pytest.mark.parametrize("sigma", [0.0, 3.0])
 def test_a_step_is_texture_for_what_lies_near_it_on_its_row(sigma: float) -> None:
     step = np.zeros((200, 320))
     step[50:150, 160:] = 80
-    found = textured(as_image(step, sigma, 6, mean=80.0))
+    image = as_image(step, sigma, 6, mean=80.0)
+    found = textured(image, least_step(image))
     assert found[52:148, 152:168].all()
     assert found[52:148, :140].mean() < 0.05
     assert found[:48].mean() < 0.05
