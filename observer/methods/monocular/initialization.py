@@ -1,4 +1,7 @@
-"""Initialization from two views far enough apart, and one thing that gives the scale."""
+"""Initialization from two views far enough apart, and one thing that gives the scale.
+
+That is odometry, points on the ground at a known height, or else the look of that ground.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,8 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
-from observer.methods.monocular.pose import estimate_pose
+from observer.methods.monocular.ground_alignment import GroundMotion
+from observer.methods.monocular.pose import difference, estimate_pose
 from observer.methods.monocular.rays import RayPoints
 from observer.methods.monocular.scale import scale_by_ground
 from observer.methods.monocular.two_views import TwoViews, inverse_distances, two_views
@@ -22,6 +26,13 @@ _REFINE_ROUNDS = 4
 _FIRST_SIGMA_PX = 0.15
 # Wheels that turned less than this tell no scale, metres.
 _LEAST_WAY_M = 0.02
+# A way that the ground tells must be as long, metres, and as certain, as a share of it.
+_LEAST_GROUND_WAY_M, _LARGEST_GROUND_SIGMA = 0.05, 0.06
+# The points must agree with what the ground shows to within this many standard deviations, and
+# this share of them with the motion that follows.
+_AGREEING_SIGMAS, _AGREEING_SHARE = 5.0, 0.6
+# Of the points whose parallax is clear, in standard deviations, this share lies in front.
+_CLEAR_SIGMAS, _IN_FRONT_SHARE = 2.0, 0.8
 # Points less than this far below the horizon say nothing of the ground (sine of the angle).
 _LEAST_SLOPE = 0.06
 
@@ -55,7 +66,7 @@ def initialize_from_two_views(
         first, now: (N, 3) lines of sight of the points in either camera's axes.
         driven_m: the way between both views by odometry; None where nothing tells it.
     """
-    sigma = float(np.median(np.hypot(points.sigma_px, _FIRST_SIGMA_PX))) / camera.fx
+    sigma = _sight_sigma(points, camera)
     views = two_views(first, now, sigma, camera)
     if views is None:
         return None
@@ -88,6 +99,70 @@ def initialize_from_two_views(
     )
 
 
+def initialize_over_ground(
+    points: RayPoints,
+    first: Float64Array,
+    now: Float64Array,
+    motion: GroundMotion,
+    camera: StereoCamera,
+) -> Initialization | None:
+    """The same where the look of the ground tells the way.
+
+    None where it does not tell it well enough yet or points contradict it.
+
+    Args:
+        first, now: (N, 3) lines of sight of the points in either camera's axes.
+        motion: since the first view.
+    """
+    if motion.way_m < _LEAST_GROUND_WAY_M or motion.way_sigma > _LARGEST_GROUND_SIGMA:
+        return None
+    sigma = _sight_sigma(points, camera)
+    everything = np.ones(len(points), np.bool_)
+    prior = np.asarray(np.linalg.pinv(motion.covariance), np.float64)
+    T = motion.T_now_mark
+    for _ in range(_REFINE_ROUNDS):
+        inverse, noise = inverse_distances(first, now, T, sigma)
+        estimate = estimate_pose(
+            _broad(points, first, inverse, noise), everything, everything.astype(np.float64),
+            motion.T_now_mark, prior, None, 0.0, camera,
+        )  # fmt: skip
+        T = estimate.T_camera_world
+    gap = difference(motion.T_now_mark, T)
+    if gap @ prior @ gap > _AGREEING_SIGMAS**2:
+        return None
+    if np.mean(estimate.inliers) < _AGREEING_SHARE:
+        return None
+    inverse, noise = inverse_distances(first, now, T, sigma)
+    clear = estimate.inliers & (np.abs(inverse) > _CLEAR_SIGMAS * noise)
+    if np.count_nonzero(clear & (inverse > 0)) < _IN_FRONT_SHARE * np.count_nonzero(clear):
+        # What seemed to be the ground was something that drives, and drives away.
+        return None
+    # Of the others it is known only what is of a new point.
+    told = (inverse > 0) & (noise**2 < points.variance)
+    placed = points.but(
+        inverse=np.where(told, inverse, points.inverse),
+        variance=np.where(told, noise**2, points.variance),
+    )
+    return Initialization(T, placed.take(estimate.inliers), motion.way_sigma)
+
+
+def _sight_sigma(points: RayPoints, camera: StereoCamera) -> float:
+    """Noise of a line of sight, radians."""
+    return float(np.median(np.hypot(points.sigma_px, _FIRST_SIGMA_PX))) / camera.fx
+
+
+def _broad(
+    points: RayPoints, first: Float64Array, inverse: Float64Array, noise: Float64Array
+) -> RayPoints:
+    """The points along their first lines of sight (N, 3), so unsure that only these count."""
+    return points.but(
+        centre=np.zeros((len(points), 3)),
+        ray=first,
+        inverse=inverse,
+        variance=(0.3 * np.abs(inverse) + noise) ** 2,
+    )
+
+
 def _refined(
     points: RayPoints,
     first: Float64Array,
@@ -102,12 +177,7 @@ def _refined(
     if len(inverse) != len(points):
         inverse, noise = inverse[views.inliers], noise[views.inliers]
     for _ in range(_REFINE_ROUNDS):
-        broad = points.but(
-            centre=np.zeros((len(points), 3)),
-            ray=first,
-            inverse=inverse,
-            variance=(0.3 * np.abs(inverse) + noise) ** 2,
-        )
+        broad = _broad(points, first, inverse, noise)
         T = estimate_pose(
             broad, everything, everything.astype(np.float64), T, _length_only(T), None, 0.0, camera
         ).T_camera_world

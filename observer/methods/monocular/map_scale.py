@@ -6,6 +6,7 @@ import numpy as np
 
 from observer.geometry import Pose
 from observer.methods.monocular.ground import GroundPlane
+from observer.methods.monocular.ground_odometry import GroundOdometer
 from observer.methods.monocular.rays import RayPoints
 from observer.methods.monocular.scale import (
     correction,
@@ -14,7 +15,7 @@ from observer.methods.monocular.scale import (
     sigma_after_way,
 )
 from observer.parameters import MonocularParameters
-from observer.types import Odometry
+from observer.types import Image, Odometry
 from observer.vision.wheel_odometry import driven_way
 
 
@@ -50,17 +51,26 @@ class MapScale:
         T_camera_world: Pose,
         T_before_world: Pose,
         odometry: Odometry | None,
+        ground_odometer: GroundOdometer | None,
+        image: Image,
         p: MonocularParameters,
     ) -> RayPoints:
         """The map after one more frame, enlarged or reduced about the camera.
 
         Args:
             T_camera_world, T_before_world: where the camera is, and was in the frame before.
+            ground_odometer: what the look of the ground tells; None where wheels tell the way.
+            image: (H, W) grey, of this frame.
         """
         moved = T_camera_world @ T_before_world.inverse()
         self._sigma = sigma_after_way(self._sigma, float(np.linalg.norm(moved.translation)))
         here = T_camera_world.inverse()
-        factor = self._by_ground(points, here) * self._by_odometry(T_camera_world, odometry, p)
+        factor = self._by_odometry(T_camera_world, odometry, p)
+        # Where the ground is bare, points that seem to lie on it stand in front of it.
+        if ground_odometer is None or not ground_odometer.sees:
+            factor *= self._by_ground(points, here)
+        if ground_odometer is not None:
+            factor *= self._taken(ground_odometer.compared(image, T_camera_world))
         if factor == 1.0:
             return points
         return points.but(

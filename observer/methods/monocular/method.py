@@ -17,7 +17,12 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.contract import StageTimer, Step
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.ground_obstacles import GroundObstacles
-from observer.methods.monocular.initialization import Initialization, initialize_from_two_views
+from observer.methods.monocular.ground_odometry import GroundFollower, GroundOdometer
+from observer.methods.monocular.initialization import (
+    Initialization,
+    initialize_from_two_views,
+    initialize_over_ground,
+)
 from observer.methods.monocular.inverse_depth import (
     anchored_anew,
     expected_sightings,
@@ -108,8 +113,9 @@ class MonocularMethod:
         )
         # With odometry and mount the motion is known at once, else two views must tell it.
         self._started = self._mount is not None and view.odometry is not None
+        self._odometer: GroundOdometer | None = None
         self._view = view
-        self._renew_points(view, parameters)
+        self._begin_anew(view, parameters)
 
     def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
         """Compare this view with the last one whose pose is known."""
@@ -124,6 +130,11 @@ class MonocularMethod:
                 return self._start(points, view, p, trace)
         with timer("ego_motion"):
             estimate = self._pose(points, T_expected, prior, p)
+            if self._odometer is not None:
+                told = self._odometer.measured(
+                    view.left, estimate.T_camera_world, estimate.covariance
+                )
+                estimate = estimate if told is None else self._pose(points, *told, p)
             ego = self._ego_motion(points, estimate, p)
         trace.keep("ego_motion", ego)
         if ego.T_camera_world is None or ego.T_current_previous is None:
@@ -144,8 +155,9 @@ class MonocularMethod:
             trace.keep("rays", points)
             trace.keep("ray_evidence", evidence)
             points = self._scale.corrected(
-                points, ego.T_camera_world, self._T_camera_world, view.odometry, p.monocular
-            )
+                points, ego.T_camera_world, self._T_camera_world, view.odometry, self._odometer,
+                view.left, p.monocular,
+            )  # fmt: skip
         T_world_camera = ego.T_camera_world.inverse()
         with timer("tracking"):
             points = self._obstacles.step(
@@ -231,37 +243,51 @@ class MonocularMethod:
             return NO_SCALE
         if len(points) < p.ego_motion.min_inliers:
             # Nothing is left of the first view; the world begins anew here.
-            self._view, self._points = view, RayPoints.none()
-            self._renew_points(view, p)
+            self._begin_anew(view, p)
             return f"only {len(points)} points could be followed: too few features"
         first = points.ray @ self._T_camera_world.rotation.T
         now = lines_of_sight(points.px, Pose.identity(), self._camera)
         R, parallax = turned_between(first, now)
         self._view, self._points = view, points
-        if np.degrees(np.median(parallax)) >= p.monocular.parallax_deg:
+        shift = float(np.median(parallax))
+        motion = None if self._follower is None else self._follower.followed(view.left, R, shift)
+        beginning: Initialization | str | None = None
+        if motion is not None:
+            beginning = initialize_over_ground(points, first, now, motion, self._camera)
+        if beginning is None and np.degrees(shift) >= p.monocular.parallax_deg:
             beginning = initialize_from_two_views(
                 points, first, now, driven, self._mount, p.monocular, self._camera
             )
-            if isinstance(beginning, Initialization):
-                self._begin_at(beginning, view, p)
-                return None
-            if beginning is not None:
-                return beginning
+        if isinstance(beginning, Initialization):
+            self._begin_at(beginning, view, p)
+            return None
+        if beginning is not None:
+            return beginning
         turned = float(np.linalg.norm(Pose(R, np.zeros(3)).rotvec))
         if len(points) < _LEAST_LEFT * self._begun_with:
             # Too much has left the view: what is seen from here is compared with later views.
             self._T_camera_world = Pose(R, np.zeros(3)) @ self._T_camera_world
-            self._points = RayPoints.none()
-            self._renew_points(view, p)
+            self._begin_anew(view, p)
         if turned > _TURNED_RAD or self._T_camera_world.rotvec.any():
             return ONLY_TURNED
         return NOT_TRAVELLED
 
+    def _begin_anew(self, view: View, p: Parameters) -> None:
+        """Take this view for the first one."""
+        self._view, self._points = view, RayPoints.none()
+        self._follower = None
+        if not self._started and self._mount is not None:
+            below = GroundPlane.below(self._mount)
+            self._follower = GroundFollower(view.left, below, self._camera)
+        self._renew_points(view, p)
+
     def _begin_at(self, beginning: Initialization, view: View, p: Parameters) -> None:
-        self._T_camera_world = beginning.T_now_first @ self._T_camera_world
-        self._scale = MapScale(
-            beginning.scale_sigma, self._ground, self._T_camera_world, view.odometry
-        )
+        T = self._T_camera_world = beginning.T_now_first @ self._T_camera_world
+        self._scale = MapScale(beginning.scale_sigma, self._ground, T, view.odometry)
+        if self._mount is not None:
+            below = GroundPlane.below(self._mount)
+            self._odometer = GroundOdometer(view.left, T, below, self._camera)
+        self._follower = None
         self._points = beginning.points
         self._started = True
         self._renew_points(view, p)

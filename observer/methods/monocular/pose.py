@@ -84,14 +84,14 @@ def estimate_pose(
         WJ = W @ J * trust[:, None, None]
         A = np.einsum("nai,naj->ij", J, WJ)
         b = np.einsum("nai,na->i", WJ, r)
-        gap = _difference(T_expected, pose)
+        gap = difference(T_expected, pose)
         A, b = A + prior, b + prior @ gap
         if ground is not None:
-            extra, pull = _above_ground(pose, ground)
+            extra, pull = held_above_ground(pose, ground)
             A, b = A + extra, b + pull
         information = A
         step = np.linalg.lstsq(A, b, rcond=1e-12)[0]
-        pose = _moved(pose, step)
+        pose = moved_by(pose, step)
     inliers = np.zeros(len(points), np.bool_)
     inliers[np.flatnonzero(use)] = length <= _OUTLIER_SIGMAS
     known = chosen.known & np.isfinite(length)
@@ -102,18 +102,18 @@ def estimate_pose(
     return PoseEstimate(pose, covariance, inliers, scale)
 
 
-def _difference(T_expected: Pose, pose: Pose) -> Float64Array:
+def difference(T_expected: Pose, pose: Pose) -> Float64Array:
     """(6,) the small motion, camera axes, that leads from a pose to the expected one."""
     step = T_expected @ pose.inverse()
     return np.concatenate([step.rotvec, step.translation])
 
 
-def _moved(pose: Pose, step: Float64Array) -> Pose:
+def moved_by(pose: Pose, step: Float64Array) -> Pose:
     turn = Rotation.from_rotvec(np.clip(step[:3], -0.5, 0.5)).as_matrix()
     return Pose(turn, np.clip(step[3:], -5.0, 5.0)) @ pose
 
 
-def _above_ground(pose: Pose, ground: GroundPlane) -> tuple[Float64Array, Float64Array]:
+def held_above_ground(pose: Pose, ground: GroundPlane) -> tuple[Float64Array, Float64Array]:
     """Information (6, 6) and its vector (6,) of standing at the first frame's height and tilt."""
     A, b = np.zeros((6, 6)), np.zeros(6)
     down = pose.rotate(ground.down)

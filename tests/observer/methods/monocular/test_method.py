@@ -12,6 +12,7 @@ import pytest
 from observer.explanation.answer import PixelVerdict
 from observer.explanation.pixel import explain_pixel
 from observer.jsonl import observation_line
+from observer.methods.monocular.initialization import NO_GROUND
 from observer.methods.monocular.method import NO_SCALE, ONLY_TURNED
 from observer.mount import CameraMount
 from observer.observer import Observer
@@ -109,6 +110,41 @@ def test_the_height_above_the_floor_alone_tells_metres(lateral: list[StereoFrame
     assert "travelled" in seen[5].reasons[-1]
     assert {s.segment for s in seen} == {0}
     assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
+
+
+@pytest.fixture(scope="module")
+def bare() -> list[StereoFrame]:
+    """The same robot on plain tiles: nothing but joints on the ground."""
+    text = "based_on: lateral\ntitle: x\nhelp: x\ntexture: {share_without: 1.0, robot: dark}\n"
+    return without_odometry(read(SimulatedSource(World(scenario_from_text(text, "x"), 3)), COUNT))
+
+
+def test_plain_tiles_and_the_height_tell_metres_and_a_crossing_robot(
+    bare: list[StereoFrame],
+) -> None:
+    seen = observe(bare)
+    assert way_share(seen, bare) == pytest.approx(1, abs=0.08)
+    for observation, frame in list(zip(seen, bare, strict=True))[35:]:
+        assert observation.status is Status.OK
+        (true,) = [b for b in TRUTH.bodies(frame.time) if b.id == 1]
+        (o,) = observation.reported
+        assert o.position is not None
+        assert o.velocity is not None
+        assert np.linalg.norm(o.position - true.position) < 0.4
+        assert np.linalg.norm(o.velocity - true.velocity) < 0.2
+
+
+def test_a_ground_without_any_joint_is_told_not_to_show_the_scale(
+    bare: list[StereoFrame],
+) -> None:
+    rows = slice(130, None)
+    blank = [np.array(f.left) for f in bare]
+    for image in blank:
+        image[rows] = 120
+    seen = observe([replace(f, left=i, right=i) for f, i in zip(bare, blank, strict=True)])
+    assert {s.status for s in seen} == {Status.DEGRADED}
+    assert not any(s.obstacles for s in seen)
+    assert seen[-1].reasons == (NO_GROUND,)
 
 
 def test_odometry_alone_tells_metres(lateral: list[StereoFrame]) -> None:

@@ -1,0 +1,119 @@
+"""The ground as an odometer: the camera's way in metres where no wheels tell it.
+
+The mount says how the camera stands above the ground; ``ground_alignment`` tells how it has moved
+since a mark, an image of the ground from which so far is driven until the next.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.methods.monocular.ground import GroundPlane
+from observer.methods.monocular.ground_alignment import WAY_SHARED, GroundMark, GroundMotion
+from observer.types import Image
+
+# The turn of a map's poses is wrong by so much, radians; and that of the turn which explains the
+# first views' points best, for it takes some way for turning.
+_MAP_TURN_SIGMA, _FIRST_TURN_SIGMA = 0.003, 0.01
+# The scale of a map by points alone, as a share.
+_MAP_SCALE_SIGMA = 0.1
+# Parallax of points that is more than noise, radians.
+_LEAST_PARALLAX = 0.0005
+# The step that is expected follows the last one by this share, so that noise does not lead astray.
+_STEP_GAIN = 0.3
+# What the ground shows is wrong by at least this, metres; and where it differs by more standard
+# deviations from what points do, it is not the ground.
+_LEAST_WAY_SIGMA_M, _AGREEING_SIGMAS = 0.001, 4.0
+# After such a way, metres, or turn, radians, much of the mark's ground is out of sight.
+_WAY_M, _TURNED_RAD = 0.12, 0.15
+
+
+class GroundFollower:
+    """Follows the ground from a first view on, before anything else is known of the motion."""
+
+    def __init__(self, image: Image, ground: GroundPlane, camera: StereoCamera) -> None:
+        """``ground`` is the plane in the axes of the camera that took ``image`` (H, W), grey."""
+        self._mark = GroundMark(image, ground, camera)
+        self._place = self._step = np.zeros(3)
+
+    def followed(
+        self, image: Image, R_now_first: Float64Array, parallax: float
+    ) -> GroundMotion | None:
+        """The motion since the first view; None where the ground does not show it.
+
+        Args:
+            image: (H, W) grey, now. R_now_first: (3, 3) the turn that explains the points best.
+            parallax: radians, of the points beyond that turn; without any there is no way.
+        """
+        if parallax < _LEAST_PARALLAX:
+            return None
+        ahead = self._place + self._step
+        seen = self._mark.aligned(image, Pose(R_now_first, ahead), _FIRST_TURN_SIGMA)
+        # Where it is not seen, it may be again if the camera goes on as it did.
+        now = ahead if seen is None else seen.T_now_mark.translation
+        self._step = self._step + _STEP_GAIN * (now - self._place - self._step)
+        self._place = now
+        return seen
+
+
+class GroundOdometer:
+    """Tells the camera's way over the ground, from mark to mark."""
+
+    def __init__(
+        self, image: Image, T_camera_world: Pose, ground: GroundPlane, camera: StereoCamera
+    ) -> None:
+        """``ground`` is the plane in the camera's axes, wherever a mark is made."""
+        self._ground = ground
+        self._camera = camera
+        self._mark = GroundMark(image, ground, camera)
+        self._T_mark = T_camera_world
+        self._seen: GroundMotion | None = None
+
+    @property
+    def sees(self) -> bool:
+        """True if the ground showed the camera's way in the last image."""
+        return self._seen is not None
+
+    def measured(
+        self, image: Image, T_camera_world: Pose, covariance: Float64Array
+    ) -> tuple[Pose, Float64Array] | None:
+        """The camera's pose by the ground, and its information (6, 6).
+
+        None where the ground does not show it or contradicts the points.
+
+        Args:
+            image: (H, W) grey, now. T_camera_world: the pose by points; covariance: (6, 6) its.
+        """
+        self._seen = None
+        guess = T_camera_world @ self._T_mark.inverse()
+        way = float(np.linalg.norm(guess.translation))
+        seen = self._mark.aligned(image, guess, _MAP_TURN_SIGMA)
+        if seen is None:
+            return None
+        shared = WAY_SHARED * way + _LEAST_WAY_SIGMA_M
+        own = seen.covariance + np.diag([0.0] * 3 + [shared**2] * 3)
+        gap = seen.T_now_mark.translation - guess.translation
+        doubt = own[3:, 3:] + covariance[3:, 3:] + (_MAP_SCALE_SIGMA * way) ** 2 * np.eye(3)
+        if gap @ np.linalg.solve(doubt, gap) > _AGREEING_SIGMAS**2:
+            return None
+        self._seen = seen
+        return seen.T_now_mark @ self._T_mark, np.asarray(np.linalg.pinv(own), np.float64)
+
+    def compared(self, image: Image, T_camera_world: Pose) -> tuple[float, float] | None:
+        """Logarithm of the ground's way over the map's, and its standard deviation.
+
+        Only where the way from the last mark is long enough; there the next mark is made.
+        None elsewhere and where the ground did not show it.
+        """
+        moved = T_camera_world @ self._T_mark.inverse()
+        way = float(np.linalg.norm(moved.translation))
+        if way < _WAY_M and float(np.linalg.norm(moved.rotvec)) < _TURNED_RAD:
+            return None
+        seen = self._seen
+        self._mark = GroundMark(image, self._ground, self._camera)
+        self._T_mark = T_camera_world
+        if seen is None or way < _WAY_M:
+            return None
+        return float(np.log(seen.way_m / way)), seen.way_sigma
