@@ -25,8 +25,7 @@ class MonocularParameters(Stage):
     parallax_deg: Real = number(
         0.6, unit="deg", ge=0.1, le=10.0, step=0.1, title="Initial parallax"
     )
-    """Depth is initialized once the median parallax exceeds this, unless odometry or the look of the
-    ground tells the distance travelled."""
+    """Depth is initialized once the median parallax exceeds this or the ground shows the travel."""
     memory_s: Real = number(1.0, unit="s", ge=0.2, le=10.0, step=0.1, title="Memory")
     """Time over which a point must agree with a static one."""
     farthest_m: Real = number(6.0, unit="m", ge=0.5, le=100.0, step=0.5, title="Max. range")
