@@ -31,6 +31,8 @@ detections            the obstacles of this frame before they get an identity
 evidence              ``Evidence``: how every followed point moves, and how sure that is
 rows                  ``StereoRows``: where the points are in the right image; the inliers of
                       ``ego_motion`` are aligned with them
+disparity_bias        ``DisparityBias``: what all disparities lack, as far as known
+exposure_skew         ``ExposureSkew``: how much later the right camera exposes, where untold
 --------------------  one camera only
 rays                  ``RayPoints``: all followed points, their lines of sight and depths
 ray_evidence          ``RayEvidence``: which of them cannot stand
@@ -51,6 +53,7 @@ from observer.methods.contract import Method
 from observer.methods.monocular.method import MonocularMethod
 from observer.methods.planar.method import PlanarMethod
 from observer.methods.rigid.method import RigidMethod
+from observer.methods.rigid.stereo_drift import StereoDrift
 from observer.mount import CameraMount
 from observer.parameters import Parameters
 from observer.types import NoTrace, Observation, Obstacle, Status, StereoFrame, Trace
@@ -123,6 +126,8 @@ class Observer:
         self._method: Method | None = None
         # An obstacle's number is not used again in a later segment.
         self._numbers = count(1)
+        # What the pair's calibration lacks does not end with a segment either.
+        self._drift = StereoDrift(self.camera)
         self._health = ImageHealth(self.camera)
         self._newest: tuple[int, float] | None = None
         self._segment = 0
@@ -182,7 +187,7 @@ class Observer:
         with timer("health"):
             ills = self._health.look(view, p.stereo, step.stereo_share, step.rows)
         status = Status.DEGRADED if ills and step.ego.status is Status.OK else step.ego.status
-        reasons = (*notes, *ills, *step.ego.reasons)
+        reasons = (*notes, *step.notes, *ills, *step.ego.reasons)
         return self._observation(frame, status, reasons, step.T_world_camera, step.obstacles, timer)
 
     def _rectified(self, frame: StereoFrame, trace: Trace) -> View:
@@ -224,7 +229,9 @@ class Observer:
     def _new_method(self, view: View) -> Method:
         match _method_name(self.parameters):
             case "rigid":
-                return RigidMethod(self.camera, view, self.parameters, self._numbers, self._mount)
+                return RigidMethod(
+                    self.camera, view, self.parameters, self._numbers, self._mount, self._drift
+                )
             case "monocular":
                 return MonocularMethod(
                     self.camera, view, self.parameters, self._numbers, self._mount

@@ -27,6 +27,7 @@ class Step:
         stereo_share: share of the features whose depth is known.
         rows: None where the method does not match points between left and right.
         waiting: the pose is unknown because the method has not seen enough yet; nothing is lost.
+        notes: what is told of this frame beside what makes it weak, one sentence each.
     """
 
     ego: EgoMotion
@@ -35,6 +36,7 @@ class Step:
     stereo_share: float
     rows: StereoRows | None
     waiting: bool = False
+    notes: tuple[str, ...] = ()
 
 
 class Method(Protocol):

@@ -138,7 +138,7 @@ PLANAR_ONLY = {
     "points_previous", "points_current", "detections",
 }  # fmt: skip
 
-RIGID_ONLY = {"evidence", "rows"}
+RIGID_ONLY = {"evidence", "rows", "disparity_bias", "exposure_skew"}
 # What one camera leaves is tested with its method.
 ONE_CAMERA_ONLY = {"rays", "ray_evidence"}
 

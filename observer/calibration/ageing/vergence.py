@@ -12,11 +12,11 @@ from typing import Literal
 
 import numpy as np
 
-from observer.calibration.ageing.vergence_fit import SeenTwice, WayEquation, way_equation
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.types import Odometry
+from observer.vision.vergence_fit import SeenTwice, WayEquation, way_equation
 from observer.vision.view import StereoRows
 from observer.vision.wheel_odometry import driven_step, driven_way
 
@@ -48,8 +48,6 @@ _BIAS_PX = 0.1
 # How far back the fits count, metres of way.
 _MEMORY_M = 20.0
 _LEAST_PAIRS = 3.5
-# Disparities below are as good as none; the method clips them.
-_LEAST_DISPARITY_PX = 1.0
 _SURE_SIGMAS = 3.0
 # Vergence counts as known once a disparity is known so well, pixels.
 _KNOWN_PX = 0.3
@@ -152,15 +150,15 @@ class VergenceWatch:
         return self._found
 
     def _fit(self, before: _Seen, now: _Seen) -> None:
-        seen = _pair(before, now, self._mount)
+        seen, wheels_way_m = _pair(before, now, self._mount)
         way_m = float(np.linalg.norm(seen.T_now_before.translation))
         turn = float(np.linalg.norm(seen.T_now_before.rotvec))
         wheels_turn = _turn(before.odometry, now.odometry)
-        same = seen.way_m / _SAME_WAY < way_m < seen.way_m * _SAME_WAY
+        same = wheels_way_m / _SAME_WAY < way_m < wheels_way_m * _SAME_WAY
         if not same or abs(turn - wheels_turn) > _SAME_TURN + _SAME_TURN_SHARE * wheels_turn:
             if self._pairs < _LEAST_PAIRS:
                 self._found = _unobserved(
-                    f"vergence is unobserved: the wheels tell {seen.way_m:.2f} m of way and "
+                    f"vergence is unobserved: the wheels tell {wheels_way_m:.2f} m of way and "
                     f"{math.degrees(wheels_turn):.0f} deg of turn where stereo saw {way_m:.2f} m "
                     f"and {math.degrees(turn):.0f} deg; {_CHECK_WHEELS}"
                 )
@@ -169,7 +167,7 @@ class VergenceWatch:
         equation = way_equation(seen, self._camera, start, WHEEL_SCALE_SIGMA)
         if equation is None:
             return
-        self._add(equation, seen.way_m)
+        self._add(equation, wheels_way_m)
         self._found = self._tell()
 
     def _add(self, equation: WayEquation, way_m: float) -> None:
@@ -267,25 +265,9 @@ def _turn(before: Odometry, now: Odometry) -> float:
     return abs(math.remainder(now.yaw - before.yaw, 2 * math.pi))
 
 
-def _pair(before: _Seen, now: _Seen, mount: CameraMount) -> SeenTwice:
-    """Return the points seen in both views.
-
-    What moves among them is left to the fit's own weights: the method's inliers are those that
-    fit the calibration as it is, right or wrong.
-    """
+def _pair(before: _Seen, now: _Seen, mount: CameraMount) -> tuple[SeenTwice, float]:
+    """Return the points seen in both views, and the way between them by the wheels, metres."""
     _, way_m, turn = driven_step(before.odometry, now.odometry, mount)
-    a, b = before.rows, now.rows
-    at_a, at_b = (np.flatnonzero(rows.disparity > _LEAST_DISPARITY_PX) for rows in (a, b))
-    _, in_a, in_b = np.intersect1d(
-        a.number[at_a], b.number[at_b], assume_unique=True, return_indices=True
-    )
-    at_a, at_b = at_a[in_a], at_b[in_b]
-    return SeenTwice(
-        before_px=a.px[at_a],
-        before_disparity=a.disparity[at_a],
-        now_px=b.px[at_b],
-        now_disparity=b.disparity[at_b],
-        T_now_before=now.T_world_camera.inverse() @ before.T_world_camera,
-        way_m=way_m,
-        way_std_m=math.hypot(_STEP_M, mount.lever_sigma_m * turn),
-    )
+    T_now_before = now.T_world_camera.inverse() @ before.T_world_camera
+    way_std_m = math.hypot(_STEP_M, mount.lever_sigma_m * turn)
+    return SeenTwice.of(before.rows, now.rows, T_now_before, way_m, way_std_m), way_m

@@ -28,6 +28,7 @@ from observer.methods.rigid.point_tracking import (
     track_in_both_cameras,
     world_sightings,
 )
+from observer.methods.rigid.stereo_drift import StereoDrift, with_bias
 from observer.methods.rigid.trace import keep_background, keep_motion, stereo_rows
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.mount import CameraMount
@@ -39,7 +40,7 @@ from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
 from observer.vision.lifecycle import while_lost
 from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.rigid_ego_motion import RigidEgoMotion
-from observer.vision.view import View
+from observer.vision.view import StereoRows, View
 
 # The noise learnt from the background follows the newest frame by this share.
 _NOISE_GAIN = 0.3
@@ -58,10 +59,14 @@ class RigidMethod:
         parameters: Parameters,
         numbers: Iterator[int] | None = None,
         mount: CameraMount | None = None,
+        drift: StereoDrift | None = None,
     ) -> None:
-        """``view`` is the first of a new world; ``numbers`` gives each confirmed track its own.
+        """``view`` is the first of a new world.
 
-        ``mount`` tells where the ground is; without one it is found once it is seen.
+        Args:
+            numbers: gives each confirmed track its own.
+            mount: tells where the ground is; without one it is found once it is seen.
+            drift: what earlier segments taught about the pair of cameras; nothing if left out.
         """
         self._camera = camera
         self._tracker = BodyTracker(numbers)
@@ -69,7 +74,9 @@ class RigidMethod:
         self._gate = MotionGate()
         self._dense = DenseVision(camera, mount)
         self._points = TrackedPoints.none()
-        self._view = view
+        self._drift = StereoDrift(camera) if drift is None else drift
+        self._drift.begin_segment()
+        self._view = self._drift.timed(view)
         # The last frame whose pose is known; None while that is the first.
         self._last: CameraStep | None = None
         # Standard deviation of the sightings, relative to what texture and grey levels promise.
@@ -78,17 +85,21 @@ class RigidMethod:
 
     def step(self, view: View, parameters: Parameters, timer: StageTimer, trace: Trace) -> Step:
         """Compare this view with the last one whose pose is known."""
-        previous, before, p = self._view, self._points, parameters
+        previous, before, p = self._view, self._points, self._drift.remaining(parameters)
+        given, view = view, self._drift.timed(view)
         dt = view.time - previous.time
         with timer("klt_tracking"):
             T_expected = self._expected_pose(dt)
             expected = self._expectation(T_expected, dt, p)
             levels = FIRST_LEVELS if self._last is None else LEVELS
             seen = track_in_both_cameras(before, previous, view, expected, levels, p.klt_tracking)
-            points, sigma = sighted_points(before, seen, expected, view, dt, p.klt_tracking)
+            bias_px = self._drift.bias_px
+            points, sigma = sighted_points(
+                before, seen, expected, view, dt, p.klt_tracking, self._camera, bias_px
+            )
         with timer("ego_motion"):
             ego = self._ego_motion(points, sigma, T_expected, view, dt, p)
-        rows = stereo_rows(points)
+        rows = stereo_rows(points, self._camera, bias_px)
         keep_background(trace, previous, before, points, seen, ego, rows)
         now = CameraStep.of(self._camera, ego, dt)
         if now is None:
@@ -104,14 +115,17 @@ class RigidMethod:
             motion = pooled_motion(points, now, p.evidence)
             points = points.but(dynamic=motion.dynamic, velocity=motion.own_velocity)
         with timer("dense"):
-            scene = self._dense.look(view, now, p.stereo)
+            scene = self._dense.look(view, now, p.stereo, bias_px)
         with timer("tracking"):
             points = self._tracker.step(points, sightings, motion, scene, now, p)
         keep_motion(trace, before, points, seen, ego, motion)
         self._view, self._points, self._last = view, points, now
+        with timer("drift"):
+            notes = self._follow_drift(given, before.take(seen.found), rows, p, trace)
         with timer("features"):
             self._renew_points(p)
-        return Step(ego, T_world_camera, self._described(now), points.stereo_share, rows)
+        described, share = self._described(now), points.stereo_share
+        return Step(ego, T_world_camera, described, share, rows, notes=notes)
 
     # --- the steps ---------------------------------------------------------------------------
 
@@ -180,11 +194,34 @@ class RigidMethod:
         reason = self._gate.refusal(time, dt, ego.T_current_previous, ego.pose_covariance, reach)
         return ego if reason is None else ego.refused(reason)
 
+    def _follow_drift(
+        self, given: View, before: TrackedPoints, rows: StereoRows, p: Parameters, trace: Trace
+    ) -> tuple[str, ...]:
+        """Learn bias and skew of the pair; what is learnt moves no point and no obstacle."""
+        now = self._last
+        assert now is not None
+        change = self._drift.look(given, before, self._points, rows, now, p, trace)
+        if change is None:
+            return ()
+        if change.bias_px:
+            self._points = with_bias(self._points, change.bias_px, now)
+            self._tracker.correct_disparities(change.bias_px, now)
+            self._dense.correct_disparities(change.bias_px)
+        if change.skew:
+            # What turned was seen at wrong depths, each frame at others.
+            self._view = self._drift.timed(given)
+            self._points = self._renewal.restarted(
+                self._points, self._view, now.T_camera_world, self._drift.bias_px
+            )
+            self._tracker.tracks.clear()
+            self._dense.forget()
+        return change.notes
+
     def _renew_points(self, p: Parameters) -> None:
         T_camera_world = self._T_camera_world
         boxes = self._tracker.boxes_px(T_camera_world, self._camera)
         self._points = self._renewal.renewed(
-            self._points, self._view, boxes, T_camera_world, self._rate, p
+            self._points, self._view, boxes, T_camera_world, self._rate, p, self._drift.bias_px
         )
 
     # --- what is reported --------------------------------------------------------------------

@@ -16,6 +16,7 @@ from observer.methods.rigid.position_velocity_filter import PositionVelocityFilt
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.parameters import Parameters
 from observer.vision.camera_rate import CameraRate
+from observer.vision.disparity_bias import bias_profile
 from observer.vision.keypoints import attention, grid_cells, new_keypoints, one_per_cell
 from observer.vision.klt_tracking import match_right
 from observer.vision.sparse_stereo import coarse_disparity
@@ -44,6 +45,7 @@ class PointRenewal:
         T_camera_world: Pose,
         rate: CameraRate | None,
         parameters: Parameters,
+        bias_px: float,
     ) -> TrackedPoints:
         """Return one point for each cell of the image: the old one, or else a new one.
 
@@ -51,6 +53,7 @@ class PointRenewal:
             boxes_px: (B, 4) u0 v0 u1 v1 around obstacles; cells are smaller there.
             rate: of the camera; None unknown, as in a segment's first view, of which every cell
                 is looked at.
+            bias_px: what all disparities lack, at the image's centre.
         """
         points = points.remembered()
         moving = points.px[points.dynamic | (points.obstacle != NO_OBSTACLE)]
@@ -69,8 +72,20 @@ class PointRenewal:
         wrong = due[_contradicted(points, due, coarse[: len(due)])]
         if len(wrong):
             points = points.take(np.delete(np.arange(len(points)), wrong))
-        new = self._spawned(view, px, coarse[len(due) :], T_camera_world, rate, parameters)
+        new = self._spawned(view, px, coarse[len(due) :], T_camera_world, rate, parameters, bias_px)
         return points.joined(new)
+
+    def restarted(
+        self, points: TrackedPoints, view: View, T_camera_world: Pose, bias_px: float
+    ) -> TrackedPoints:
+        """Return the points as if first seen in this view, of which the skew was not known."""
+        disparity = (points.px[:, 0] - points.right_px[:, 0]).astype(np.float64)
+        known = np.asarray(disparity > MOST_NEGATIVE_PX)
+        points, disparity = points.take(known), disparity[known]
+        begun = self._begun(
+            view, points.px, points.right_px, disparity, points.flow[:, 0], T_camera_world, bias_px
+        )
+        return begun.but(number=points.number, flow=points.flow)
 
     def _spawned(
         self,
@@ -80,6 +95,7 @@ class PointRenewal:
         T_camera_world: Pose,
         rate: CameraRate | None,
         parameters: Parameters,
+        bias_px: float,
     ) -> TrackedPoints:
         """New points at those of (N, 2) px that are found in the right image.
 
@@ -91,18 +107,33 @@ class PointRenewal:
         known = np.asarray(disparity > MOST_NEGATIVE_PX)
         px, right = px[known], right[known]
         disparity = np.maximum(disparity[known], LEAST_DISPARITY_PX)
+        flow = self._static_flow(px, disparity, rate)
+        begun = self._begun(view, px, right, disparity, flow, T_camera_world, bias_px)
+        self._next_number += len(px)
+        return begun
+
+    def _begun(
+        self,
+        view: View,
+        px: NDArray[np.float32],
+        right: NDArray[np.float32],
+        disparity: Float64Array,
+        flow: Float64Array,
+        T_camera_world: Pose,
+        bias_px: float,
+    ) -> TrackedPoints:
+        """Points first seen at (N, 2) px, with disparities (N,) px and flow (N,) px/s."""
         if view.right_time is not None:
-            flow = self._static_flow(px, disparity, rate)
-            shift = flow * (view.right_time - view.time)
-            disparity = np.maximum(disparity + shift, LEAST_DISPARITY_PX)
+            disparity = disparity + flow * (view.right_time - view.time)
+        if bias_px:
+            disparity = disparity + bias_px * bias_profile(px, disparity, self._camera)
+        disparity = np.maximum(disparity, LEAST_DISPARITY_PX)
         T_world_camera = T_camera_world.inverse()
         place = self._camera.triangulate(px, disparity)
         sigma = np.full((len(px), 3), _FIRST_SIGMA_PX)
         information = sighting_information(place, sigma, T_world_camera, self._camera)
         sums = PositionVelocityFilter.begin(T_world_camera.apply(place), information)
-        begun = TrackedPoints.begin(self._next_number, px, right, disparity, sums)
-        self._next_number += len(px)
-        return begun
+        return TrackedPoints.begin(self._next_number, px, right, disparity, sums)
 
     def _static_flow(
         self, px: NDArray[np.float32], disparity: Float64Array, rate: CameraRate | None

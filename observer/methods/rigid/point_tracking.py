@@ -11,6 +11,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.parameters import KltTrackingParameters
+from observer.vision.disparity_bias import bias_profile
 from observer.vision.klt_tracking import Sightings, as_bright_as, track_stereo_points
 from observer.vision.view import View
 
@@ -72,8 +73,14 @@ def sighted_points(
     view: View,
     dt: float,
     parameters: KltTrackingParameters,
+    camera: StereoCamera,
+    bias_px: float,
 ) -> tuple[TrackedPoints, Float64Array]:
-    """Return the points that were found, with their noise (N, 3) in u, v and disparity, pixels."""
+    """Return the points that were found, with their noise (N, 3) in u, v and disparity, pixels.
+
+    Args:
+        bias_px: what all disparities lack, at the image's centre.
+    """
     found = seen.found
     points = points.take(found)
     px, right_px = seen.px[found], seen.right_px[found]
@@ -88,6 +95,8 @@ def sighted_points(
         # What moves in the image has moved on when the right camera exposes.
         disparity = disparity + flow[:, 0] * (view.right_time - view.time)
         variance = variance + (flow[:, 0] * parameters.skew_sigma_s) ** 2
+    if bias_px:
+        disparity = disparity + bias_px * bias_profile(px, disparity, camera)
     sigma[:, 2] = np.sqrt(variance)
     far = np.maximum(disparity, LEAST_DISPARITY_PX)
     points = points.but(

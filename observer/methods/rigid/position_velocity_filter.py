@@ -14,7 +14,7 @@ forgotten at a constant rate, which takes the place of process noise and knows n
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -108,6 +108,22 @@ class PositionVelocityFilter:
             c0=self.c0 + np.einsum("ni,ni->n", vector, gap),
             count=self.count + (information[:, 2, 2] > 0),
         )
+
+    def shifted(self, shift: Float64Array, drift: Float64Array) -> PositionVelocityFilter:
+        """The sums as if each sighting had been elsewhere, by ``shift + drift s``.
+
+        Args:
+            shift: (N, 3) metres now. drift: (N, 3) m/s.
+        """
+        turned = np.einsum("nij,nj->ni", self.a2, drift)
+        moved = replace(
+            self,
+            origin=self.origin + shift,
+            b0=self.b0 + np.einsum("nij,nj->ni", self.a1, drift),
+            b1=self.b1 + turned,
+            c0=self.c0 + np.einsum("ni,ni->n", drift, 2 * self.b1 + turned),
+        )
+        return moved._with_cov(self._cov)
 
     def static_position(self) -> tuple[Float64Array, Float64Array]:
         """Return each point's position if it is static: (N, 3) metres, covariance (N, 3, 3)."""

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.camera import StereoCamera
 from observer.methods.rigid.point_motion import PointEvidence, PooledMotion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.types import EgoMotion, Matches, Trace
+from observer.vision.disparity_bias import bias_profile
 from observer.vision.klt_tracking import Sightings
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import StereoRows, View
@@ -77,7 +79,14 @@ def _obstacle(points: TrackedPoints) -> NDArray[np.int64]:
     return np.where(points.obstacle != NO_OBSTACLE, points.obstacle, on_outline)
 
 
-def stereo_rows(points: TrackedPoints) -> StereoRows:
-    """Return where the points were matched in the right image, to check the calibration."""
+def stereo_rows(points: TrackedPoints, camera: StereoCamera, bias_px: float) -> StereoRows:
+    """Return where the points were matched in the right image, to check the calibration.
+
+    Args:
+        bias_px: what was added to all disparities at the image's centre; it is taken off again.
+    """
     offset = np.asarray(points.px[:, 1] - points.right_px[:, 1], dtype=np.float64)
-    return StereoRows(points.px.astype(np.float64), offset, points.disparity, points.number)
+    disparity = points.disparity
+    if bias_px:
+        disparity = disparity - bias_px * bias_profile(points.px, disparity, camera)
+    return StereoRows(points.px.astype(np.float64), offset, disparity, points.number)

@@ -81,6 +81,14 @@ class BodyFilter:
         """True if it more likely brakes, gains speed or begins to turn than drives steadily."""
         return bool(self.probabilities[1] > 0.5)
 
+    def shifted(self, shift: Float64Array, drift: Float64Array) -> BodyFilter:
+        """The same state elsewhere, by (3,) metres, and at another velocity, by (3,) m/s."""
+        return BodyFilter(
+            self.means + np.concatenate([shift, drift, [0.0, 0.0]]),
+            self.covariances,
+            self.probabilities,
+        )
+
     def predicted(
         self,
         dt: float,

@@ -41,6 +41,7 @@ from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion
+from observer.methods.rigid.stereo_drift import shift_by_bias
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
 from observer.parameters import EvidenceParameters, ObstacleParameters, Parameters
 from observer.types import TrackState
@@ -123,6 +124,12 @@ class BodyTracker:
             track.age_s += dt
             track.frames += 1
             track.steady_s += dt
+
+    def correct_disparities(self, bias_px: float, now: CameraStep) -> None:
+        """Place all bodies as if all disparities had been larger by a bias, pixels."""
+        for mean, track in [(track.mean[None], track) for track in self.tracks]:
+            shift, drift, _ = shift_by_bias(mean[:, POSITION], mean[:, VELOCITY], bias_px, now)
+            track.filter = track.filter.shifted(shift[0], drift[0])
 
     def note_lasting_errors(self, now: CameraStep, parameters: EvidenceParameters) -> None:
         """Note how sure velocities can be at best, seen from this pose.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Pose
+from observer.methods.rigid.dense.corrections import with_bias
 from observer.methods.rigid.dense.grid import Grid
 
 # Evidence of a cell.
@@ -77,6 +78,13 @@ class FreeSpace:
         oldest = frame.time - _LAGS_S[0] * (1 + _LAG_SLACK)
         while self._frames[0].time < oldest:
             self._frames.popleft()
+
+    def correct_disparities(self, bias_px: float) -> None:
+        """Take the frames as if their disparities had been larger by a bias, px."""
+        self._frames = deque(
+            replace(frame, disparity=with_bias(frame.disparity, bias_px, self._grid))
+            for frame in self._frames
+        )
 
     def evidence(self, frame: DepthFrame, cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
         """(h, w) what each of the cells (h, w) says of motion; ``UNKNOWN`` for all others.

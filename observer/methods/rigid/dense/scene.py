@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.corrections import at_one_time, with_bias
 from observer.methods.rigid.dense.depth_image import depth_image
 from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grid import Grid
@@ -57,15 +58,22 @@ class DenseVision:
         self._ground = Ground(self._grid, mount)
         self._space = FreeSpace(self._grid)
 
-    def look(self, view: View, now: CameraStep, parameters: StereoParameters) -> DenseScene | None:
+    def look(
+        self, view: View, now: CameraStep, parameters: StereoParameters, bias_px: float
+    ) -> DenseScene | None:
         """Return the evidence of a frame, and remember its depth.
 
         None while the camera is so fast that what stands looks another from frame to frame: on
         the road the points are on their own.
+
+        Args:
+            bias_px: what all disparities lack, at the image's centre.
         """
         if np.linalg.norm(now.rate.shift) > _FASTEST_MPS:
             return None
-        disparity = depth_image(view.left, view.right, self._grid, parameters)
+        seen = depth_image(view.left, view.right, self._grid, parameters)
+        delay_s = 0.0 if view.right_time is None else view.right_time - view.time
+        disparity = with_bias(at_one_time(seen, now.rate, delay_s, self._grid), bias_px, self._grid)
         self._ground.update(disparity, now.T_camera_world, view.index)
         plane = self._ground.plane(now.T_camera_world)
         stands = standing(disparity, plane, self._grid)
@@ -73,3 +81,11 @@ class DenseVision:
         evidence = self._space.evidence(frame, stands)
         self._space.keep(frame)
         return DenseScene(self._grid, now.T_world_camera, disparity, stands, evidence)
+
+    def correct_disparities(self, bias_px: float) -> None:
+        """Take all that is remembered as if its disparities had been larger by a bias, px."""
+        self._space.correct_disparities(bias_px)
+
+    def forget(self) -> None:
+        """Forget where it was free: what was seen there was seen at wrong depths."""
+        self._space = FreeSpace(self._grid)

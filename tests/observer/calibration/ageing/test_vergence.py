@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from observer.calibration.ageing.vergence import VergenceCheck, VergenceWatch
-from observer.calibration.ageing.vergence_fit import SeenTwice, way_equation
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
@@ -18,6 +17,7 @@ from observer.simulation.scenarios import scenario_from_text
 from observer.simulation.source import SimulatedSource
 from observer.simulation.world import World
 from observer.types import FullTrace, Odometry
+from observer.vision.vergence_fit import SeenTwice, way_equation
 from observer.vision.view import StereoRows
 
 CAMERA = StereoCamera(640, 480, 500.0, 500.0, 319.5, 239.5, 0.12)

@@ -257,3 +257,23 @@ def test_some_of_the_points_and_others_behind_them() -> None:
     order = [1, 4, 0, 2, 3]
     for field in fields(PositionVelocityFilter):
         np.testing.assert_array_equal(getattr(again, field.name), getattr(sums, field.name)[order])
+
+
+def test_sightings_shifted_along_a_course_are_those_of_a_shifted_course() -> None:
+    rng = np.random.default_rng(5)
+    times = np.array([0.0, 0.1, 0.25, 0.3])
+    places, weights = rng.normal(size=(4, 2, 3)), np.stack([informations(rng, 2) for _ in times])
+    shift, drift = rng.normal(size=(2, 2, 3))
+    moved = places + shift + drift * (times - times[-1])[:, None, None]
+    made = gathered(places, weights, times, 0.5).shifted(shift, drift)
+    wanted = gathered(moved, weights, times, 0.5)
+    velocities = []
+    for sums in (made, wanted):
+        information, vector = sums.velocity_information()
+        velocities.append(np.linalg.solve(information, vector[..., None])[..., 0])
+    velocity = np.asarray(velocities[1], dtype=np.float64)
+    np.testing.assert_allclose(velocities[0], velocity, rtol=1e-6, atol=1e-8)
+    places_now = [sums.moving_position(velocity)[0] for sums in (made, wanted)]
+    np.testing.assert_allclose(places_now[0], places_now[1], rtol=1e-6, atol=1e-8)
+    excess = [sums.excess(places_now[1], velocity) for sums in (made, wanted)]
+    np.testing.assert_allclose(excess[0], excess[1], rtol=1e-6)

@@ -39,7 +39,7 @@ def view(index: int, guest: bool) -> View:
 def scenes() -> list[DenseScene]:
     """The wall alone, with a guest, and alone again."""
     vision = DenseVision(CAMERA, MOUNT)
-    return [vision.look(view(k, k == 1), step_to(dt=0.4), P) for k in range(3)]
+    return [vision.look(view(k, k == 1), step_to(dt=0.4), P, 0.0) for k in range(3)]
 
 
 def test_the_first_frame_knows_depth_but_nothing_of_motion(scenes: list[DenseScene]) -> None:
@@ -58,8 +58,8 @@ def test_who_comes_has_arrived_and_the_wall_beside_is_static(scenes: list[DenseS
 def test_what_is_seen_once_it_has_left_was_hidden(scenes: list[DenseScene]) -> None:
     assert (scenes[2].evidence[ON_GUEST] == STATIC).mean() > 0.9
     vision = DenseVision(CAMERA, MOUNT)
-    vision.look(view(1, True), step_to(dt=0.4), P)
-    left = vision.look(view(2, False), step_to(dt=0.4), P)
+    vision.look(view(1, True), step_to(dt=0.4), P, 0.0)
+    left = vision.look(view(2, False), step_to(dt=0.4), P, 0.0)
     assert (left.evidence[ON_GUEST] == HIDDEN).mean() > 0.9
 
 
@@ -73,7 +73,7 @@ def test_the_same_images_give_the_same_evidence_to_the_last_digit(
 ) -> None:
     vision = DenseVision(CAMERA, MOUNT)
     for k, scene in enumerate(scenes):
-        again = vision.look(view(k, k == 1), step_to(dt=0.4), P)
+        again = vision.look(view(k, k == 1), step_to(dt=0.4), P, 0.0)
         np.testing.assert_array_equal(again.disparity, scene.disparity)
         np.testing.assert_array_equal(again.evidence, scene.evidence)
 
@@ -92,7 +92,7 @@ def test_parts_of_a_body_differ_by_its_thickness_but_never_by_less_than_noise(z:
 
 def test_the_pose_of_the_scene_is_that_of_the_frame() -> None:
     pose = Pose.from_rotvec([0.0, 0.3, 0.0], [1.0, 0.0, 2.0])
-    scene = DenseVision(CAMERA, MOUNT).look(view(0, False), step_to(pose), P)
+    scene = DenseVision(CAMERA, MOUNT).look(view(0, False), step_to(pose), P, 0.0)
     np.testing.assert_allclose(scene.T_world_camera.matrix, pose.matrix, atol=1e-12)
 
 
@@ -100,4 +100,4 @@ def test_a_camera_as_fast_as_on_the_road_sees_no_dense_evidence() -> None:
     for speed, known in ((2.0, True), (3.0, False)):
         rate = CameraRate.of(Pose(np.eye(3), np.array([0.0, 0.0, -speed * 0.4])), 0.4)
         step = replace(step_to(dt=0.4), rate=rate)
-        assert (DenseVision(CAMERA, MOUNT).look(view(0, False), step, P) is not None) is known
+        assert (DenseVision(CAMERA, MOUNT).look(view(0, False), step, P, 0.0) is not None) is known

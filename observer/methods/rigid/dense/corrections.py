@@ -1,0 +1,48 @@
+"""What dense disparities lack: the pair's bias, and what moves until the right camera exposes."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.methods.rigid.dense.grid import Grid
+from observer.vision.camera_rate import CameraRate
+from observer.vision.disparity_bias import bias_profile
+
+
+def with_bias(disparity: NDArray[np.float32], bias_px: float, grid: Grid) -> NDArray[np.float32]:
+    """(h, w) px: disparities to which a bias, told at the image's centre, is added."""
+    if not bias_px:
+        return disparity
+    height, width = grid.shape
+    columns = np.broadcast_to(np.arange(width), grid.shape)
+    rows = np.broadcast_to(np.arange(height)[:, None], grid.shape)
+    px = grid.to_px(np.stack([columns, rows], axis=-1)).reshape(-1, 2)
+    profile = bias_profile(px, disparity.ravel().astype(np.float64), grid.camera)
+    return (disparity + bias_px * profile.reshape(grid.shape)).astype(np.float32)
+
+
+def at_one_time(
+    disparity: NDArray[np.float32], rate: CameraRate, delay_s: float, grid: Grid
+) -> NDArray[np.float32]:
+    """(h, w) px: disparities of what stands, as if the right camera had exposed with the left one.
+
+    A static point's column changes by ``f ((X' - x Z') / Z)`` per second, with
+    ``(X', Y', Z') = turn x (X, Y, Z) + shift``.
+
+    Args:
+        rate: the camera's. delay_s: seconds from the left exposure to the right one.
+    """
+    if not delay_s:
+        return disparity
+    height, width = grid.shape
+    rays = grid.rays
+    x = (rays[0, 0] * np.arange(width) + rays[0, 2]).astype(np.float32)
+    y = (rays[1, 1] * np.arange(height) + rays[1, 2]).astype(np.float32)[:, None]
+    camera = grid.camera
+    (turn_x, turn_y, turn_z), (shift_x, _, shift_z) = (
+        a.astype(np.float32) * np.float32(camera.fx * delay_s) for a in (rate.turn, rate.shift)
+    )
+    nearness = disparity / np.float32(camera.fx * camera.baseline)
+    turned = turn_y * (1 + x * x) - turn_z * y - turn_x * (x * y)
+    return np.asarray(disparity + turned + nearness * (shift_x - x * shift_z), np.float32)

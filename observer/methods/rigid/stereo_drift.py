@@ -1,0 +1,216 @@
+"""Errors of the pair that last, estimated while driving: disparity bias and skew of exposures."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.point_tracking import LEAST_DISPARITY_PX
+from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.parameters import Parameters
+from observer.types import Trace
+from observer.vision.disparity_bias import DisparityBias
+from observer.vision.exposure_skew import DisparityStep, ExposureSkew
+from observer.vision.vergence_fit import SeenTwice
+from observer.vision.view import StereoRows, View
+
+# The two views of a pair are this far apart, as a share of the median depth, and turned by no more
+# than this, radians.
+_WAY_SHARE, _MOST_TURN = 0.02, 0.1
+# Seconds between two fits once the bias is known so well, pixels; each takes 1 ms.
+_PAUSE_S, _WELL_KNOWN_PX = 0.5, 0.07
+# A skew that nobody told may be so large, seconds; what it makes of a turn looks like a bias.
+_UNTOLD_SKEW_S = 0.002
+# Rows that differ more, pixels, tell of pitch, roll or lenses, which bend disparities otherwise.
+_MOST_ROW_PX = 0.7
+# A better estimate is used once it differs from the one in use by so many pixels or deviations,
+# and seconds.
+_NEW_BIAS_PX, _NEW_BIAS_SIGMAS, _NEW_SKEW_S = 0.02, 0.5, 0.001
+
+
+@dataclass(frozen=True)
+class DriftChange:
+    """Change of what is in use, after a frame.
+
+    Attributes:
+        bias_px: is added to all disparities from now on, pixels at the image's centre.
+        skew: whether another skew is in use, or the first one.
+        notes: one sentence each.
+    """
+
+    bias_px: float
+    skew: bool
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _KeyView:
+    rows: StereoRows
+    T_world_camera: Pose
+    time: float
+
+
+class StereoDrift:
+    """Estimates of one pair of cameras, and what of them is in use; they outlive segments.
+
+    Attributes:
+        bias, skew: the estimates. bias_px: in use, pixels at the image's centre; 0 before.
+        skew_s: in use, seconds; None before.
+    """
+
+    def __init__(self, camera: StereoCamera) -> None:
+        self._camera = camera
+        self.bias, self.skew = DisparityBias(), ExposureSkew()
+        self.bias_px = 0.0
+        self.skew_s: float | None = None
+        self._told = False
+        self._key: _KeyView | None = None
+        self._fitted_s = -math.inf
+
+    def begin_segment(self) -> None:
+        """Forget the views; points and poses of two segments have no relation."""
+        self._key, self._fitted_s = None, -math.inf
+        self.skew = self.skew.interrupted()
+
+    def timed(self, view: View) -> View:
+        """Return the view with the right image's time, where the source or the estimate knows."""
+        if view.right_time is not None or self.skew_s is None:
+            return view
+        return replace(view, right_time=view.time + self.skew_s)
+
+    def remaining(self, parameters: Parameters) -> Parameters:
+        """Return the parameters with the deviations of what is in use in place of the prior's."""
+        p = parameters
+        if self.bias_px:
+            sigma = min(p.evidence.disparity_bias_px, self.bias.sigma_px)
+            p = p.model_copy(
+                update={"evidence": p.evidence.model_copy(update={"disparity_bias_px": sigma})}
+            )
+        if self.skew_s is not None and not self._told:
+            sigma = max(p.klt_tracking.skew_sigma_s, self.skew.sigma_s)
+            p = p.model_copy(
+                update={"klt_tracking": p.klt_tracking.model_copy(update={"skew_sigma_s": sigma})}
+            )
+        return p
+
+    def look(
+        self,
+        view: View,
+        before: TrackedPoints,
+        points: TrackedPoints,
+        rows: StereoRows,
+        now: CameraStep,
+        parameters: Parameters,
+        trace: Trace,
+    ) -> DriftChange | None:
+        """Learn from one more frame; returns what is to be used from now on, None as before.
+
+        Args:
+            view: as the source gave it. before, points: the same points at the last frame and
+                at this one. rows: of this frame, without the bias.
+        """
+        self._told = view.right_time is not None
+        if not self._told:
+            self.skew = self.skew.after(
+                DisparityStep.of(
+                    before.px, points.px, _raw(before), _raw(points), now.dt, self._camera
+                )
+            )
+        self._look_for_bias(view.time, rows, now, parameters)
+        trace.keep("disparity_bias", self.bias)
+        trace.keep("exposure_skew", self.skew)
+        return self._use()
+
+    def _look_for_bias(
+        self, time: float, rows: StereoRows, now: CameraStep, parameters: Parameters
+    ) -> None:
+        key = self._key
+        if key is None:
+            self._key = _KeyView(rows, now.T_world_camera, time)
+            return
+        T_now_key = now.T_camera_world @ key.T_world_camera
+        way_m, turn = (float(np.linalg.norm(v)) for v in (T_now_key.translation, T_now_key.rotvec))
+        deep = rows.disparity > 0
+        if not deep.any() or float(np.median(np.abs(rows.offset_px[deep]))) > _MOST_ROW_PX:
+            return
+        disparity = float(np.median(rows.disparity[deep]))
+        depth_m = self._camera.fx * self._camera.baseline / disparity
+        if way_m < _WAY_SHARE * depth_m and turn < _MOST_TURN:
+            return
+        due = self.bias.sigma_px > _WELL_KNOWN_PX or time - self._fitted_s >= _PAUSE_S
+        doubt_px = self._skew_sigma_s(parameters) * self._camera.fx * turn / (time - key.time)
+        if due and turn < _MOST_TURN:
+            self._fitted_s = time
+            seen = SeenTwice.of(key.rows, rows, T_now_key)
+            self.bias = self.bias.with_pair(seen, self._camera, doubt_px)
+        self._key = _KeyView(rows, now.T_world_camera, time)
+
+    def _skew_sigma_s(self, parameters: Parameters) -> float:
+        if self._told:
+            return parameters.klt_tracking.skew_sigma_s
+        return min(self.skew.sigma_s, _UNTOLD_SKEW_S)
+
+    def _use(self) -> DriftChange | None:
+        change, notes, skew = 0.0, [], False
+        bias = self.bias
+        gap = bias.px - self.bias_px
+        found = self.skew
+        new = self.skew_s is None or abs(found.skew_s - self.skew_s) > _NEW_SKEW_S
+        if not self._told and found.sure and new:
+            skew, self.skew_s = True, found.skew_s
+            # What was learnt of the bias was learnt without this skew, and so was the key view.
+            change, self.bias, self.bias_px, self._key = -self.bias_px, DisparityBias(), 0.0, None
+            notes.append(
+                f"the right camera exposes {1e3 * found.skew_s:+.1f} ms (+-"
+                f"{1e3 * found.sigma_s:.1f}) after the left one, as the image's turns show, "
+                f"which is allowed for from here on"
+            )
+        elif bias.sure and abs(gap) > max(_NEW_BIAS_PX, _NEW_BIAS_SIGMAS * bias.sigma_px):
+            if not self.bias_px:
+                notes.append(
+                    f"near and far points agree with disparities {bias.px:+.2f} px "
+                    f"(+-{bias.sigma_px:.2f}) from the calibrated ones, which is allowed for from "
+                    f"here on: calibrate anew"
+                )
+            change, self.bias_px = gap, bias.px
+        return DriftChange(change, skew, tuple(notes)) if change or skew else None
+
+
+def with_bias(points: TrackedPoints, bias_px: float, now: CameraStep) -> TrackedPoints:
+    """Return the points as if all their disparities had been larger by a bias, pixels."""
+    place, _ = points.sums.moving_position(points.velocity)
+    shift, drift, disparity = shift_by_bias(place, points.velocity, bias_px, now)
+    return points.but(
+        sums=points.sums.shifted(shift, drift),
+        disparity=np.maximum(points.disparity + disparity, LEAST_DISPARITY_PX),
+    )
+
+
+def shift_by_bias(
+    place: Float64Array, velocity: Float64Array, bias_px: float, now: CameraStep
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Shift (N, 3) m and change of velocity (N, 3) m/s, world, and bias (N,) px of each point.
+
+    Args:
+        place: (N, 3) m, velocity: (N, 3) m/s, world. bias_px: added at the image's centre.
+    """
+    camera, T = now.camera, now.T_camera_world
+    p = T.apply(place)
+    seen = p[:, 2] > 0
+    p = np.where(seen[:, None], p, [0.0, 0.0, 1.0])
+    bias = bias_px * (1 + ((p[:, 0] - camera.baseline) / p[:, 2]) ** 2) * seen
+    d = camera.fx * camera.baseline / p[:, 2]
+    ratio = d / np.maximum(d + bias, LEAST_DISPARITY_PX)
+    drift = now.rate.velocity_by_bias(p, T.rotate(velocity), camera)
+    drift *= (bias * ratio**2)[:, None]
+    shift = p * (ratio - 1)[:, None] * seen[:, None]
+    return shift @ T.rotation, drift @ T.rotation, bias
+
+
+def _raw(points: TrackedPoints) -> Float64Array:
+    return np.asarray(points.px[:, 0] - points.right_px[:, 0], dtype=np.float64)

@@ -1,0 +1,156 @@
+"""Time between the exposures of free-running cameras that nobody told, from what stands.
+
+Where the right camera exposes later by tau, a point that moves along the row with u' seems to have
+the disparity ``d - tau u'``. While the camera turns at a constant rate that looks like any other
+scene; when the turn begins or ends, all disparities change by ``-tau`` times the change of u'. Over
+a frame static points tell it by
+
+    Delta d = c (1 + x^2) + alpha d^2 + beta x d + gamma y d,    c = -tau Delta u'
+
+where alpha, beta and gamma take up the camera's own motion. The flow at a frame is that before and
+after it, so that every frame is judged one frame late.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array
+
+_LEAST_POINTS = 30
+_LEAST_DISPARITY_PX = 1.0
+_ITERATIONS = 3
+# Tukey's weight is 0 beyond this many standard deviations.
+_TUKEY_SIGMAS = 4.7
+_LEAST_SCATTER_PX = 0.05
+# Points of one scene err together: the fit knows c so many times worse, and never better than
+# this, pixels.
+_SHARED = 2.0
+_LEAST_SIGMA_PX = 0.03
+# Where a turn begins within a frame, the flow between frames is known to this share of its bend;
+# that counts as for a skew of so many seconds.
+_BEND, _BEND_SKEW_S = 0.25, 0.01
+# Free-running cameras drift apart within minutes.
+_MEMORY_S = 60.0
+_KNOWN_S = 0.002
+_SURE_SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class DisparityStep:
+    """Change of the disparities over a frame.
+
+    Attributes:
+        dt: seconds. constant_px: c, and sigma_px: one standard deviation of it.
+        flow_px_s: flow along the rows at the image's centre, px/s.
+    """
+
+    dt: float
+    constant_px: float
+    sigma_px: float
+    flow_px_s: float
+
+    @staticmethod
+    def of(
+        before_px: NDArray[np.floating],
+        now_px: NDArray[np.floating],
+        before_disparity: Float64Array,
+        now_disparity: Float64Array,
+        dt: float,
+        camera: StereoCamera,
+    ) -> DisparityStep | None:
+        """Fit the change by iterated weights; None where too few points tell it.
+
+        Args:
+            before_px, now_px: (N, 2) pixels, left image. before_disparity, now_disparity: (N,)
+                pixels as matched, NaN unknown.
+        """
+        known = (before_disparity > _LEAST_DISPARITY_PX) & (now_disparity > _LEAST_DISPARITY_PX)
+        if np.count_nonzero(known) < _LEAST_POINTS:
+            return None
+        start, end = (px[known].astype(np.float64) for px in (before_px, now_px))
+        d0, d1 = before_disparity[known], now_disparity[known]
+        x = (start[:, 0] + end[:, 0] - 2 * camera.cx) / (2 * camera.fx)
+        y = (start[:, 1] + end[:, 1] - 2 * camera.cy) / (2 * camera.fy)
+        d, widened = (d0 + d1) / 2, 1 + x * x
+        design = np.stack([widened, d * d, x * d, y * d])
+        constant, sigma = _robust_first(design, d1 - d0)
+        flow = float(np.median((end[:, 0] - start[:, 0]) / widened)) / dt
+        sigma = math.hypot(_SHARED * sigma, _LEAST_SIGMA_PX)
+        return DisparityStep(dt, constant, sigma, flow)
+
+
+@dataclass(frozen=True)
+class ExposureSkew:
+    """What is known so far of the time by which the right camera exposes later.
+
+    Attributes:
+        information: 1/s^2, and vector: 1/s, summed over the frames.
+        recent: the last two frames, older first; None where a frame told nothing.
+    """
+
+    information: float = 0.0
+    vector: float = 0.0
+    recent: tuple[DisparityStep | None, DisparityStep | None] = (None, None)
+
+    def after(self, step: DisparityStep | None) -> ExposureSkew:
+        """Add one more frame, by which the frame before it can be judged."""
+        first, middle = self.recent
+        recent = (middle, step)
+        if first is None or middle is None or step is None:
+            return ExposureSkew(self.information, self.vector, recent)
+        change = _between(middle, step) - _between(first, middle)
+        bend = _BEND * abs(step.flow_px_s - 2 * middle.flow_px_s + first.flow_px_s)
+        sigma = math.hypot(middle.sigma_px, _BEND_SKEW_S * bend)
+        keep = math.exp(-step.dt / _MEMORY_S)
+        return ExposureSkew(
+            keep * self.information + (change / sigma) ** 2,
+            keep * self.vector - change * middle.constant_px / sigma**2,
+            recent,
+        )
+
+    def interrupted(self) -> ExposureSkew:
+        """The same, where the next frame does not follow the last one."""
+        return ExposureSkew(self.information, self.vector)
+
+    @property
+    def skew_s(self) -> float:
+        """Seconds by which the right camera exposes later; 0 while unknown."""
+        return self.vector / self.information if self.information > 0 else 0.0
+
+    @property
+    def sigma_s(self) -> float:
+        """One standard deviation of it; infinite while unknown."""
+        return self.information**-0.5 if self.information > 0 else math.inf
+
+    @property
+    def sure(self) -> bool:
+        """True once the skew is known well, and is none of chance."""
+        return self.sigma_s < _KNOWN_S and abs(self.skew_s) > _SURE_SIGMAS * self.sigma_s
+
+
+def _between(before: DisparityStep, after: DisparityStep) -> float:
+    """Flow at the frame between two frame intervals, px/s."""
+    span = before.dt + after.dt
+    return (before.flow_px_s * after.dt + after.flow_px_s * before.dt) / span
+
+
+def _robust_first(design: Float64Array, values: Float64Array) -> tuple[float, float]:
+    """First of the coefficients (4,) by which values (N,) follow (4, N), and its deviation."""
+    scaled = design / np.abs(design).max(axis=1, keepdims=True)
+    weight = np.ones(len(values))
+    inverse, scatter, found = np.eye(4), _LEAST_SCATTER_PX, np.zeros(4)
+    for _ in range(_ITERATIONS):
+        weighted = scaled * weight
+        inverse = np.linalg.inv(weighted @ scaled.T + 1e-9 * len(values) * np.eye(4))
+        found = inverse @ (weighted @ values)
+        residual = np.abs(values - found @ scaled)
+        scatter = max(_LEAST_SCATTER_PX, 1.4826 * float(np.median(residual)))
+        weight = np.clip(1 - (residual / (_TUKEY_SIGMAS * scatter)) ** 2, 0.0, None) ** 2
+    size = float(np.abs(design[0]).max())
+    return float(found[0]) / size, scatter * math.sqrt(inverse[0, 0]) / size

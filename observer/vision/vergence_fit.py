@@ -1,0 +1,180 @@
+"""Estimation of the vergence from two views whose distance is known.
+
+A wrong vergence v (radians, the real right camera turned towards the left one beyond what the
+calibration says) shifts every point of the right image by ``f g v`` along its row, with
+``g = 1 + x_r^2`` and x_r the point's ``(u_r - c_x) / f``; all disparities are too small by it. With
+the true disparity ``d = d_seen + f g v`` the inverse depth of a point m = (x, y, 1) is
+``rho = d / (f B)``, and after the camera's motion (R, t) it is seen at ``q = R m + t rho``,
+``x' = q_x / q_z``, ``y' = q_y / q_z``, ``d'_seen = f B rho / q_z - f g' v``.
+
+Where t is taken from the images with v = 0, each point asks for a way of ``d / d_seen`` of the
+seen one: ways seem longer or shorter by the factor ``1 - f v <g / d>``, with the mean over the
+points weighted by what each tells of the way, about d^2. So the way by the wheels tells v, as well
+as the scene's disparities are small: f v is known to ``sigma_wheels d``. And as near and far points
+ask for different ways, the spread of disparities tells v even where the wheels' scale is unknown.
+Both follow from one fit of R, t, v and the wheels' scale; R and t are of no interest. Without
+wheels near against far points alone tell v.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Float64Array, Pose, rotation_matrix
+from observer.vision.view import StereoRows
+
+# Standard deviation of a followed point and of its disparity, pixels.
+_SIGMA_PX = 0.15
+_STEPS = 3
+# Tukey's weight is 0 beyond this many standard deviations.
+_TUKEY_SIGMAS = 4.7
+_LEAST_POINTS = 30
+# Disparities below are as good as none; the method clips them.
+_LEAST_DISPARITY_PX = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class SeenTwice:
+    """N static points in two views, and the way between them.
+
+    Attributes:
+        before_px, now_px: (N, 2) pixels, rectified left image.
+        before_disparity, now_disparity: (N,) pixels.
+        T_now_before: the camera's motion as the images tell it; where the fit begins.
+        way_m: length of the camera's way by the wheels, metres; None where no wheels tell it.
+        way_std_m: one standard deviation of it beyond the wheels' scale.
+    """
+
+    before_px: Float64Array
+    before_disparity: Float64Array
+    now_px: Float64Array
+    now_disparity: Float64Array
+    T_now_before: Pose
+    way_m: float | None = None
+    way_std_m: float = 0.0
+
+    @staticmethod
+    def of(
+        before: StereoRows,
+        now: StereoRows,
+        T_now_before: Pose,
+        way_m: float | None = None,
+        way_std_m: float = 0.0,
+    ) -> SeenTwice:
+        """Match the points of two views by their numbers.
+
+        What moves among them is left to the fit's own weights: the method's inliers are those
+        that fit the calibration as it is, right or wrong.
+        """
+        at_a, at_b = (
+            np.flatnonzero(rows.disparity > _LEAST_DISPARITY_PX) for rows in (before, now)
+        )
+        _, in_a, in_b = np.intersect1d(
+            before.number[at_a], now.number[at_b], assume_unique=True, return_indices=True
+        )
+        at_a, at_b = at_a[in_a], at_b[in_b]
+        return SeenTwice(
+            before_px=before.px[at_a],
+            before_disparity=before.disparity[at_a],
+            now_px=now.px[at_b],
+            now_disparity=now.disparity[at_b],
+            T_now_before=T_now_before,
+            way_m=way_m,
+            way_std_m=way_std_m,
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class WayEquation:
+    """``information @ (v, s) = vector``: vergence v, rad, and the wheels' scale error s, a share.
+
+    The true way is 1 + s times what the wheels tell.
+
+    Attributes:
+        information: (2, 2). vector: (2,). square: ``(v, s)^T information (v, s)`` of the pair's
+            own best v and s, by which several pairs can be checked against each other.
+    """
+
+    information: Float64Array
+    vector: Float64Array
+    square: float
+
+
+def way_equation(
+    seen: SeenTwice, camera: StereoCamera, start: tuple[float, float], scale_sigma: float
+) -> WayEquation | None:
+    """Gauss and Newton's steps for motion, vergence and scale; the motion is then eliminated.
+
+    Args:
+        start: v and s where the fit begins. scale_sigma: of s; it only holds the fit, and is no
+            part of the result, for all pairs of a robot share it. Without a way nothing tells s.
+
+    Returns:
+        None where too few points fit one motion.
+    """
+    f, B = camera.fx, camera.baseline
+    mid, focal = np.array([camera.cx, camera.cy]), np.array([camera.fx, camera.fy])
+    before, now = (((px - mid) / focal).T for px in (seen.before_px, seen.now_px))
+    d_before, d_now = seen.before_disparity / f, seen.now_disparity / f
+    g_before, g_now = (1 + (m[0] - d) ** 2 for m, d in ((before, d_before), (now, d_now)))
+    rays = np.concatenate([before, np.ones((1, before.shape[1]))])
+    R, t = seen.T_now_before.rotation, np.array(seen.T_now_before.translation)
+    theta = np.array(start, dtype=np.float64)
+    sigma = _SIGMA_PX / f
+    size = rays.shape[1]
+    if size < _LEAST_POINTS or not np.linalg.norm(t) > 0:
+        return None
+    J = np.zeros((3, size, 8))
+    for _ in range(_STEPS):
+        p = R @ rays
+        rho = (d_before + g_before * theta[0]) / B
+        q = p + t[:, None] * rho
+        w = 1 / q[2]
+        x, y, depth = q[0] * w, q[1] * w, rho * w
+        residual = np.stack([now[0] - x, now[1] - y, d_now + g_now * theta[0] - B * depth])
+        # What the second view changes by with the first one's disparity.
+        lever = np.stack([(t[0] - x * t[2]) * w, (t[1] - y * t[2]) * w, w - depth * w * t[2]])
+        lever[:2] /= B
+        px, py, pz = p * w
+        J[0, :, 0], J[0, :, 1], J[0, :, 2] = -x * py, pz + x * px, -py
+        J[1, :, 0], J[1, :, 1], J[1, :, 2] = -pz - y * py, y * px, px
+        J[0, :, 3] = J[1, :, 4] = depth
+        J[0, :, 5], J[1, :, 5] = -x * depth, -y * depth
+        J[2, :, 0], J[2, :, 1], J[2, :, 5] = -B * depth * py, B * depth * px, -B * depth**2
+        J[:, :, 6] = lever * g_before
+        J[2, :, 6] -= g_now
+        J[:, :, 7] = 0.0
+        noise = sigma * np.sqrt(1 + lever**2)
+        length = np.sqrt(((residual / noise) ** 2).mean(axis=0))
+        spread = max(1.0, 1.4826 * float(np.median(length)))
+        fits = np.clip(1 - (length / (_TUKEY_SIGMAS * spread)) ** 2, 0, None) ** 2
+        if np.count_nonzero(fits) < _LEAST_POINTS:
+            return None
+        weight = (fits / (spread * noise) ** 2).ravel()
+        rows = J.reshape(-1, 8)
+        weighted = rows * weight[:, None]
+        H, b = weighted.T @ rows, weighted.T @ residual.ravel()
+        if seen.way_m is not None:
+            way = float(np.linalg.norm(t))
+            row = np.concatenate([np.zeros(3), t / way, [0.0, -seen.way_m]]) / seen.way_std_m
+            H += np.outer(row, row)
+            b += row * (seen.way_m * (1 + theta[1]) - way) / seen.way_std_m
+        held, pull = H.copy(), b.copy()
+        held[7, 7] += scale_sigma**-2
+        pull[7] -= theta[1] * scale_sigma**-2
+        # A pair of which all points are equally far leaves v and s open but for the prior.
+        step = np.linalg.solve(held + 1e-9 * np.diag(np.diag(held)), pull)
+        at, before_step = theta, (H, b)
+        R, t, theta = rotation_matrix(step[:3]) @ R, t + step[3:6], theta + step[6:]
+    H, b = before_step
+    gain = np.linalg.solve(H[:6, :6], H[:6, 6:]).T
+    information = H[6:, 6:] - gain @ H[:6, 6:]
+    information = (information + information.T) / 2
+    vector = b[6:] - gain @ b[:6] + information @ at
+    own = np.linalg.pinv(information, rcond=1e-6, hermitian=True) @ vector
+    if not np.isfinite(own).all():
+        return None
+    return WayEquation(information, vector, float(own @ vector))

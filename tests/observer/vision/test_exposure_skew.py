@@ -1,0 +1,75 @@
+"""Skew of exposures from static points: a camera that turns unevenly, and a known skew."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from observer.camera import StereoCamera
+from observer.geometry import Pose
+from observer.vision.exposure_skew import DisparityStep, ExposureSkew
+
+CAMERA = StereoCamera(640, 480, 500.0, 500.0, 319.5, 239.5, 0.12)
+DT = 1 / 15
+
+
+def turned(
+    skew_s: float, *, rate: float = 0.35, steady: bool = False, seed: int = 0
+) -> ExposureSkew:
+    """Estimate over 3 s of a camera that turns to and fro, or steadily, at up to 0.35 rad/s."""
+    rate = 0.35
+    rng = np.random.default_rng(seed)
+    place = rng.uniform([-3.0, -1.2, 2.0], [3.0, 1.2, 8.0], (250, 3))
+
+    def angle(t: float) -> float:
+        return rate * t if steady else -rate * math.cos(math.pi * t) / math.pi
+
+    def seen(t: float) -> tuple[np.ndarray, np.ndarray]:
+        left, right = (
+            Pose.from_rotvec(np.array([0.0, angle(time), 0.0]), np.array([0, 0, -0.2 * time]))
+            for time in (t, t + skew_s)
+        )
+        px, _ = CAMERA.project(left.apply(place))
+        in_right, _ = CAMERA.project(right.apply(place) - [CAMERA.baseline, 0.0, 0.0])
+        disparity = px[:, 0] - in_right[:, 0]
+        return px + rng.normal(0, 0.1, px.shape), disparity + rng.normal(0, 0.1, len(px))
+
+    skew, (px, disparity) = ExposureSkew(), seen(0.0)
+    for frame in range(1, 45):
+        now_px, now_disparity = seen(frame * DT)
+        step = DisparityStep.of(px, now_px, disparity, now_disparity, DT, CAMERA)
+        skew = skew.after(step)
+        px, disparity = now_px, now_disparity
+    return skew
+
+
+@pytest.mark.parametrize("true_s", [-0.010, 0.0, 0.016])
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_turns_that_begin_and_end_tell_the_skew(true_s: float, seed: int) -> None:
+    skew = turned(true_s, seed=seed)
+    assert abs(skew.skew_s - true_s) < 3 * skew.sigma_s
+    assert skew.sigma_s < 0.002
+    assert skew.sure == (true_s != 0)
+
+
+def test_a_steady_turn_tells_nothing_and_says_so() -> None:
+    skew = turned(0.016, steady=True)
+    assert skew.sigma_s > 0.002
+    assert not skew.sure
+
+
+def test_frames_that_do_not_follow_each_other_are_not_compared() -> None:
+    step = DisparityStep(DT, 1.0, 0.05, 10.0)
+    other = DisparityStep(DT, 1.0, 0.05, 90.0)
+    known = ExposureSkew().after(step).after(step)
+    assert known.after(other).information > 0
+    assert known.interrupted().after(other).information == 0
+    assert known.after(None).after(other).information == 0
+
+
+def test_too_few_points_tell_nothing() -> None:
+    few = np.zeros((5, 2))
+    assert DisparityStep.of(few, few, np.ones(5), np.ones(5), DT, CAMERA) is None
+    assert math.isinf(ExposureSkew().sigma_s)
