@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.contract.events import StateEvent
+from observer.calibration.ageing.vergence import VergenceCheck
 from observer.types import Image
 
 
@@ -62,7 +63,11 @@ class FloorPoints:
 
 @dataclass(frozen=True, eq=False)
 class ScenePairs:
-    """Pairs of the last half minute, (H, W) grey as taken, and the calibration in use."""
+    """Pairs of the last half minute, (H, W) grey as taken, and the calibration in use.
+
+    ``vergence`` is what the drive told of that calibration's; None before the first frame.
+    """
 
     pairs: tuple[tuple[Image, Image], ...]
     calibration_yaml: str
+    vergence: VergenceCheck | None = None

@@ -210,7 +210,7 @@ class LookAtFloor(ToEngine[FloorPoints]):
 
 @dataclass(frozen=True)
 class TakeScenePairs(ToEngine[ScenePairs]):
-    """Pairs of the last half minute, by which the rows can be set straight."""
+    """Pairs of the last half minute, by which the rows can be set straight, and the vergence."""
 
 
 @dataclass(frozen=True)

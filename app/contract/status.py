@@ -115,16 +115,30 @@ class RowDriftStatus:
 @dataclass(frozen=True)
 class VergenceStatus:
     status: Literal["unobserved", "consistent", "drifted"]
-    vergence_rad: float | None
+    vergence_rad: Annotated[
+        float | None, means("By how much the cameras converge more than calibrated.")
+    ]
     std_rad: float | None
     sentence: str
-    way_m: float
+    way_m: Annotated[float, means("Of way against the wheels; 0 by near and far points alone.")]
+
+
+@dataclass(frozen=True)
+class ExposureSkewStatus:
+    """Time between the exposures of left and right that the source does not tell."""
+
+    exposure_skew_s: Annotated[float, means("By which the right camera exposes later.")]
+    sigma_s: Annotated[float, means("One standard deviation.")]
+    sentence: str
 
 
 @dataclass(frozen=True)
 class AgeingStatus:
     rows: RowDriftStatus
     vergence: VergenceStatus
+    exposure_skew: Annotated[
+        ExposureSkewStatus | None, means("None while no skew is known that nobody told.")
+    ]
 
 
 @dataclass(frozen=True)

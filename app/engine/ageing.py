@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from app.contract.status import AgeingStatus, RowDriftStatus, VergenceStatus
-from app.contract.values import filled
+from app.contract.status import AgeingStatus, ExposureSkewStatus, RowDriftStatus, VergenceStatus
+from app.contract.values import filled, known
 from app.engine.observed import Observed
+from observer.calibration.ageing.vergence import VergenceCheck
 from observer.calibration.ageing.watch import AgeingWatch, CalibrationAge
 from observer.camera import StereoCamera
 from observer.mount import CameraMount
@@ -29,13 +30,28 @@ class CalibrationAgeing:
         """Return the raw pairs of the last half minute, (H, W) grey."""
         return self._watch.pairs
 
+    @property
+    def vergence(self) -> VergenceCheck | None:
+        """Return what is known of the vergence; None before the first frame."""
+        return None if self._age is None else self._age.vergence
+
     def facts(self) -> AgeingStatus | None:
         """Return the facts as ``StateEvent.ageing`` holds them."""
-        age, told = self._age, self._told
+        age = self._age
         # Called several times a frame, while the watch has news only once a second.
-        if age is None or (told and age.rows is told.rows and age.vergence is told.vergence):
+        if age is None or (self._told is not None and _same(age, self._told)):
             return self._facts
         history = [(round(t, 1), round(px, 4)) for t, px in age.rows.history]
         rows = filled(RowDriftStatus, age.rows, history=history)
-        self._told, self._facts = age, AgeingStatus(rows, filled(VergenceStatus, age.vergence))
+        vergence = filled(VergenceStatus, age.vergence)
+        skew = known(ExposureSkewStatus, age.exposure_skew)
+        self._told, self._facts = age, AgeingStatus(rows, vergence, skew)
         return self._facts
+
+
+def _same(age: CalibrationAge, told: CalibrationAge) -> bool:
+    return (
+        age.rows is told.rows
+        and age.vergence is told.vergence
+        and age.exposure_skew is told.exposure_skew
+    )

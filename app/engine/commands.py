@@ -197,7 +197,8 @@ class CommandHandler:
         session = self._current.observing
         if session is None:
             raise NotNow("nothing is observed whose calibration could be refined; open a source")
-        return ScenePairs(session.ageing.pairs, session.calibration_yaml)
+        ageing = session.ageing
+        return ScenePairs(ageing.pairs, session.calibration_yaml, ageing.vergence)
 
     def _preview(self, calibration_yaml: str) -> CalibrationPreview:
         session = self._current.calibrating

@@ -89,6 +89,8 @@ export interface components {
     AgeingStatus: {
       rows: components["schemas"]["RowDriftStatus"];
       vergence: components["schemas"]["VergenceStatus"];
+      /** @description None while no skew is known that nobody told. */
+      exposure_skew: components["schemas"]["ExposureSkewStatus"] | null;
     };
     BoardFacts: {
       /** @enum {string} */
@@ -292,6 +294,14 @@ export interface components {
       restarts: number;
       /** @description Since its loop's last sign of life. */
       heartbeat_age_s: number | null;
+    };
+    /** @description Time between the exposures of left and right that the source does not tell. */
+    ExposureSkewStatus: {
+      /** @description By which the right camera exposes later. */
+      exposure_skew_s: number;
+      /** @description One standard deviation. */
+      sigma_s: number;
+      sentence: string;
     };
     /** @description Velocity that the guard permits; zones are corners in the robot's base frame, metres. */
     GuardVerdict: {
@@ -780,9 +790,11 @@ export interface components {
     VergenceStatus: {
       /** @enum {string} */
       status: "unobserved" | "consistent" | "drifted";
+      /** @description By how much the cameras converge more than calibrated. */
       vergence_rad: number | null;
       std_rad: number | null;
       sentence: string;
+      /** @description Of way against the wheels; 0 by near and far points alone. */
       way_m: number;
     };
     /** @description Speeds of an armed robot at one instant of the source's clock. */
@@ -1654,6 +1666,7 @@ export type DriveProcess = components["schemas"]["DriveProcess"];
 export type Drops = components["schemas"]["Drops"];
 export type EgoMotionStatus = components["schemas"]["EgoMotionStatus"];
 export type EngineStatus = components["schemas"]["EngineStatus"];
+export type ExposureSkewStatus = components["schemas"]["ExposureSkewStatus"];
 export type GuardVerdict = components["schemas"]["GuardVerdict"];
 export type HeartbeatMessage = components["schemas"]["HeartbeatMessage"];
 export type Latch = components["schemas"]["Latch"];

@@ -1,6 +1,6 @@
 /** What the server would say, in short: each gives a whole message with what a test changes of it. */
 
-/** @import { LiveLine, ObstacleEntry, RobotNow, RobotReport, Run, TrueBodyEntry } from "../../static/app/contract" */
+/** @import { AgeingStatus, LiveLine, ObstacleEntry, RobotNow, RobotReport, Run, TrueBodyEntry } from "../../static/app/contract" */
 
 /** A moving one, 3 m ahead. @param {Partial<ObstacleEntry>} [changes] @returns {ObstacleEntry} */
 export function obstacle(changes) {
@@ -142,6 +142,30 @@ export function robot(changes) {
     sent: { speed_mps: 0, turn_rate_radps: 0 },
     guard: null,
     report: report(),
+    ...changes,
+  };
+}
+
+/** All is well. @param {Partial<AgeingStatus>} [changes] @returns {AgeingStatus} */
+export function ageing(changes) {
+  return {
+    rows: {
+      now_px: 0.1,
+      median_px: 0.1,
+      roll_rad: 0,
+      since_s: null,
+      trend_px_per_min: null,
+      warning: null,
+      history: [],
+    },
+    vergence: {
+      status: "consistent",
+      vergence_rad: 0,
+      std_rad: 0.0002,
+      sentence: "vergence agrees with the wheels",
+      way_m: 3,
+    },
+    exposure_skew: null,
     ...changes,
   };
 }

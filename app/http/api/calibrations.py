@@ -107,7 +107,10 @@ async def deactivate(server: TheServer) -> Status:
     responses=refusals(409, 503, 507),
 )
 async def refine(server: TheServer) -> Calibration:
-    """Pitch and roll between the cameras, as a new calibration; nothing is replaced."""
+    """Pitch and roll between the cameras, and a vergence that drifted, as a new calibration.
+
+    Nothing is replaced.
+    """
     active = server.source.wanted.calibration
     record = await refine_rows(server.engine, server.storage, active)
     return server.calibrating.entry(record)

@@ -6,7 +6,7 @@ import asyncio
 import io
 import math
 import zipfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from app.contract.calibrating import TapeCheck
@@ -184,7 +184,7 @@ async def check_by_tape(
 async def refine_rows(
     engine: Engine, storage: Storage, active: CalibrationRecord | None
 ) -> CalibrationRecord:
-    """Make a new calibration whose rows are corrected by recent images.
+    """Make a new calibration whose rows are corrected by recent images, and a drifted vergence.
 
     The calibration in use stays in use, unchanged.
 
@@ -194,24 +194,36 @@ async def refine_rows(
     """
     name = "the source's own" if active is None else active.name
     seen = await ask(engine, TakeScenePairs())
+    job = RefineRows(seen.calibration_yaml, name, seen.pairs, seen.vergence)
     try:
-        refined = await work(RefineRows(seen.calibration_yaml, name, seen.pairs), _unheard)
+        refined = await work(job, _unheard)
     except CalibrationError as error:
         raise Conflict(str(error)) from error
     assert isinstance(refined, Refined)
     facts = refined.facts
     calibration = read_calibration(refined.calibration_yaml, name=name)
-    origin = (
-        f"refined from {name}: rows {facts['before_px']:.2f} px apart before, "
-        f"{facts['after_px']:.2f} px after; pitch {math.degrees(facts['pitch_rad']):+.3f} deg, "
-        f"roll {math.degrees(facts['roll_rad']):+.3f} deg, vergence as it was"
-    )
+    origin = f"refined from {name}: {_changes(facts)}"
     info = {**calibration_facts(calibration), "origin": origin, "refinement": facts}
     if active is not None and "bound" in active.info:
         info["bound"] = active.info["bound"]
     name = f"{name}, refined {utc_now()[:10]}"[:_LONGEST_NAME]
     save = storage.save_calibration
     return await asyncio.to_thread(save, refined.calibration_yaml, name=name, info=info)
+
+
+def _changes(facts: Mapping[str, Any]) -> str:
+    """Return in words what a refinement changed, by its facts as in ``Refined``."""
+    rows = f"rows {facts['before_px']:.2f} px apart before, {facts['after_px']:.2f} px after"
+    degrees = {
+        name: math.degrees(facts[f"{name}_rad"])
+        for name in ("pitch", "roll", "vergence")
+        if facts[f"{name}_rad"] is not None
+    }
+    turns = f"pitch {degrees['pitch']:+.3f} deg, roll {degrees['roll']:+.3f} deg"
+    if "vergence" not in degrees:
+        return f"{rows}; {turns}, vergence as it was"
+    sigma = math.degrees(facts["vergence_std_rad"])
+    return f"{rows}; {turns}, vergence {degrees['vergence']:+.3f} deg (+-{sigma:.3f})"
 
 
 def _unheard(_: Progress) -> None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from observer.calibration.ageing.vergence import VergenceCheck
 from observer.calibration.board import Board, BoardView
 from observer.camera import DistortionModel
 from observer.types import Image
@@ -44,11 +45,13 @@ class RefineRows:
     Attributes:
         pairs: as taken, (H, W) grey.
         name: name of the calibration in messages.
+        vergence: as a drive told it; corrected too where it drifted.
     """
 
     calibration_yaml: str
     name: str
     pairs: tuple[tuple[Image, Image], ...]
+    vergence: VergenceCheck | None = None
 
 
 Job = FitViews | FindBoards | RefineRows
@@ -93,7 +96,7 @@ class Refined:
     """
 
     calibration_yaml: str
-    facts: dict[str, float]
+    facts: dict[str, float | None]
 
 
 Result = Fitted | BoardsFound | Refined

@@ -60,10 +60,14 @@ def _refine(job: RefineRows) -> Refined:
         raise CalibrationError(
             "there are no images to refine by yet; let the cameras deliver for some seconds"
         )
-    refined = refine_from_scene(calibration, job.pairs)
+    refined = refine_from_scene(calibration, job.pairs, job.vergence)
     if isinstance(refined, RefinementRefusal):
         raise CalibrationError(refined.reason)
-    facts = {name: float(value) for name, value in vars(refined).items() if name != "calibration"}
+    facts = {
+        name: None if value is None else float(value)
+        for name, value in vars(refined).items()
+        if name != "calibration"
+    }
     return Refined(calibration_text(refined.calibration), facts)
 
 

@@ -1,8 +1,9 @@
-"""Refinement of pitch and roll between the two cameras from what they see.
+"""Refinement of pitch, roll and vergence between the two cameras from what they see.
 
 A stereo head that was bumped, warmed or driven for months is off by hundredths of a degree, half
-a pixel at a focal length of 1000. Rows tell that apart from the scene, columns do not: vergence
-looks like depth. So vergence, baseline and lenses stay as calibrated.
+a pixel at a focal length of 1000. Rows tell pitch and roll apart from the scene, columns do not:
+vergence looks like depth. It is corrected only by what a drive told (``VergenceCheck``); baseline
+and lenses stay as calibrated.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+from observer.calibration.ageing.vergence import VergenceCheck
 from observer.camera import StereoCalibration, StereoCamera, as_gray
 from observer.geometry import Float64Array
 from observer.types import Image
@@ -45,9 +47,13 @@ class RowRefinement:
     """A calibration turned by a little, and what that gained.
 
     Attributes:
-        calibration: the refined one; lenses, baseline and vergence are those of the given one.
-        pitch_rad, roll_rad: the turn of the rectified right camera about x and z.
+        calibration: the refined one; lenses and baseline are those of the given one.
+        pitch_rad, roll_rad: the turn of the rectified right camera about x and z; 0 where the rows
+            ask for none.
         pitch_std_rad, roll_std_rad: one standard deviation of each.
+        vergence_rad: by how much more the cameras converge than in the given one, a turn of
+            ``-vergence_rad`` about y; None where the vergence stayed.
+        vergence_std_rad: one standard deviation of it.
         before_px, after_px: median vertical distance of matches after rectification, pixels.
         before_p95_px, after_p95_px: 95 % of the matches lie within it.
         matches: number of matches it rests on, and pairs: of pairs that show any.
@@ -59,6 +65,8 @@ class RowRefinement:
     roll_rad: float
     pitch_std_rad: float
     roll_std_rad: float
+    vergence_rad: float | None
+    vergence_std_rad: float | None
     before_px: float
     after_px: float
     before_p95_px: float
@@ -76,9 +84,13 @@ class RefinementRefusal:
 
 
 def refine_from_scene(
-    calibration: StereoCalibration, pairs: Iterable[tuple[Image, Image]]
+    calibration: StereoCalibration,
+    pairs: Iterable[tuple[Image, Image]],
+    vergence: VergenceCheck | None = None,
 ) -> RowRefinement | RefinementRefusal:
     """Estimate the pitch and roll of the right camera that align the rows of these pairs.
+
+    A vergence that drifted is corrected with them, also where the rows need no correction.
 
     The given calibration is not changed.
 
@@ -86,6 +98,7 @@ def refine_from_scene(
         calibration: nearly right: rows agree to a few pixels.
         pairs: left and right images as taken, of the calibration's size, (H, W) grey or
             (H, W, 3) BGR; best from different places, with texture all over the image.
+        vergence: as the drive told it, of this calibration; None unknown.
 
     Raises:
         CalibrationError: the calibration cannot be rectified or is for images of another size.
@@ -110,8 +123,11 @@ def refine_from_scene(
             f"the cameras texture to the left and to the right"
         )
 
+    drift = None if vergence is None or vergence.status != "drifted" else vergence.vergence_rad
+    yaw = 0.0 if drift is None else -drift
+
     def errors(turn: Float64Array) -> Float64Array:
-        rows = _turned_rows(camera, right_px, turn)
+        rows = _turned_rows(camera, right_px, turn, yaw)
         return np.asarray(rows - left_px[:, 1], dtype=np.float64)
 
     fit = least_squares(errors, np.zeros(2), loss="soft_l1", f_scale=_SOFT_PX, x_scale=1e-4)
@@ -123,7 +139,7 @@ def refine_from_scene(
             f"more than the {np.degrees(_MAX_TURN_RAD):g} deg of a drift: calibrate anew, and "
             f"check that left and right show the same instant"
         )
-    std = _deviations(camera, left_px, right_px, errors(turn), turn)
+    std = _deviations(camera, left_px, right_px, errors(turn), turn, yaw)
     # What each means in pixels: pitch everywhere, roll at the left and right edge.
     pitch_px, roll_px = std * (camera.fy, camera.width / 2)
     if max(pitch_px, roll_px) > _MAX_STD_PX:
@@ -131,26 +147,27 @@ def refine_from_scene(
             f"the matches tell pitch to {pitch_px:.2f} px and roll to {roll_px:.2f} px only, "
             f"{_MAX_STD_PX:g} px are needed: show the cameras a still scene with more texture"
         )
-    # Median and 95th percentile of the distances.
-    before, before_p95 = np.quantile(np.abs(errors(np.zeros(2))), [0.5, 0.95]).tolist()
-    after, after_p95 = np.quantile(np.abs(errors(turn)), [0.5, 0.95]).tolist()
+    before, before_p95 = _quantiles(right_px[:, 1] - left_px[:, 1])
+    after, after_p95 = _quantiles(errors(turn))
     if after >= before or not (np.abs(turn) > 2 * std).any():
-        return RefinementRefusal(
-            f"the rows agree to {before:.2f} px (median of {len(left_px)} matches), and no turn "
-            f"betters that beyond its own uncertainty: the calibration needs no refinement"
-        )
-    # R_rectified_left stays; the rectified right camera is turned, and with it R and T.
-    R_rectified_right = _turn(turn) @ rectification.R_rectified_left @ calibration.R.T
+        if drift is None:
+            return RefinementRefusal(
+                f"the rows agree to {before:.2f} px (median of {len(left_px)} matches), and no "
+                f"turn betters that beyond its own uncertainty: the calibration needs no "
+                f"refinement"
+            )
+        turn = np.zeros(2)
+        after, after_p95 = _quantiles(errors(turn))
     return RowRefinement(
-        calibration=replace(
-            calibration,
-            R=R_rectified_right.T @ rectification.R_rectified_left,
-            T=R_rectified_right.T @ np.array([-camera.baseline, 0, 0]),
+        calibration=with_turned_right_camera(
+            calibration, rectification, np.array([turn[0], yaw, turn[1]])
         ),
         pitch_rad=float(turn[0]),
         roll_rad=float(turn[1]),
         pitch_std_rad=float(std[0]),
         roll_std_rad=float(std[1]),
+        vergence_rad=drift,
+        vergence_std_rad=None if vergence is None or drift is None else vergence.std_rad,
         before_px=before,
         after_px=after,
         before_p95_px=before_p95,
@@ -158,6 +175,31 @@ def refine_from_scene(
         matches=len(left_px),
         pairs=showing,
         coverage=_coverage(camera, left_px),
+    )
+
+
+def with_turned_right_camera(
+    calibration: StereoCalibration, rectification: Rectification, turn: Float64Array
+) -> StereoCalibration:
+    """Return the calibration whose rectified right image is turned by a small rotation.
+
+    With W the rotation of the vector ``turn`` and R1 that of the rectified left camera, the
+    rectified right one is at ``W R1 R^T`` in place of ``R1 R^T``. So ``R' = R R1^T W^T R1`` and
+    ``T' = R R1^T W^T (-B, 0, 0)``: left camera, right camera's place and lenses stay. A camera
+    that converges by v more than calibrated sees ``(x, y, 1)`` at ``W_y(v) (x, y, 1)``, about
+    ``f v (1 + x^2)`` pixels too far right; the turn (0, -v, 0) takes that back.
+
+    Args:
+        rectification: of the calibration.
+        turn: (3,) rotation vector, radians, rectified right camera's axes.
+    """
+    R1 = rectification.R_rectified_left
+    W = Rotation.from_rotvec(turn).as_matrix()
+    R_right_rectified = calibration.R @ R1.T @ W.T
+    return replace(
+        calibration,
+        R=R_right_rectified @ R1,
+        T=R_right_rectified @ np.array([-rectification.camera.baseline, 0, 0]),
     )
 
 
@@ -193,17 +235,21 @@ def _tracked(
     return np.asarray(found, dtype=np.float32), np.asarray(ok).ravel() == 1
 
 
-def _turned_rows(camera: StereoCamera, px: Float64Array, turn: Float64Array) -> Float64Array:
-    """Rows (N,) of the pixels (N, 2) after turning the camera by pitch and roll."""
+def _quantiles(distances: Float64Array) -> tuple[float, float]:
+    """Median and 95th percentile of the absolute values."""
+    median, p95 = np.quantile(np.abs(distances), [0.5, 0.95]).tolist()
+    return median, p95
+
+
+def _turned_rows(
+    camera: StereoCamera, px: Float64Array, pitch_roll: Float64Array, yaw: float
+) -> Float64Array:
+    """Rows (N,) of the pixels (N, 2) after turning the camera by pitch and roll, and by yaw."""
     level = (px - (camera.cx, camera.cy)) / (camera.fx, camera.fy)
     rays = np.column_stack([level, np.ones(len(px))])
-    turned = rays @ _turn(turn).T
+    turn = Rotation.from_rotvec([pitch_roll[0], yaw, pitch_roll[1]]).as_matrix()
+    turned = rays @ turn.T
     return np.asarray(turned[:, 1] / turned[:, 2] * camera.fy + camera.cy, dtype=np.float64)
-
-
-def _turn(pitch_roll: Float64Array) -> Float64Array:
-    rotvec = [pitch_roll[0], 0.0, pitch_roll[1]]
-    return np.asarray(Rotation.from_rotvec(rotvec).as_matrix(), dtype=np.float64)
 
 
 def _deviations(
@@ -212,6 +258,7 @@ def _deviations(
     right_px: Float64Array,
     errors: Float64Array,
     turn: Float64Array,
+    yaw: float,
 ) -> Float64Array:
     """(2,) radians: one standard deviation of pitch and roll.
 
@@ -219,9 +266,12 @@ def _deviations(
     what a part of the image has in common over all pairs counts once.
     """
     step = 1e-6
-    rows = _turned_rows(camera, right_px, turn)
+    rows = _turned_rows(camera, right_px, turn, yaw)
     J = np.column_stack(
-        [(_turned_rows(camera, right_px, turn + step * axis) - rows) / step for axis in np.eye(2)]
+        [
+            (_turned_rows(camera, right_px, turn + step * axis, yaw) - rows) / step
+            for axis in np.eye(2)
+        ]
     )
     # The slope of soft_l1, by which the fit weighs each match.
     weight = 1 / np.sqrt(1 + (errors / _SOFT_PX) ** 2)

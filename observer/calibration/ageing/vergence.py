@@ -1,7 +1,8 @@
 """Check of the vergence against the calibration, by the distance that the wheels report.
 
 Vergence cannot be seen in one pair: it looks like depth. But depth is a scale of the camera's
-way, and the robot's wheels measure that way by themselves (``vergence_fit`` has the formula).
+way, and the robot's wheels measure that way by themselves (``observer.vision.vergence_fit`` has the
+formula).
 """
 
 from __future__ import annotations
@@ -68,7 +69,7 @@ class VergenceCheck:
         vergence_rad: by how much the cameras converge more than calibrated; None where nothing
             is known. std_rad: one standard deviation, the wheels' scale error included.
         sentence: the same in words; while unobserved, what would make it observable.
-        way_m: metres of way that it rests on.
+        way_m: metres of way against the wheels that it rests on; 0 without wheels.
     """
 
     status: Literal["unobserved", "consistent", "drifted"]
@@ -206,22 +207,17 @@ class VergenceWatch:
         """Return the verdict on a vergence and its standard deviation, rad."""
         way = f"{self._way_m:.1f} m of way"
         sigma = f"+-{math.degrees(std):.2f}"
-        # Depth seems d / (d - f v) times as far as it is, which is 1 + v Z / B for small v.
-        share, share_std = (
-            100 * angle * _AT_M / self._camera.baseline for angle in (vergence, std)
-        )
         if abs(vergence) > _SURE_SIGMAS * std:
-            course, error = ("more", "far") if vergence > 0 else ("less", "near")
+            lead, effect = drift_words(vergence, std, self._camera.baseline)
             sentence = (
-                f"the cameras converge {course} than calibrated by "
-                f"{abs(math.degrees(vergence)):.2f} deg ({sigma}), by {way} against the wheels: "
-                f"depth at {_AT_M:g} m seems about {abs(share):.0f} % too {error}; calibrate anew "
-                f"with a board"
+                f"{lead}, by {way} against the wheels: {effect}; refine the calibration from the "
+                f"scene or calibrate anew with a board"
             )
             return VergenceCheck("drifted", vergence, std, sentence, self._way_m)
         if std * self._camera.fx > _KNOWN_PX:
             sentence = f"vergence is unobserved: {way} tell it to {sigma} deg only; {_HOW}"
             return VergenceCheck("unobserved", vergence, std, sentence, self._way_m)
+        share, share_std = (_depth_share(angle, self._camera.baseline) for angle in (vergence, std))
         sentence = (
             f"vergence agrees with the wheels over {way}: {math.degrees(vergence):+.2f} deg "
             f"({sigma}) beyond the calibration, {share:+.1f} % (+-{share_std:.1f}) of depth at "
@@ -242,6 +238,30 @@ class VergenceWatch:
             return False
         sigma = math.hypot(math.sqrt(excess / left), WHEEL_SCALE_SIGMA)
         return abs(scale) > max(_STRANGE_SCALE, _SURE_SIGMAS * sigma)
+
+
+def drift_words(vergence: float, std: float, baseline: float) -> tuple[str, str]:
+    """Return in words by how much the cameras converge otherwise, and what it does to depth.
+
+    Args:
+        vergence, std: radians beyond the calibration, and one standard deviation.
+        baseline: metres.
+    """
+    course, error = ("more", "far") if vergence > 0 else ("less", "near")
+    lead = (
+        f"the cameras converge {course} than calibrated by {abs(math.degrees(vergence)):.2f} deg "
+        f"(+-{math.degrees(std):.2f})"
+    )
+    share = abs(_depth_share(vergence, baseline))
+    return lead, f"depth at {_AT_M:g} m seems about {share:.0f} % too {error}"
+
+
+def _depth_share(vergence: float, baseline: float) -> float:
+    """Depth error at ``_AT_M``, per cent.
+
+    Depth seems d / (d - f v) times as far as it is, which is 1 + v Z / B for small v.
+    """
+    return 100 * vergence * _AT_M / baseline
 
 
 # Of about what size vergence and scale errors are, rad and 1: makes the two comparable.

@@ -9,6 +9,12 @@ from typing import Any
 
 import numpy as np
 
+from observer.calibration.ageing.driving_errors import (
+    PointsVergence,
+    SkewCheck,
+    SkewWatch,
+    joined_vergence,
+)
 from observer.calibration.ageing.row_drift import RowDrift, RowDriftWatch
 from observer.calibration.ageing.vergence import VergenceCheck, VergenceWatch
 from observer.camera import StereoCamera, as_gray
@@ -24,10 +30,16 @@ _SPACING_S = 3.0
 
 @dataclass(frozen=True)
 class CalibrationAge:
-    """State of a calibration after a frame."""
+    """State of a calibration after a frame.
+
+    Attributes:
+        vergence: by the wheels or by near against far points, whichever knows it better.
+        exposure_skew: of free-running cameras that nobody told; None while none is sure.
+    """
 
     rows: RowDrift
     vergence: VergenceCheck
+    exposure_skew: SkewCheck | None
 
 
 class ScenePairs:
@@ -57,7 +69,7 @@ class ScenePairs:
 
 
 class AgeingWatch:
-    """Rows and vergence, and pairs for a refinement; less than 0.1 ms a frame on average.
+    """Rows, vergence and skew, and pairs for a refinement; less than 0.1 ms a frame on average.
 
     It belongs to one calibration: another one, or another rig, begins with a new watch.
     """
@@ -65,6 +77,9 @@ class AgeingWatch:
     def __init__(self, camera: StereoCamera, mount: CameraMount | None = None) -> None:
         self._rows = RowDriftWatch(camera)
         self._vergence = VergenceWatch(camera, mount)
+        self._points = PointsVergence(camera)
+        self._skew = SkewWatch()
+        self._joined: tuple[VergenceCheck, VergenceCheck | None, VergenceCheck] | None = None
         self._pairs = ScenePairs()
 
     def look(
@@ -74,17 +89,27 @@ class AgeingWatch:
 
         Args:
             frame: as it was played. observation: what the observer found in it.
-            trace: of the same frame, of which ``rows`` is read.
+            trace: of the same frame, of which ``rows``, ``disparity_bias`` and ``exposure_skew``
+                are read.
         """
         rows: StereoRows | None = trace.get("rows")
         px, offset = (None, None) if rows is None else (rows.px, rows.offset_px)
         drift = self._rows.look(frame.time, px, offset)
         pose = observation.T_world_camera
-        vergence = self._vergence.look(frame.time, observation.segment, rows, pose, frame.odometry)
+        wheels = self._vergence.look(frame.time, observation.segment, rows, pose, frame.odometry)
+        vergence = self._join(wheels, self._points.look(trace.get("disparity_bias")))
+        skew = self._skew.look(trace.get("exposure_skew"))
         # Pictures in which the camera knows where it is are worth keeping.
         if pose is not None:
             self._pairs.offer(frame.time, frame.left, frame.right)
-        return CalibrationAge(drift, vergence)
+        return CalibrationAge(drift, vergence, skew)
+
+    def _join(self, wheels: VergenceCheck, points: VergenceCheck | None) -> VergenceCheck:
+        """Return the better check; the same object while there is no news, which is every frame."""
+        joined = self._joined
+        if joined is None or joined[0] is not wheels or joined[1] is not points:
+            joined = self._joined = (wheels, points, joined_vergence(wheels, points))
+        return joined[2]
 
     @property
     def pairs(self) -> tuple[tuple[Image, Image], ...]:

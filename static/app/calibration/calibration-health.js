@@ -1,10 +1,11 @@
-/** Ageing of the calibration in use: epipolar error over time, vergence, and a click to refine. */
+/** Ageing of the calibration in use: epipolar error over time, vergence, skew, a click to refine. */
 
 import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { notify, oneAtATime } from "../shell/notice.js";
+import { refinementInWords, skewInWords, trendInWords, warningInWords } from "./ageing-words.js";
 import { previewed } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
@@ -21,6 +22,8 @@ class CalibrationHealth extends Part {
   #trend = h("p.hint");
   #chart = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, class: "drift-chart", role: "img" });
   #vergence = h("p.hint");
+  #skew = h("p.hint");
+  #refines = h("p.hint");
   #refine = button("Refine from the scene", () =>
     this.#do(() => this.#refineRows(), this.#refine, "Refining…"),
   );
@@ -35,10 +38,8 @@ class CalibrationHealth extends Part {
       this.#chart,
       this.#trend,
       this.#vergence,
-      h(
-        "p.hint",
-        "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay.",
-      ),
+      this.#skew,
+      this.#refines,
       h("div.row", this.#refine),
     );
     this.hear("status", () => this.#render());
@@ -58,9 +59,11 @@ class CalibrationHealth extends Part {
         ? `The rows of left and right are ${fixed(now_px, 2)} px apart; ${ALLOWED_PX} px are allowed.`
         : "How far the rows of left and right are apart shows after some seconds with texture in view.",
     );
-    setText(this.#trend, rows.warning ? sentence(rows.warning) : trend(rows));
-    setText(this.#spoken, rows.warning ? sentence(rows.warning) : "");
+    setText(this.#trend, rows.warning ? sentence(rows.warning) : trendInWords(rows));
+    setText(this.#spoken, warningInWords(ageing));
     setText(this.#vergence, sentence(vergence.sentence));
+    setText(this.#skew, skewInWords(ageing));
+    setText(this.#refines, refinementInWords(ageing));
     this.#refine.disabled = this.hub.status?.run !== null;
     setAttribute(this.#refine, "title", this.#refine.disabled ? "Stop the run first" : null);
     this.#draw(rows);
@@ -105,13 +108,6 @@ class CalibrationHealth extends Part {
     notify(`${refined.name} is in use.`);
     this.hub.tell("calibrations");
   }
-}
-
-/** @param {RowDriftStatus} rows */
-function trend(rows) {
-  if (rows.trend_px_per_min === null) return "No trend is to be seen.";
-  const course = rows.trend_px_per_min > 0 ? "growing" : "shrinking";
-  return `It is ${course} by ${fixed(60 * Math.abs(rows.trend_px_per_min), 2)} px an hour.`;
 }
 
 customElements.define("observer-calibration-health", CalibrationHealth);

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import json
+import math
 import os
+import re
 import signal
 import time
 from pathlib import Path
@@ -92,6 +94,49 @@ async def test_a_calibration_is_tried_on_the_newest_pair(real: Any, calibration_
         status = (await served.http.get("/api/status")).json()
         assert status["calibration"]["id"] == good["id"]
         assert status["engine"]["state"] == "preview"
+
+
+@pytest.mark.patient
+async def test_a_drifted_vergence_is_told_and_offered_as_a_calibration(real: Any) -> None:
+    async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
+        await open_source(served, "simulated:static_vergence")
+        told = await message(live, lambda m: is_aged(m) and is_drifted(m["ageing"]["vergence"]))
+        vergence = told["ageing"]["vergence"]
+        # The scenario's calibration is off by -0.078 deg: the cameras converge more than it says.
+        truth = math.radians(0.078)
+        assert abs(vergence["vergence_rad"] - truth) < 3 * vergence["std_rad"]
+        assert told["ageing"]["exposure_skew"] is None
+        assert "near against far points" in vergence["sentence"]
+        status = (await served.http.get("/api/status")).json()
+        assert any("converge more than calibrated" in each for each in status["warnings"])
+
+        refined = await served.http.post("/api/calibrations/refine")
+        assert refined.status_code == 201, refined.text
+        assert re.search(r"vergence \+0\.0[789]\d deg \(\+-0\.0", refined.json()["origin"])
+        assert (await served.http.get("/api/status")).json()["calibration"] is None
+
+
+@pytest.mark.patient
+async def test_a_skew_that_nobody_told_is_told(real: Any) -> None:
+    async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
+        await open_source(served, "simulated:static_skew")
+        told = await message(live, lambda m: is_aged(m) and m["ageing"]["exposure_skew"])
+        skew = told["ageing"]["exposure_skew"]
+        assert abs(skew["exposure_skew_s"] - 0.016) < 3 * skew["sigma_s"]
+        assert "ms after the left one" in skew["sentence"]
+
+
+async def open_source(served: Any, spec: str) -> None:
+    opened = await served.http.put("/api/source", json={"source": spec})
+    assert opened.status_code == 200, opened.text
+
+
+def is_aged(heard: dict[str, Any]) -> bool:
+    return heard["type"] == "status" and heard["ageing"] is not None
+
+
+def is_drifted(vergence: dict[str, Any]) -> bool:
+    return bool(vergence["status"] == "drifted")
 
 
 async def upload(served: Any, text: str) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -15,8 +16,10 @@ from observer.calibration.ageing.row_refinement import (
     matched_points,
     refine_from_scene,
 )
+from observer.calibration.ageing.vergence import VergenceCheck
 from observer.camera import StereoCalibration
 from observer.types import Image
+from observer.vision.rectification import Rectification
 
 WIDTH, HEIGHT, FOCAL = 640, 360, 500.0
 TRUE = StereoCalibration.rectified(WIDTH, HEIGHT, FOCAL, FOCAL, 319.5, 179.5, 0.12)
@@ -162,3 +165,56 @@ def test_fisheye_lenses_are_refined_too() -> None:
     left = Rotation.from_matrix(found.calibration.R @ real.R.T).as_rotvec(degrees=True)
     assert left == pytest.approx([0, 0, 0], abs=0.02)
     assert found.after_px < 0.1 < found.before_px
+
+
+@pytest.mark.parametrize("vergence_deg", [-0.1, 0.15])
+@pytest.mark.parametrize("pitch_deg", [0.0, 0.1])
+def test_a_drifted_vergence_is_taken_out_of_the_disparities(
+    vergence_deg: float, pitch_deg: float
+) -> None:
+    # A right camera whose axis turns towards the left one sees what is ahead further right.
+    real = turned(pitch_deg, vergence_deg, 0)
+    pairs = [pair_seen_by(real, seed) for seed in (0, 1)]
+    refinement = refine_from_scene(TRUE, pairs, drifted(vergence_deg))
+    assert isinstance(refinement, RowRefinement), refinement
+    assert refinement.vergence_rad == np.deg2rad(vergence_deg)
+    assert refinement.vergence_std_rad == 1e-4
+    assert (refinement.pitch_rad != 0) == (pitch_deg != 0)
+    calibrated, wrong = disparity_errors(refinement.calibration, real), disparity_errors(TRUE, real)
+    bias = FOCAL * np.deg2rad(vergence_deg)
+    # Disparities lack the bias at the image's centre, and nothing afterwards.
+    assert wrong[0] == pytest.approx(-bias, abs=0.05)
+    assert np.abs(calibrated).max() < 0.05
+    left = Rotation.from_matrix(refinement.calibration.R @ real.R.T).magnitude()
+    assert left < np.deg2rad(0.02)
+    assert refinement.calibration.baseline == pytest.approx(TRUE.baseline)
+
+
+@pytest.mark.parametrize("status", ["consistent", "unobserved"])
+def test_a_vergence_that_has_not_drifted_is_not_touched(
+    status: Literal["consistent", "unobserved"],
+) -> None:
+    check = replace(drifted(0.05), status=status)
+    found = refine_from_scene(TRUE, [pair_seen_by(turned(0.1, 0, 0))], check)
+    assert isinstance(found, RowRefinement)
+    assert found.vergence_rad is None
+    assert Rotation.from_matrix(found.calibration.R).as_rotvec()[1] == pytest.approx(0, abs=1e-6)
+    still = refine_from_scene(TRUE, [pair_seen_by(TRUE, seed) for seed in (0, 1)], check)
+    assert isinstance(still, RefinementRefusal)
+
+
+def drifted(vergence_deg: float) -> VergenceCheck:
+    return VergenceCheck("drifted", np.deg2rad(vergence_deg), 1e-4, "it drifted")
+
+
+def disparity_errors(calibration: StereoCalibration, real: StereoCalibration) -> np.ndarray:
+    """(N,) px too large: known places as the real cameras see them, rectified as calibrated."""
+    places = np.array([[0.0, 0, 4], [0.9, 0.3, 3], [-0.6, -0.4, 2.5], [1.5, 0, 6], [0.2, 0.2, 1]])
+    left = places @ real.K1.T
+    right = (places @ real.R.T + real.T) @ real.K2.T
+    left_px, right_px = (rays[:, :2] / rays[:, 2:] for rays in (left, right))
+    rectification = Rectification(calibration)
+    left_px, right_px = rectification.rectify_points(left_px, right_px)
+    camera = rectification.camera
+    depth = (places @ rectification.R_rectified_left.T)[:, 2]
+    return left_px[:, 0] - right_px[:, 0] - camera.fx * camera.baseline / depth

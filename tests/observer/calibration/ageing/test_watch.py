@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,10 @@ from observer.calibration.ageing.row_refinement import RowRefinement, refine_fro
 from observer.calibration.ageing.watch import AgeingWatch
 from observer.observer import Observer
 from observer.parameters import Parameters
-from observer.simulation.scenarios import scenario_from_text
+from observer.simulation.scenarios import load_scenario, scenario_from_text
+from observer.simulation.source import SimulatedSource
 from observer.simulation.world import World
-from observer.types import FullTrace
+from observer.types import FullTrace, StereoFrame
 
 
 def test_a_run_warns_of_its_rows_and_can_be_refined(clip: Callable[[str, int], Any]) -> None:
@@ -36,6 +38,33 @@ def test_a_run_warns_of_its_rows_and_can_be_refined(clip: Callable[[str, int], A
     assert abs(pitch) < 0.012
     assert abs(roll) < 0.02
     assert abs(yaw) < 0.002
+
+
+def test_a_vergence_found_by_points_alone_is_refined() -> None:
+    """Without wheels: what near and far points tell while driving turns the calibration right."""
+    world = World(load_scenario("static_vergence"), 0)
+    source = SimulatedSource(world)
+    observer = Observer(source.calibration)
+    watch = AgeingWatch(observer.camera)
+    for _ in range(50):
+        frame = source.read()
+        assert isinstance(frame, StereoFrame)
+        frame = replace(frame, odometry=None)
+        trace = FullTrace()
+        age = watch.look(frame, observer.observe(frame, trace), trace)
+    assert age.exposure_skew is None
+    check = age.vergence
+    assert check.status == "drifted"
+    assert check.vergence_rad is not None
+    assert check.std_rad is not None
+    assert abs(check.vergence_rad - np.deg2rad(0.078)) < 3 * check.std_rad
+    found = refine_from_scene(source.calibration, watch.pairs, check)
+    assert isinstance(found, RowRefinement)
+    true = world.true_calibration
+    turn = found.calibration.R @ true.R.T
+    before = source.calibration.R @ true.R.T
+    assert abs(np.degrees(before[0, 2])) > 0.07
+    assert abs(np.degrees(turn[0, 2])) < np.degrees(3 * check.std_rad)
 
 
 def test_without_stereo_matches_nothing_is_claimed(clip: Callable[[str, int], Any]) -> None:

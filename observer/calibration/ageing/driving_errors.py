@@ -1,0 +1,136 @@
+"""Vergence and exposure skew as the method estimates them while driving, without wheels.
+
+A disparity bias ``b`` at the image's centre is the vergence ``v = b / f``, for a camera that
+converges by v more than calibrated shows all disparities ``f g v`` too small (``vergence_fit``).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from observer.calibration.ageing.vergence import VergenceCheck, drift_words
+from observer.camera import StereoCamera
+from observer.vision.disparity_bias import DisparityBias
+from observer.vision.exposure_skew import ExposureSkew
+
+_CONTRADICTION_SIGMAS = 3.0
+
+
+@dataclass(frozen=True)
+class SkewCheck:
+    """A skew of the exposures that the source does not tell.
+
+    Attributes:
+        exposure_skew_s: seconds by which the right camera exposes later; sigma_s: one standard
+            deviation.
+        sentence: the same in words.
+    """
+
+    exposure_skew_s: float
+    sigma_s: float
+    sentence: str
+
+
+class PointsVergence:
+    """Vergence by near against far points, from the bias that the method keeps in its trace."""
+
+    def __init__(self, camera: StereoCamera) -> None:
+        self._camera = camera
+        self._bias: DisparityBias | None = None
+        self._found: VergenceCheck | None = None
+
+    def look(self, bias: DisparityBias | None) -> VergenceCheck | None:
+        """Return the newest check, None while the bias is not known.
+
+        Args:
+            bias: after this frame; None where the method did not look for it.
+        """
+        if bias is None or bias is self._bias:
+            return self._found
+        self._bias = bias
+        if bias.known:
+            self._found = vergence_by_points(bias, self._camera)
+        elif not bias.pairs:
+            # The estimate began anew, and nothing is allowed for any more.
+            self._found = None
+        return self._found
+
+
+class SkewWatch:
+    """Skew by the image's turns, from the estimate that the method keeps in its trace."""
+
+    def __init__(self) -> None:
+        self._found: SkewCheck | None = None
+
+    def look(self, skew: ExposureSkew | None) -> SkewCheck | None:
+        """Return the newest check, None while no skew is sure; the same one while it reads so."""
+        if skew is not None and skew.sure:
+            found = skew_check(skew)
+            if self._found is None or found.sentence != self._found.sentence:
+                self._found = found
+        return self._found
+
+
+def vergence_by_points(bias: DisparityBias, camera: StereoCamera) -> VergenceCheck:
+    """Return the verdict on a bias that is known well.
+
+    Args:
+        camera: the rectified pair.
+    """
+    vergence, std = bias.px / camera.fx, bias.sigma_px / camera.fx
+    lead, effect = drift_words(vergence, std, camera.baseline)
+    if bias.sure:
+        sentence = (
+            f"{lead}, by near against far points: uncorrected, {effect}, which is allowed for "
+            f"while this run lasts; save the refined calibration or calibrate anew with a board"
+        )
+        return VergenceCheck("drifted", vergence, std, sentence)
+    sentence = (
+        f"vergence agrees with near against far points: {math.degrees(vergence):+.2f} deg "
+        f"(+-{math.degrees(std):.2f}) beyond the calibration"
+    )
+    return VergenceCheck("consistent", vergence, std, sentence)
+
+
+def joined_vergence(wheels: VergenceCheck, points: VergenceCheck | None) -> VergenceCheck:
+    """Return the check that knows the vergence better, with what contradicts it.
+
+    Args:
+        wheels: by the wheels' way. points: by near against far points; None unknown.
+    """
+    if points is None or points.vergence_rad is None or points.std_rad is None:
+        return wheels
+    if wheels.vergence_rad is None or wheels.std_rad is None:
+        return points
+    worse = wheels.status == "unobserved" or wheels.std_rad > points.std_rad
+    better, other = (points, wheels) if worse else (wheels, points)
+    gap = abs(wheels.vergence_rad - points.vergence_rad)
+    if gap <= _CONTRADICTION_SIGMAS * math.hypot(wheels.std_rad, points.std_rad):
+        return better
+    assert other.vergence_rad is not None
+    assert other.std_rad is not None
+    name = "the wheels" if other is wheels else "near and far points"
+    contradiction = (
+        f"{name} contradict this with {math.degrees(other.vergence_rad):+.2f} deg "
+        f"(+-{math.degrees(other.std_rad):.2f}): check that the wheels do not slip"
+    )
+    return VergenceCheck(
+        better.status,
+        better.vergence_rad,
+        better.std_rad,
+        f"{better.sentence}; {contradiction}",
+        better.way_m,
+    )
+
+
+def skew_check(skew: ExposureSkew) -> SkewCheck:
+    """Return what is told of a skew that is sure."""
+    course = "after" if skew.skew_s > 0 else "before"
+    sentence = (
+        f"the right camera exposes {1e3 * abs(skew.skew_s):.1f} +-{1e3 * skew.sigma_s:.1f} ms "
+        f"{course} the left one; the source does not tell it, so it is estimated and allowed for. "
+        f"No setting keeps it: every run estimates it anew; a common trigger, or a source that "
+        f"stamps both images, ends it"
+    )
+    return SkewCheck(skew.skew_s, skew.sigma_s, sentence)

@@ -1,0 +1,105 @@
+"""Vergence and skew as the method's own estimates tell them, beside the wheels."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import pytest
+
+from observer.calibration.ageing.driving_errors import (
+    PointsVergence,
+    SkewWatch,
+    joined_vergence,
+    vergence_by_points,
+)
+from observer.calibration.ageing.vergence import VergenceCheck
+from observer.camera import StereoCamera
+from observer.vision.disparity_bias import DisparityBias
+from observer.vision.exposure_skew import ExposureSkew
+
+CAMERA = StereoCamera(640, 480, 500.0, 500.0, 319.5, 239.5, 0.12)
+
+
+def known(px: float, pairs: float = 20.0) -> DisparityBias:
+    """A bias that 20 agreeing pairs tell to about 0.06 px."""
+    information = 4.0 / 0.03**2
+    return DisparityBias(information, information * px, information * px**2, pairs)
+
+
+def by_wheels(
+    status: Literal["unobserved", "consistent", "drifted"],
+    deg: float | None,
+    std_deg: float | None,
+) -> VergenceCheck:
+    vergence, std = (None if angle is None else math.radians(angle) for angle in (deg, std_deg))
+    return VergenceCheck(status, vergence, std, "as the wheels tell", 3.0)
+
+
+@pytest.mark.parametrize("px", [0.6, -0.6])
+def test_a_bias_is_a_vergence_of_its_sign(px: float) -> None:
+    check = vergence_by_points(known(px), CAMERA)
+    assert check.status == "drifted"
+    assert check.vergence_rad == pytest.approx(px / 500.0)
+    assert check.std_rad == pytest.approx(known(px).sigma_px / 500.0)
+    # 0.6 px of the 20 px that a thing at 3 m has: what is too small seems too far.
+    course, error = ("more", "far") if px > 0 else ("less", "near")
+    assert f"converge {course} than calibrated by 0.07 deg" in check.sentence
+    assert f"depth at 3 m seems about 3 % too {error}" in check.sentence
+    assert "allowed for while this run lasts" in check.sentence
+
+
+def test_no_bias_that_is_known_well_agrees() -> None:
+    check = vergence_by_points(known(0.02), CAMERA)
+    assert check.status == "consistent"
+    assert "agrees with near against far points" in check.sentence
+
+
+def test_what_is_known_stays_until_the_estimate_begins_anew() -> None:
+    watch = PointsVergence(CAMERA)
+    assert watch.look(None) is None
+    assert watch.look(DisparityBias(1.0, 0.5, 0.25, 1.0)) is None
+    found = watch.look(known(0.6))
+    assert found is not None
+    assert watch.look(None) is found
+    assert watch.look(DisparityBias(1.0, 0.5, 0.25, 1.0)) is found
+    assert watch.look(DisparityBias()) is None
+
+
+def test_near_against_far_speaks_where_the_wheels_know_nothing_or_less() -> None:
+    points = vergence_by_points(known(0.6), CAMERA)
+    assert joined_vergence(by_wheels("unobserved", None, None), points) is points
+    assert joined_vergence(by_wheels("unobserved", 0.05, 0.03), points) is points
+    assert joined_vergence(by_wheels("drifted", 0.08, 0.015), points) is points
+    better = by_wheels("drifted", 0.07, 0.001)
+    assert joined_vergence(better, points) is better
+    assert joined_vergence(better, None) is better
+
+
+def test_a_contradiction_is_told() -> None:
+    points = vergence_by_points(known(0.6), CAMERA)
+    # 0.069 deg against -0.05 deg, known to 0.007 and 0.02.
+    told = joined_vergence(by_wheels("consistent", -0.05, 0.02), points)
+    assert (told.status, told.vergence_rad) == ("drifted", points.vergence_rad)
+    assert told.sentence.startswith(points.sentence)
+    assert "the wheels contradict this with -0.05 deg (+-0.02)" in told.sentence
+    told = joined_vergence(by_wheels("drifted", -0.05, 0.001), points)
+    assert "near and far points contradict this with +0.07 deg" in told.sentence
+
+
+@pytest.mark.parametrize(("skew_s", "course"), [(0.0162, "after"), (-0.0162, "before")])
+def test_a_sure_skew_is_told_and_news_only_where_it_reads_otherwise(
+    skew_s: float, course: str
+) -> None:
+    watch = SkewWatch()
+    assert watch.look(None) is None
+    assert watch.look(ExposureSkew(1.0, skew_s)) is None
+    information = 0.0004**-2
+    found = watch.look(ExposureSkew(information, information * skew_s))
+    assert found is not None
+    assert found.exposure_skew_s == pytest.approx(skew_s)
+    assert found.sigma_s == pytest.approx(0.0004)
+    assert f"exposes 16.2 +-0.4 ms {course} the left one" in found.sentence
+    assert watch.look(ExposureSkew(information, information * 1.0001 * skew_s)) is found
+    assert watch.look(None) is found
+    assert watch.look(ExposureSkew(information, information * 1.1 * skew_s)) is not found
