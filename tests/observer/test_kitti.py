@@ -94,7 +94,17 @@ def test_the_camera_is_never_lost(fixture: str, request: pytest.FixtureRequest) 
     seen, _ = request.getfixturevalue(fixture)
     assert {o.segment for o in seen} == {0}
     assert not [o.reasons for o in seen if o.status is Status.LOST]
-    assert sum(o.status is Status.OK for o in seen) >= len(seen) - 3
+
+
+@pytest.mark.parametrize("fixture", ["static", "oncoming"])
+def test_nothing_degrades_but_what_speed_leaves_unseen(
+    fixture: str, request: pytest.FixtureRequest
+) -> None:
+    """Beyond 2.5 m/s there is no dense depth: a person between the points would be missed."""
+    seen, _ = request.getfixturevalue(fixture)
+    others = [o for o in seen if any("could not be noticed" not in reason for reason in o.reasons)]
+    assert len(others) <= 3
+    assert all(o.unseen.causes["fast"] > 0 for o in seen[1:])
 
 
 def test_nothing_near_is_called_moving_where_nothing_moves(static: Drive) -> None:
