@@ -6,12 +6,12 @@ import asyncio
 import os
 import signal
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from app.contract.events import live_line
 from app.http.server import create_app
 from app.settings import Settings
-from observer.jsonl import observation_line
+from observer.jsonl import ObservationLine, observation_line
 from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
 from observer.recording.source import RecordingSource
@@ -85,7 +85,9 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         known = [line for line in lines if (line["segment"], line["frame"]) in by_number]
         assert len(known) >= 20
         # Pages get the silhouettes drawn into their views.
-        assert all(live_line(line) == by_number[line["segment"], line["frame"]] for line in known)
+        for line in known:
+            shown = live_line(cast(ObservationLine, line))
+            assert shown == by_number[line["segment"], line["frame"]]
     with Recording(file_again) as recording:
         once_more = list(recording.lines())
         assert len(recording.frames) == len(keys)
