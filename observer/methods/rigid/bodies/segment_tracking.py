@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
-from observer.methods.rigid.bodies.limbs import judge_rigidity, measure_trunk, points_show_whole
+from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whole
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
 from observer.methods.rigid.bodies.shape import BodyShape, Box
+from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
@@ -102,14 +103,17 @@ def measure_limbs(
     """Tell bodies with limbs from rigid ones, and measure the former by their trunks' points."""
     obstacle = points.obstacle.copy()
     for track in tracks:
-        if track.outline is None or not track.outline.seen:
+        if track.outline is None:
+            continue
+        if not track.outline.seen:
+            track.outline.trunk = None
             continue
         on_body = _surely_on(track.outline, track.id, points, scene)
         judge_rigidity(track, obstacle[on_body[motion.judged[on_body]]] == track.id)
         if not track.rigid:
             obstacle[obstacle == track.id] = NO_OBSTACLE
             track.points = len(on_body)
-            measure_trunk(track, on_body, points, sightings, dt)
+            measure_trunk(track, on_body, points, sightings, scene, dt)
     return points.but(obstacle=obstacle)
 
 

@@ -294,8 +294,9 @@ def _cut(
     width = scene.grid.width
     outside = (columns < border) | (columns >= width - 1)
     beside = scene.disparity[rows, np.clip(columns, 0, width - 1)]
-    nearer = beside > disparity + scene.tolerance(disparity)
-    return bool((outside | nearer).mean() > _CUT_SHARE)
+    inside = np.clip(columns, 0, width - 1)
+    goes_on = scene.standing[rows, inside] & (beside > disparity - scene.tolerance(disparity) / 2)
+    return bool((outside | goes_on).mean() > _CUT_SHARE)
 
 
 def box_px(scene: DenseScene, segment: Segment) -> tuple[float, float, float, float]:

@@ -1,0 +1,136 @@
+"""How far the trunk of a body with limbs went since the last frame, by all of its grey levels.
+
+Corners on plain clothes are few, and many of them lie on arms. Head and shoulders as a whole show
+an outline at least.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment
+from observer.types import Image
+
+# Head and shoulders are in this upper share of the rows: arms swing below it.
+_UPPER_SHARE = 0.35
+_LEAST_CELLS = 40
+# Cells around the mask whose contour counts.
+_CONTOUR_CELLS = 1
+# Gauss-Newton ends at steps of so many cells, or after so many of them.
+_LEAST_STEP, _STEPS = 0.01, 10
+# Grey levels; residuals beyond so many deviations count less and less.
+_LEAST_NOISE, _FULL_SIGMAS = 1.0, 2.0
+# Grey levels from which on a difference is no larger, where a trunk is looked for.
+_MOST_DIFFERENCE = 20.0
+_MAD_TO_SIGMA = 1 / 0.6745
+# The Sobel operator sums its step eight times.
+_SOBEL_SCALE = 1 / 8
+_RIDGE = 1e-6
+_NOT_SEEN = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class TrunkView:
+    """What a trunk looked like in one frame.
+
+    Attributes:
+        image: (h, w) grey, a pixel for each cell. T_world_camera: the pose.
+        at: (2, N) columns and rows of head and shoulders. disparity: px.
+    """
+
+    image: Image
+    T_world_camera: Pose
+    at: NDArray[np.intp]
+    disparity: float
+
+    @staticmethod
+    def of(segment: Segment, scene: DenseScene) -> TrunkView | None:
+        """Return the view of a body's trunk; None where little of it is seen."""
+        top, bottom = segment.box[1], segment.box[3]
+        end = top + max(1, round(_UPPER_SHARE * (bottom - top)))
+        upper = np.zeros(segment.mask.shape, np.uint8)
+        upper[top:end] = segment.mask[top:end]
+        side = 2 * _CONTOUR_CELLS + 1
+        rows, columns = np.nonzero(cv2.dilate(upper, np.ones((side, side), np.uint8)))
+        if len(rows) < _LEAST_CELLS:
+            return None
+        at = np.stack([columns, rows])
+        return TrunkView(scene.left, scene.T_world_camera, at, segment.disparity)
+
+    @cached_property
+    def middle(self) -> Float64Array:
+        """(2,) column and row."""
+        return np.asarray(self.at.mean(axis=1))
+
+    def found_in(
+        self, image: Image, expected: Float64Array, scale: float, reach: int
+    ) -> tuple[Float64Array, Float64Array] | None:
+        """(2,) column and row of the middle in a later image (h, w), and their covariance (2, 2).
+
+        By Gauss-Newton on the grey levels (Lucas and Kanade, 1981; Baker and Matthews, 2004), with
+        weights that fall where arms and what is behind the body move otherwise. None where most of
+        it has left the image.
+
+        Args:
+            expected: (2,) where it should be. scale: by which it should be larger. reach: cells
+                by which it may be elsewhere on its row.
+        """
+        place = self._roughly(image, expected, scale, reach)
+        if place is None:
+            return None
+        J = self._gradient
+        light = float(np.nanmedian(self._difference(image, place, scale)))
+        for _ in range(_STEPS):
+            residual = self._difference(image, place, scale) - light
+            noise = max(_LEAST_NOISE, _MAD_TO_SIGMA * float(np.nanmedian(np.abs(residual))))
+            weight = 1 / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2)
+            weighted = J * np.nan_to_num(weight)[:, None]
+            information = weighted.T @ J + np.eye(3) * _RIDGE
+            step = np.linalg.solve(information, weighted.T @ np.nan_to_num(residual))
+            place, light = place - step[:2], light + step[2]
+            if np.abs(step[:2]).max() < _LEAST_STEP:
+                break
+        return place, np.asarray(np.linalg.inv(information)[:2, :2] * noise**2, np.float64)
+
+    def _roughly(
+        self, image: Image, expected: Float64Array, scale: float, reach: int
+    ) -> Float64Array | None:
+        """(2,) of the whole columns around, where it differs least; None out of the image."""
+        best, least = None, np.inf
+        for off in range(-reach, reach + 1):
+            place = expected + np.array([off, 0.0])
+            difference = self._difference(image, place, scale)
+            inside = difference[np.isfinite(difference)]
+            if 2 * len(inside) < len(difference):
+                continue
+            apart = np.abs(inside - np.median(inside))
+            cost = float(np.minimum(apart, _MOST_DIFFERENCE).mean())
+            if cost < least:
+                best, least = place, cost
+        return best
+
+    @cached_property
+    def _gradient(self) -> Float64Array:
+        """(N, 3) grey levels per column, per row, and per grey level of light."""
+        columns, rows = self.at
+        across, down = (
+            cv2.Sobel(self.image, cv2.CV_32F, *along, scale=_SOBEL_SCALE)[rows, columns]
+            for along in ((1, 0), (0, 1))
+        )
+        return np.stack([across, down, np.ones(len(rows))], axis=1).astype(np.float64)
+
+    def _difference(self, image: Image, place: Float64Array, scale: float) -> Float64Array:
+        """(N,) grey levels by which an image is lighter at a place; NaN out of the image."""
+        spread = (self.at - self.middle[:, None]) * scale
+        x, y = (spread + place[:, None]).astype(np.float32)
+        now = np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR)[:, 0], np.float64)
+        height, width = image.shape
+        now[(x < 0) | (x > width - 1) | (y < 0) | (y > height - 1)] = _NOT_SEEN
+        return np.asarray(now - self.image[self.at[1], self.at[0]])
