@@ -16,7 +16,7 @@ from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
 # m/s, one standard deviation: the trunk's sway about its mean, across and upwards; and what a
 # measurement does not tell.
-_SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.08, 0.2, 3.0
+_SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.06, 0.2, 3.0
 # A trunk is looked for as many deviations of the velocity away, and at most so many cells; and
 # while it is no more than this much nearer or farther than in the frame before.
 _REACH_SIGMAS, _MOST_REACH = 2.0, 10
@@ -65,15 +65,18 @@ def _measure_across(track: BodyTrack, before: TrunkView, scene: DenseScene, dt: 
     px = grid.to_px(before.middle[None])
     begin = camera.triangulate(px, np.array([before.disparity]))
     begin = before.T_world_camera.apply(begin)
-    ahead_px, disparity = camera.project(scene.T_camera_world.apply(begin + dt * velocity))
+    places = scene.T_camera_world.apply(begin + np.outer([dt, 0.0], velocity))
+    px, disparities = camera.project(places)
+    disparity = disparities[:1]
     scale = float(disparity[0]) / before.disparity
-    if not (np.isfinite(ahead_px).all() and 1 / _MOST_SCALE < scale < _MOST_SCALE):
+    if not (np.isfinite(px).all() and 1 / _MOST_SCALE < scale < _MOST_SCALE):
         return
     per_cell = 1 / (grid.per_metre(float(disparity[0])) * dt)
     cov = track.filter.covariance[VELOCITY, VELOCITY]
     sigma = float(np.sqrt(np.trace(cov) / 3))
     reach = min(_MOST_REACH, int(_REACH_SIGMAS * sigma / per_cell))
-    found = before.found_in(scene.left, grid.to_cells(ahead_px[0]), scale, reach)
+    expected, standing = grid.to_cells(px)
+    found = before.found_in(scene.left, expected, standing, scale, reach)
     if found is None:
         return
     cells, noise = found

@@ -29,9 +29,13 @@ _LEAST_STEP, _STEPS = 0.01, 10
 _LEAST_NOISE, _FULL_SIGMAS = 1.0, 2.0
 # Grey levels from which on a difference is no larger, where a trunk is looked for.
 _MOST_DIFFERENCE = 20.0
+# It is found beside where it was expected only if it differs by this factor less.
+_CLEARLY_LESS = 0.8
 _MAD_TO_SIGMA = 1 / 0.6745
 # The Sobel operator sums its step eight times.
 _SOBEL_SCALE = 1 / 8
+# Noise of a pixel becomes this share of it, squared, in a gradient.
+_GRADIENT_NOISE = 12 / 64
 _RIDGE = 1e-6
 _NOT_SEEN = np.nan
 
@@ -70,7 +74,12 @@ class TrunkView:
         return np.asarray(self.at.mean(axis=1))
 
     def found_in(
-        self, image: Image, expected: Float64Array, scale: float, reach: int
+        self,
+        image: Image,
+        expected: Float64Array,
+        standing: Float64Array,
+        scale: float,
+        reach: int,
     ) -> tuple[Float64Array, Float64Array] | None:
         """(2,) column and row of the middle in a later image (h, w), and their covariance (2, 2).
 
@@ -79,8 +88,10 @@ class TrunkView:
         it has left the image.
 
         Args:
-            expected: (2,) where it should be. scale: by which it should be larger. reach: cells
-                by which it may be elsewhere on its row.
+            expected: (2,) where it should be. standing: (2,) where it would be if it stood: while
+                that explains the image nearly as well, it is within one standard deviation.
+            scale: by which it should be larger. reach: cells by which it may be elsewhere on its
+                row.
         """
         place = self._roughly(image, expected, scale, reach)
         if place is None:
@@ -89,6 +100,8 @@ class TrunkView:
         light = float(np.nanmedian(self._difference(image, place, scale)))
         for _ in range(_STEPS):
             residual = self._difference(image, place, scale) - light
+            if not _mostly_inside(residual):
+                return None
             noise = max(_LEAST_NOISE, _MAD_TO_SIGMA * float(np.nanmedian(np.abs(residual))))
             weight = 1 / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2)
             weighted = J * np.nan_to_num(weight)[:, None]
@@ -97,24 +110,34 @@ class TrunkView:
             place, light = place - step[:2], light + step[2]
             if np.abs(step[:2]).max() < _LEAST_STEP:
                 break
-        return place, np.asarray(np.linalg.inv(information)[:2, :2] * noise**2, np.float64)
+        cov = _covariance(information, noise, float(np.nansum(weight)))
+        if self._cost(image, place, scale) > _CLEARLY_LESS * self._cost(image, standing, scale):
+            cov += np.outer(place - standing, place - standing)
+        return place, cov
 
     def _roughly(
         self, image: Image, expected: Float64Array, scale: float, reach: int
     ) -> Float64Array | None:
-        """(2,) of the whole columns around, where it differs least; None out of the image."""
+        """(2,) where it is expected, unless it differs clearly less some whole columns beside.
+
+        None out of the image.
+        """
         best, least = None, np.inf
-        for off in range(-reach, reach + 1):
+        for off in sorted(range(-reach, reach + 1), key=abs):
             place = expected + np.array([off, 0.0])
-            difference = self._difference(image, place, scale)
-            inside = difference[np.isfinite(difference)]
-            if 2 * len(inside) < len(difference):
-                continue
-            apart = np.abs(inside - np.median(inside))
-            cost = float(np.minimum(apart, _MOST_DIFFERENCE).mean())
-            if cost < least:
-                best, least = place, cost
+            cost = self._cost(image, place, scale)
+            clearly = 1.0 if off == 0 else _CLEARLY_LESS
+            if cost < clearly * least:
+                best, least = place, cost / clearly
         return best
+
+    def _cost(self, image: Image, place: Float64Array, scale: float) -> float:
+        """Return the mean difference at a place, grey levels; infinite out of the image."""
+        difference = self._difference(image, place, scale)
+        if not _mostly_inside(difference):
+            return np.inf
+        apart = np.abs(difference - np.nanmedian(difference))
+        return float(np.nanmean(np.minimum(apart, _MOST_DIFFERENCE)))
 
     @cached_property
     def _gradient(self) -> Float64Array:
@@ -134,3 +157,21 @@ class TrunkView:
         height, width = image.shape
         now[(x < 0) | (x > width - 1) | (y < 0) | (y > height - 1)] = _NOT_SEEN
         return np.asarray(now - self.image[self.at[1], self.at[0]])
+
+
+def _mostly_inside(difference: Float64Array) -> bool:
+    return 2 * int(np.isfinite(difference).sum()) > len(difference)
+
+
+def _covariance(information: Float64Array, noise: float, cells: float) -> Float64Array:
+    """(2, 2) cells^2, of a place with light unknown; what noise adds to gradients tells nothing.
+
+    Args:
+        information: (3, 3) sums over so many cells of products of gradients. noise: grey levels,
+            of the difference of two images.
+    """
+    across = information[:2, 2]
+    told = information[:2, :2] - np.outer(across, across) / information[2, 2]
+    told -= np.eye(2) * (_GRADIENT_NOISE * cells * noise**2 / 2)
+    values, axes = np.linalg.eigh(told)
+    return np.asarray((axes * (noise**2 / np.maximum(values, _RIDGE))) @ axes.T, np.float64)

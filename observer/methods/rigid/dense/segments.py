@@ -293,10 +293,13 @@ def _cut(
     """True if what lies at cells (N,) beside a segment hides how far it goes on."""
     width = scene.grid.width
     outside = (columns < border) | (columns >= width - 1)
-    beside = scene.disparity[rows, np.clip(columns, 0, width - 1)]
     inside = np.clip(columns, 0, width - 1)
-    goes_on = scene.standing[rows, inside] & (beside > disparity - scene.tolerance(disparity) / 2)
-    return bool((outside | goes_on).mean() > _CUT_SHARE)
+    beside, tolerance = scene.disparity[rows, inside], scene.tolerance(disparity)
+    nearer = beside > disparity + tolerance
+    # What moves at the same depth may be more of it.
+    goes_on = scene.standing[rows, inside] & (beside > disparity - tolerance / 2)
+    goes_on &= scene.evidence[rows, inside] == ARRIVED
+    return bool((outside | nearer | goes_on).mean() > _CUT_SHARE)
 
 
 def box_px(scene: DenseScene, segment: Segment) -> tuple[float, float, float, float]:

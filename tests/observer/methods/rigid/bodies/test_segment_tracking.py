@@ -320,10 +320,10 @@ def test_points_on_a_body_with_limbs_belong_to_nobody_but_measure_its_trunk() ->
     guest = person(0.1, 4.0)
     tracks, host = outlined(guest, TrackIds())
     points = points_on(many(0.1, 3.87)).but(obstacle=np.full(45, host.id))
-    points = limbs_measured(host, arrived(guest), points, (0.7, 0.0, 0.2))
+    points = limbs_measured(host, arrived(guest), points, (0.0, 0.0, 0.5))
     assert (points.obstacle == NO_OBSTACLE).all()
     assert host.points == 45
-    np.testing.assert_allclose(host.mean[VELOCITY], [0.7, 0.0, 0.2], atol=0.1)
+    np.testing.assert_allclose(host.mean[VELOCITY], [0.0, 0.0, 0.5], atol=0.1)
     assert tracks == [host]
 
 
