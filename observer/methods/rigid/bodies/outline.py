@@ -47,6 +47,8 @@ _SHRINK = 0.97
 # What counts as evidence of motion in a frame, and of none.
 _MOVED_SHARE, _STATIC_SHARE = 0.3, 0.6
 _LEAST_APART, _LEAST_CLEAR = 0.4, 0.1
+# Between frames whose depth is known a body is carried on for so long, seconds.
+_CARRIED_S = 0.3
 # A body that grows by this factor over what stands is swallowing it.
 _SWALLOWING = 1.6
 # A body's middle lies behind its visible surface by this share of its width, up to so many metres.
@@ -72,7 +74,8 @@ class Outline:
         offsets: (3,) metres, world, from the body's origin to each anchor.
         width, height: metres, largest of the recent ones. box_px: around it, see ``Obstacle``.
         middle: (3,) metres, world.
-        trunk: as it looked in this frame; None where little of it was seen.
+        carried_s: seconds since it was seen, for which it was taken to move on as predicted.
+        trunk: as it last looked; None where little of it was seen.
         arrived_frames, hidden_frames: in which it showed evidence of motion of either kind.
         idle_frames: in a row in which it was no thing of its own, or stood.
         moving_area: largest while it moved, cells per px^2 of disparity: however near it is.
@@ -91,6 +94,7 @@ class Outline:
     hidden_frames: int = 0
     idle_frames: int = 0
     bias_px: float = 0.0
+    carried_s: float = 0.0
     trunk: TrunkView | None = None
     _silhouette: _Silhouette | None = None
     _silhouette_s: float = 0.0
@@ -100,7 +104,7 @@ class Outline:
         """Return the outline of a body that is first seen as a segment."""
         outline = Outline(segment, scene.grid, segment.area / segment.disparity**2)
         outline.width, outline.height = extent(segment, scene.grid)
-        outline.box_px = box_px(scene, segment)
+        outline.box_px = box_px(scene.grid, segment)
         return outline
 
     @property
@@ -142,7 +146,8 @@ class Outline:
 
     def note(self, segment: Segment, origin: Float64Array, scene: DenseScene, age_s: float) -> None:
         """Note the segment at which it is seen now, with the body's origin at (3,) m, world."""
-        self.segment, self.seen, self.box_px = segment, True, box_px(scene, segment)
+        self.segment, self.seen, self.carried_s = segment, True, 0.0
+        self.box_px = box_px(scene.grid, segment)
         if not self.stands:
             self.moving_area = max(self.moving_area, segment.area / segment.disparity**2)
             self.arrived_frames += segment.arrived > _MOVED_SHARE
@@ -157,12 +162,28 @@ class Outline:
         depth = _HALF_DEPTH * min(self.width, _MOST_DEPTH_M)
         self.middle = surface + depth * ahead / np.linalg.norm(ahead)
 
+    def carry(
+        self, origin: Float64Array, velocity: Float64Array, T_camera_world: Pose, dt: float
+    ) -> None:
+        """Take it to be seen where it is expected in a frame of which depth is not known.
+
+        Args:
+            origin: (3,) metres, world, of the body. velocity: (3,) m/s.
+        """
+        where = self.expected(origin, T_camera_world, self.grid)
+        self.carried_s += dt
+        self.seen = self.seen and where is not None and self.carried_s < _CARRIED_S
+        if where is not None:
+            self.segment = where.as_segment(self.segment)
+            self.box_px = box_px(self.grid, self.segment)
+            self.middle = self.middle + dt * velocity
+
     def take(self, limb: Segment, scene: DenseScene) -> bool:
         """Take a segment as a limb of the body, if it is one; returns whether it is."""
         if not is_limb(scene, limb, self.segment):
             return False
         self.segment = with_limb(scene, self.segment, limb)
-        self.box_px = box_px(scene, self.segment)
+        self.box_px = box_px(scene.grid, self.segment)
         if self._silhouette is not None and anchor_of(self.segment) == "middle":
             before = self._silhouette
             self._silhouette = _Silhouette(self.segment, before.px, before.disparity)

@@ -84,12 +84,23 @@ def track_segments(
     return _absorbed(tracks, points.but(obstacle=obstacle, within=within))
 
 
-def without_segments(tracks: list[BodyTrack], points: TrackedPoints) -> TrackedPoints:
-    """Note that no segment is seen in this frame."""
+def without_segments(
+    tracks: list[BodyTrack], points: TrackedPoints, now: CameraStep
+) -> TrackedPoints:
+    """Carry the bodies on in a frame whose depth is not known; points get to know where they are.
+
+    For a while they count as seen.
+    """
+    within = np.full(len(points), NO_OBSTACLE, np.int64)
     for track in tracks:
-        if track.outline is not None:
-            track.outline.seen = False
-    return points.but(within=np.full(len(points), NO_OBSTACLE, np.int64))
+        outline = track.outline
+        if outline is None:
+            continue
+        outline.carry(track.mean[POSITION], track.mean[VELOCITY], now.T_camera_world, now.dt)
+        if outline.seen:
+            track.missed_s = 0.0
+            within[outline.segment.mask[outline.grid.at(points.px)]] = track.id
+    return points.but(within=within)
 
 
 def measure_limbs(

@@ -101,7 +101,7 @@ class BodyTracker:
         self.predict(now, p)
         points = self.measure(points, sightings, now, p)
         if scene is None:
-            points = without_segments(self.tracks, points)
+            points = without_segments(self.tracks, points, now)
         else:
             points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)

@@ -47,9 +47,10 @@ def measure_trunk(
         on_body: (K,) the points that are surely on it. dt: seconds.
     """
     assert track.outline is not None
-    before, track.outline.trunk = track.outline.trunk, TrunkView.of(track.outline.segment, scene)
+    before = track.outline.trunk
+    track.outline.trunk = TrunkView.of(track.outline.segment, scene, track.age_s)
     if before is not None:
-        _measure_across(track, before, scene, dt)
+        _measure_across(track, before, scene, track.age_s - before.age_s)
     _, top, _, bottom = track.outline.box_px
     on_trunk = points.px[on_body, 1] < top + TRUNK_SHARE * (bottom - top)
     chosen = on_body[on_trunk & np.isfinite(points.moved[on_body, 0])]
@@ -60,7 +61,7 @@ def measure_trunk(
 
 
 def _measure_across(track: BodyTrack, before: TrunkView, scene: DenseScene, dt: float) -> None:
-    """Measure the velocity across the line of sight, by a view of the frame before."""
+    """Measure the velocity across the line of sight, by a view of ``dt`` seconds before."""
     grid, camera, velocity = scene.grid, scene.grid.camera, track.mean[VELOCITY]
     px = grid.to_px(before.middle[None])
     begin = camera.triangulate(px, np.array([before.disparity]))

@@ -45,18 +45,19 @@ class TrunkView:
     """What a trunk looked like in one frame.
 
     Attributes:
-        image: (h, w) grey, a pixel for each cell. T_world_camera: the pose.
-        at: (2, N) columns and rows of head and shoulders. disparity: px.
+        age_s: of its track, seconds. image: (h, w) grey, a pixel for each cell.
+        T_world_camera: the pose. at: (2, N) columns and rows of head and shoulders. disparity: px.
     """
 
+    age_s: float
     image: Image
     T_world_camera: Pose
     at: NDArray[np.intp]
     disparity: float
 
     @staticmethod
-    def of(segment: Segment, scene: DenseScene) -> TrunkView | None:
-        """Return the view of a body's trunk; None where little of it is seen."""
+    def of(segment: Segment, scene: DenseScene, age_s: float) -> TrunkView | None:
+        """Return the view of the trunk of a body so old; None where little of it is seen."""
         top, bottom = segment.box[1], segment.box[3]
         end = top + max(1, round(_UPPER_SHARE * (bottom - top)))
         upper = np.zeros(segment.mask.shape, np.uint8)
@@ -66,7 +67,7 @@ class TrunkView:
         if len(rows) < _LEAST_CELLS:
             return None
         at = np.stack([columns, rows])
-        return TrunkView(scene.left, scene.T_world_camera, at, segment.disparity)
+        return TrunkView(age_s, scene.left, scene.T_world_camera, at, segment.disparity)
 
     @cached_property
     def middle(self) -> Float64Array:

@@ -17,7 +17,7 @@ from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.ground import Ground, standing
 from observer.mount import CameraMount
-from observer.parameters import StereoParameters
+from observer.parameters import DenseParameters, StereoParameters
 from observer.types import Image
 from observer.vision.view import View
 
@@ -65,6 +65,16 @@ class DenseVision:
         self._grid = Grid.of(camera)
         self._ground = Ground(self._grid, mount)
         self._space = FreeSpace(self._grid)
+        self._looked = -np.inf
+
+    def is_due(self, time: float, dt: float, parameters: DenseParameters) -> bool:
+        """Return whether a frame is to be looked at, as often as the parameters have it.
+
+        Args:
+            time: of the frame, dt: since the one before, seconds.
+        """
+        rate = parameters.rate_hz
+        return bool(rate > 0 and time - self._looked > 1 / rate - dt / 2)
 
     def look(
         self, view: View, now: CameraStep, parameters: StereoParameters, bias_px: float
@@ -77,6 +87,7 @@ class DenseVision:
         Args:
             bias_px: what all disparities lack, at the image's centre.
         """
+        self._looked = view.time
         if np.linalg.norm(now.rate.shift) > _FASTEST_MPS:
             return None
         left, right = (self._grid.reduced(image) for image in (view.left, view.right))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
+from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 
 Mask = NDArray[np.bool_]
@@ -81,6 +82,12 @@ class Expected:
 
     mask: Mask
     disparity: float
+
+    def as_segment(self, before: Segment) -> Segment:
+        """Return the segment that a body which was seen as one before should be seen as."""
+        rows, columns = window_of(self.mask)
+        box = (columns.start, rows.start, columns.stop, rows.stop)
+        return replace(before, mask=self.mask, box=box, disparity=self.disparity)
 
 
 def segment_of(scene: DenseScene, mask: Mask) -> Segment:
@@ -302,8 +309,8 @@ def _cut(
     return bool((outside | nearer | goes_on).mean() > _CUT_SHARE)
 
 
-def box_px(scene: DenseScene, segment: Segment) -> tuple[float, float, float, float]:
+def box_px(grid: Grid, segment: Segment) -> tuple[float, float, float, float]:
     """Return u0, v0, u1, v1 around a segment, pixels of the left image."""
     corners: Float64Array = np.array(segment.box, np.float64).reshape(2, 2) - 0.5
-    u0, v0, u1, v1 = scene.grid.to_px(corners).ravel().tolist()
+    u0, v0, u1, v1 = grid.to_px(corners).ravel().tolist()
     return (u0, v0, u1, v1)

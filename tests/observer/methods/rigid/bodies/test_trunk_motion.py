@@ -80,6 +80,7 @@ def by_picture(track: BodyTrack, velocity: Float64Array, frames: int = 6) -> Flo
             track.outline.trunk = outline.trunk
         points = points_on(track, np.zeros(0), np.zeros((0, 3)))
         sightings = WorldSightings(np.zeros((0, 3)), np.zeros((0, 3, 3)))
+        track.age_s = k * DT
         measure_trunk(track, none, points, sightings, scene, DT)
         outline = track.outline
     return np.asarray(track.mean[VELOCITY])

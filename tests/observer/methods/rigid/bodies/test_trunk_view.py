@@ -66,7 +66,7 @@ def picture(
 
 
 def view_of(image: Image, segment: Segment = HERE) -> TrunkView:
-    found = TrunkView.of(segment, replace(seen([*ROOM, PERSON]), left=image))
+    found = TrunkView.of(segment, replace(seen([*ROOM, PERSON]), left=image), 0.0)
     assert found is not None
     return found
 
@@ -142,4 +142,4 @@ def test_of_a_few_cells_nothing_is_kept() -> None:
     scene = seen([*ROOM, PERSON])
     mask = np.zeros(GRID.shape, np.bool_)
     mask[TOP : TOP + 6, LEFT : LEFT + 3] = True
-    assert TrunkView.of(segment_of(scene, mask), scene) is None
+    assert TrunkView.of(segment_of(scene, mask), scene, 0.0) is None
