@@ -21,12 +21,18 @@ from observer.parameters.planar import (
 )
 from observer.parameters.presets import PRESET_HELP, preset, preset_names
 from observer.parameters.renamed import translated
-from observer.parameters.rigid import EvidenceParameters, KltTrackingParameters, ObstacleParameters
+from observer.parameters.rigid import (
+    DenseParameters,
+    EvidenceParameters,
+    KltTrackingParameters,
+    ObstacleParameters,
+)
 
 __all__ = [
     "MODELS",
     "PRESET_HELP",
     "ClusteringParameters",
+    "DenseParameters",
     "EgoMotionParameters",
     "EvidenceParameters",
     "FeaturesParameters",

@@ -65,7 +65,7 @@ class FeaturesParameters(Stage):
 
 class StereoParameters(Stage):
     """Dense disparity and depth: of the planar methods and, with every method, of the cloud that
-    is shown. rigid measures the disparity of its points only, up to stereo.max_disparity_px."""
+    is shown. Of these rigid knows stereo.max_disparity_px only, for its points and bodies."""
 
     models = PLANAR
     cloud = True

@@ -16,7 +16,12 @@ from observer.parameters.planar import (
     MotionParameters,
     TrackingParameters,
 )
-from observer.parameters.rigid import EvidenceParameters, KltTrackingParameters, ObstacleParameters
+from observer.parameters.rigid import (
+    DenseParameters,
+    EvidenceParameters,
+    KltTrackingParameters,
+    ObstacleParameters,
+)
 from observer.parameters.surf_extra import surf_missing
 
 
@@ -26,6 +31,7 @@ class Parameters(ParameterSet):
     ego_motion: EgoMotionParameters = EgoMotionParameters()
     klt_tracking: KltTrackingParameters = KltTrackingParameters()
     evidence: EvidenceParameters = EvidenceParameters()
+    dense: DenseParameters = DenseParameters()
     obstacles: ObstacleParameters = ObstacleParameters()
     monocular: MonocularParameters = MonocularParameters()
     stereo: StereoParameters = StereoParameters()

@@ -49,6 +49,16 @@ class KltTrackingParameters(Stage):
     """Standard deviation of the time between the exposures of unsynchronized cameras."""
 
 
+class DenseParameters(Stage):
+    """Dense depth beside the tracked points: it shows bodies whole, people in plain clothes too."""
+
+    models = RIGID
+
+    rate_hz: Real = number(60.0, unit="Hz", ge=0.0, le=120.0, step=1.0, title="Rate")
+    """Dense depth is evaluated at most this often. 0 turns it off: only tracked points are left,
+    and unseen regions are not told."""
+
+
 class EvidenceParameters(Stage):
     """The test which of the tracked points move."""
 

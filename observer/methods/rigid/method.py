@@ -34,7 +34,7 @@ from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.methods.rigid.unseen import UnseenRegions
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import Obstacle, Trace, TrackState
+from observer.types import Obstacle, Trace, TrackState, Unseen
 from observer.vision.camera_rate import CameraRate
 from observer.vision.keypoints import density_weights, has_corner
 from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
@@ -75,6 +75,8 @@ class RigidMethod:
         self._gate = MotionGate()
         self._dense = DenseVision(camera, mount)
         self._unseen = UnseenRegions(camera)
+        # Of the last frame whose dense depth is known.
+        self._told_unseen: Unseen | None = None
         self._points = TrackedPoints.none()
         self._drift = StereoDrift(camera) if drift is None else drift
         self._drift.begin_segment()
@@ -117,7 +119,8 @@ class RigidMethod:
             motion = pooled_motion(points, now, p.evidence)
             points = points.but(dynamic=motion.dynamic, velocity=motion.own_velocity)
         with timer("dense"):
-            scene = self._dense.look(view, now, p.stereo, bias_px)
+            due = self._dense.is_due(view.time, dt, p.dense)
+            scene = self._dense.look(view, now, p.stereo, bias_px) if due else None
         with timer("tracking"):
             points = self._tracker.step(points, sightings, motion, scene, now, p)
         keep_motion(trace, before, points, seen, ego, motion)
@@ -127,12 +130,15 @@ class RigidMethod:
         obstacles = self._described(now)
         with timer("unseen"):
             told = [o.box_px for o in obstacles if o.state is TrackState.CONFIRMED]
-            unseen = self._unseen.look(view, scene, points, told, p.stereo)
-        trace.keep("unseen", unseen)
+            if due:
+                self._told_unseen = self._unseen.look(view, scene, points, told, p.stereo)
+            elif p.dense.rate_hz == 0:
+                self._told_unseen = None
+        trace.keep("unseen", self._told_unseen)
         with timer("features"):
             self._renew_points(p)
         share = points.stereo_share
-        return Step(ego, T_world_camera, obstacles, share, rows, unseen, notes=notes)
+        return Step(ego, T_world_camera, obstacles, share, rows, self._told_unseen, notes=notes)
 
     # --- the steps ---------------------------------------------------------------------------
 

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.bodies.trunk_view import TrunkView
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
@@ -27,7 +28,10 @@ Anchor = Literal["middle", "left", "right", "none"]
 
 # One standard deviation of where an anchor is: across the line of sight, vertically, where the
 # body is cut off, and along it; metres, and cells of disparity.
-_ACROSS_M, _VERTICAL_M, _CUT_M, _ALONG_M, _ALONG_CELLS = 0.05, 0.10, 0.50, 0.03, 0.175
+_ACROSS_M, _VERTICAL_M, _CUT_M, _ALONG_M, _ALONG_CELLS = 0.05, 0.3, 0.5, 0.03, 0.175
+# And along it where one side is cut off, metres: the disparity of a strip is partly that of what
+# is beside it, for as long as it is a strip.
+_CUT_ALONG_M = 0.3
 # What of the error of a disparity lasts, cells: its surroundings stay what they are.
 _BIAS_CELLS = 0.25
 # The disparity of what is so many cells wide is half its surroundings'.
@@ -43,6 +47,8 @@ _SHRINK = 0.97
 # What counts as evidence of motion in a frame, and of none.
 _MOVED_SHARE, _STATIC_SHARE = 0.3, 0.6
 _LEAST_APART, _LEAST_CLEAR = 0.4, 0.1
+# Between frames whose depth is known a body is carried on for so long, seconds.
+_CARRIED_S = 0.3
 # A body that grows by this factor over what stands is swallowing it.
 _SWALLOWING = 1.6
 # A body's middle lies behind its visible surface by this share of its width, up to so many metres.
@@ -68,6 +74,8 @@ class Outline:
         offsets: (3,) metres, world, from the body's origin to each anchor.
         width, height: metres, largest of the recent ones. box_px: around it, see ``Obstacle``.
         middle: (3,) metres, world.
+        carried_s: seconds since it was seen, for which it was taken to move on as predicted.
+        trunk: as it last looked; None where little of it was seen.
         arrived_frames, hidden_frames: in which it showed evidence of motion of either kind.
         idle_frames: in a row in which it was no thing of its own, or stood.
         moving_area: largest while it moved, cells per px^2 of disparity: however near it is.
@@ -86,6 +94,8 @@ class Outline:
     hidden_frames: int = 0
     idle_frames: int = 0
     bias_px: float = 0.0
+    carried_s: float = 0.0
+    trunk: TrunkView | None = None
     _silhouette: _Silhouette | None = None
     _silhouette_s: float = 0.0
 
@@ -94,7 +104,7 @@ class Outline:
         """Return the outline of a body that is first seen as a segment."""
         outline = Outline(segment, scene.grid, segment.area / segment.disparity**2)
         outline.width, outline.height = extent(segment, scene.grid)
-        outline.box_px = box_px(scene, segment)
+        outline.box_px = box_px(scene.grid, segment)
         return outline
 
     @property
@@ -104,8 +114,11 @@ class Outline:
 
     @property
     def upright(self) -> bool:
-        """True of what stands rather than lies: a person, whose limbs move by themselves."""
-        return self.height > _UPRIGHT * self.width
+        """True of what stands rather than lies: a person, whose limbs move by themselves.
+
+        What is cut off above may be one.
+        """
+        return self.height > _UPRIGHT * self.width or self.segment.cut[2]
 
     @property
     def stands(self) -> bool:
@@ -133,7 +146,8 @@ class Outline:
 
     def note(self, segment: Segment, origin: Float64Array, scene: DenseScene, age_s: float) -> None:
         """Note the segment at which it is seen now, with the body's origin at (3,) m, world."""
-        self.segment, self.seen, self.box_px = segment, True, box_px(scene, segment)
+        self.segment, self.seen, self.carried_s = segment, True, 0.0
+        self.box_px = box_px(scene.grid, segment)
         if not self.stands:
             self.moving_area = max(self.moving_area, segment.area / segment.disparity**2)
             self.arrived_frames += segment.arrived > _MOVED_SHARE
@@ -148,12 +162,28 @@ class Outline:
         depth = _HALF_DEPTH * min(self.width, _MOST_DEPTH_M)
         self.middle = surface + depth * ahead / np.linalg.norm(ahead)
 
+    def carry(
+        self, origin: Float64Array, velocity: Float64Array, T_camera_world: Pose, dt: float
+    ) -> None:
+        """Take it to be seen where it is expected in a frame of which depth is not known.
+
+        Args:
+            origin: (3,) metres, world, of the body. velocity: (3,) m/s.
+        """
+        where = self.expected(origin, T_camera_world, self.grid)
+        self.carried_s += dt
+        self.seen = self.seen and where is not None and self.carried_s < _CARRIED_S
+        if where is not None:
+            self.segment = where.as_segment(self.segment)
+            self.box_px = box_px(self.grid, self.segment)
+            self.middle = self.middle + dt * velocity
+
     def take(self, limb: Segment, scene: DenseScene) -> bool:
         """Take a segment as a limb of the body, if it is one; returns whether it is."""
         if not is_limb(scene, limb, self.segment):
             return False
         self.segment = with_limb(scene, self.segment, limb)
-        self.box_px = box_px(scene, self.segment)
+        self.box_px = box_px(scene.grid, self.segment)
         if self._silhouette is not None and anchor_of(self.segment) == "middle":
             before = self._silhouette
             self._silhouette = _Silhouette(self.segment, before.px, before.disparity)
@@ -175,7 +205,7 @@ class Outline:
         """A body that is cut off is expected whole for a while: it will come out again."""
         whole = anchor_of(self.segment) == "middle"
         if self._silhouette is None or whole or age_s - self._silhouette_s > _WHOLE_S:
-            px, d = scene.grid.camera.project(scene.T_world_camera.inverse().apply(origin[None]))
+            px, d = scene.grid.camera.project(scene.T_camera_world.apply(origin[None]))
             self._silhouette = _Silhouette(self.segment, px[0], float(d[0]))
             self._silhouette_s = age_s
 
@@ -205,18 +235,23 @@ def measured_anchor(
     place = camera.triangulate(px, np.array([segment.disparity]))[0]
     noise_px = _ALONG_CELLS * scene.grid.reduction
     noise_m = noise_px * place[2] ** 2 / (camera.fx * camera.baseline)
+    along_m = _narrowness(segment) * float(np.hypot(noise_m, _ALONG_M))
     sigmas = np.array(
         [
             _CUT_M if anchor == "none" else _ACROSS_M,
             _CUT_M if segment.cut[2] or segment.cut[3] else _VERTICAL_M,
-            _narrowness(segment) * float(np.hypot(noise_m, _ALONG_M)),
+            max(along_m, _CUT_ALONG_M) if any(segment.cut[:2]) else along_m,
         ]
     )
+    spread = scene.T_world_camera.rotation @ sight_axes(place) * sigmas
+    return scene.T_world_camera.apply(place), spread @ spread.T
+
+
+def sight_axes(place: Float64Array) -> Float64Array:
+    """(3, 3) columns, unit length: across the line of sight to a place (3,), level, down, along."""
     ray = place / np.linalg.norm(place)
     across = np.array([ray[2], 0.0, -ray[0]]) / np.hypot(ray[0], ray[2])
-    axes = np.stack([across, np.cross(ray, across), ray], axis=1)
-    spread = scene.T_world_camera.rotation @ axes * sigmas
-    return scene.T_world_camera.apply(place), spread @ spread.T
+    return np.stack([across, np.cross(ray, across), ray], axis=1)
 
 
 def _narrowness(segment: Segment) -> float:

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
-from observer.methods.rigid.bodies.limbs import judge_rigidity, measure_trunk, points_show_whole
+from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whole
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
 from observer.methods.rigid.bodies.shape import BodyShape, Box
+from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
@@ -83,12 +84,23 @@ def track_segments(
     return _absorbed(tracks, points.but(obstacle=obstacle, within=within))
 
 
-def without_segments(tracks: list[BodyTrack], points: TrackedPoints) -> TrackedPoints:
-    """Note that no segment is seen in this frame."""
+def without_segments(
+    tracks: list[BodyTrack], points: TrackedPoints, now: CameraStep
+) -> TrackedPoints:
+    """Carry the bodies on in a frame whose depth is not known; points get to know where they are.
+
+    For a while they count as seen.
+    """
+    within = np.full(len(points), NO_OBSTACLE, np.int64)
     for track in tracks:
-        if track.outline is not None:
-            track.outline.seen = False
-    return points.but(within=np.full(len(points), NO_OBSTACLE, np.int64))
+        outline = track.outline
+        if outline is None:
+            continue
+        outline.carry(track.mean[POSITION], track.mean[VELOCITY], now.T_camera_world, now.dt)
+        if outline.seen:
+            track.missed_s = 0.0
+            within[outline.segment.mask[outline.grid.at(points.px)]] = track.id
+    return points.but(within=within)
 
 
 def measure_limbs(
@@ -102,14 +114,17 @@ def measure_limbs(
     """Tell bodies with limbs from rigid ones, and measure the former by their trunks' points."""
     obstacle = points.obstacle.copy()
     for track in tracks:
-        if track.outline is None or not track.outline.seen:
+        if track.outline is None:
+            continue
+        if not track.outline.seen:
+            track.outline.trunk = None
             continue
         on_body = _surely_on(track.outline, track.id, points, scene)
         judge_rigidity(track, obstacle[on_body[motion.judged[on_body]]] == track.id)
         if not track.rigid:
             obstacle[obstacle == track.id] = NO_OBSTACLE
             track.points = len(on_body)
-            measure_trunk(track, on_body, points, sightings, dt)
+            measure_trunk(track, on_body, points, sightings, scene, dt)
     return points.but(obstacle=obstacle)
 
 

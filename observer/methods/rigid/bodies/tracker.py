@@ -51,6 +51,8 @@ from observer.vision.lifecycle import TrackIds, is_provisional
 _STEADY = 0.1
 # And that a walking person has.
 _WALKING = 0.3
+# m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
+_GAIT_MPS = 0.06
 # rad/s, one standard deviation of how fast a body that was just found may turn.
 _YAW_RATE_SIGMA = 0.6
 # rad/s^2, of a steady and of a manoeuvring body.
@@ -99,7 +101,7 @@ class BodyTracker:
         self.predict(now, p)
         points = self.measure(points, sightings, now, p)
         if scene is None:
-            points = without_segments(self.tracks, points)
+            points = without_segments(self.tracks, points, now)
         else:
             points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
@@ -148,7 +150,8 @@ class BodyTracker:
             velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])
             errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]
             drift = errors @ now.T_camera_world.rotation
-            track.lasting_cov = drift.T @ drift
+            gait = 0.0 if track.rigid else _GAIT_MPS
+            track.lasting_cov = drift.T @ drift + gait**2 * np.eye(3)
 
     def known(self, points: TrackedPoints) -> NDArray[np.bool_]:
         """(N,) which points belong to obstacles that are known to move, or are seen on them."""

@@ -36,14 +36,12 @@ def depth_image(
     disparity of contours over plain clothes; what lies far from any texture is left out.
 
     Args:
-        left, right: (H, W) grey, rectified.
+        left, right: (h, w) grey, rectified, as ``Grid.reduced`` gives them.
     """
     count = -(-parameters.max_disparity_px // (16 * grid.reduction)) * 16
-    small_left, small_right = grid.reduced(left), grid.reduced(right)
     # The matcher leaves out as many columns at the left as it searches disparities.
     wide = [
-        cv2.copyMakeBorder(image, 0, 0, count, 0, cv2.BORDER_REPLICATE)
-        for image in (small_left, small_right)
+        cv2.copyMakeBorder(image, 0, 0, count, 0, cv2.BORDER_REPLICATE) for image in (left, right)
     ]
     matcher = cv2.StereoSGBM.create(
         minDisparity=0,
@@ -61,7 +59,7 @@ def depth_image(
     fixed = np.asarray(matcher.compute(*wide))[:, count:]
     # A match beyond the right image's left edge was made in the added columns.
     inside = fixed <= _FIXED_POINT * np.arange(grid.width)
-    known = (fixed > 0) & inside & textured(small_left, least_step(small_left))
+    known = (fixed > 0) & inside & textured(left, least_step(left))
     disparity = fixed * np.float32(grid.reduction / _FIXED_POINT)
     return np.where(known, disparity, np.float32(np.nan))
 

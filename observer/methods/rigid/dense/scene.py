@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,8 @@ from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.ground import Ground, standing
 from observer.mount import CameraMount
-from observer.parameters import StereoParameters
+from observer.parameters import DenseParameters, StereoParameters
+from observer.types import Image
 from observer.vision.view import View
 
 # A body is no thicker than this, metres; and noise of the disparity no less than this, cells.
@@ -31,7 +33,7 @@ class DenseScene:
     """Dense evidence of one frame.
 
     Attributes:
-        grid: its cells. T_world_camera: the pose.
+        grid: its cells. T_world_camera: the pose. left: (h, w) the left image, grey.
         disparity: (h, w) px, NaN unknown.
         standing: (h, w) which cells stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
@@ -39,9 +41,15 @@ class DenseScene:
 
     grid: Grid
     T_world_camera: Pose
+    left: Image
     disparity: NDArray[np.float32]
     standing: NDArray[np.bool_]
     evidence: NDArray[np.uint8]
+
+    @cached_property
+    def T_camera_world(self) -> Pose:
+        """The pose, from the world's frame to the camera's."""
+        return self.T_world_camera.inverse()
 
     def tolerance(self, disparity: float) -> float:
         """Return by how many px of disparity parts of one body may differ."""
@@ -57,6 +65,16 @@ class DenseVision:
         self._grid = Grid.of(camera)
         self._ground = Ground(self._grid, mount)
         self._space = FreeSpace(self._grid)
+        self._looked = -np.inf
+
+    def is_due(self, time: float, dt: float, parameters: DenseParameters) -> bool:
+        """Return whether a frame is to be looked at, as often as the parameters have it.
+
+        Args:
+            time: of the frame, dt: since the one before, seconds.
+        """
+        rate = parameters.rate_hz
+        return bool(rate > 0 and time - self._looked > 1 / rate - dt / 2)
 
     def look(
         self, view: View, now: CameraStep, parameters: StereoParameters, bias_px: float
@@ -69,9 +87,11 @@ class DenseVision:
         Args:
             bias_px: what all disparities lack, at the image's centre.
         """
+        self._looked = view.time
         if np.linalg.norm(now.rate.shift) > _FASTEST_MPS:
             return None
-        seen = depth_image(view.left, view.right, self._grid, parameters)
+        left, right = (self._grid.reduced(image) for image in (view.left, view.right))
+        seen = depth_image(left, right, self._grid, parameters)
         delay_s = 0.0 if view.right_time is None else view.right_time - view.time
         disparity = with_bias(at_one_time(seen, now.rate, delay_s, self._grid), bias_px, self._grid)
         self._ground.update(disparity, now.T_camera_world, view.index)
@@ -80,7 +100,7 @@ class DenseVision:
         frame = DepthFrame(view.time, disparity, now.T_camera_world)
         evidence = self._space.evidence(frame, stands)
         self._space.keep(frame)
-        return DenseScene(self._grid, now.T_world_camera, disparity, stands, evidence)
+        return DenseScene(self._grid, now.T_world_camera, left, disparity, stands, evidence)
 
     def correct_disparities(self, bias_px: float) -> None:
         """Take all that is remembered as if its disparities had been larger by a bias, px."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
+from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 
 Mask = NDArray[np.bool_]
@@ -81,6 +82,12 @@ class Expected:
 
     mask: Mask
     disparity: float
+
+    def as_segment(self, before: Segment) -> Segment:
+        """Return the segment that a body which was seen as one before should be seen as."""
+        rows, columns = window_of(self.mask)
+        box = (columns.start, rows.start, columns.stop, rows.stop)
+        return replace(before, mask=self.mask, box=box, disparity=self.disparity)
 
 
 def segment_of(scene: DenseScene, mask: Mask) -> Segment:
@@ -293,13 +300,17 @@ def _cut(
     """True if what lies at cells (N,) beside a segment hides how far it goes on."""
     width = scene.grid.width
     outside = (columns < border) | (columns >= width - 1)
-    beside = scene.disparity[rows, np.clip(columns, 0, width - 1)]
-    nearer = beside > disparity + scene.tolerance(disparity)
-    return bool((outside | nearer).mean() > _CUT_SHARE)
+    inside = np.clip(columns, 0, width - 1)
+    beside, tolerance = scene.disparity[rows, inside], scene.tolerance(disparity)
+    nearer = beside > disparity + tolerance
+    # What moves at the same depth may be more of it.
+    goes_on = scene.standing[rows, inside] & (beside > disparity - tolerance / 2)
+    goes_on &= scene.evidence[rows, inside] == ARRIVED
+    return bool((outside | nearer | goes_on).mean() > _CUT_SHARE)
 
 
-def box_px(scene: DenseScene, segment: Segment) -> tuple[float, float, float, float]:
+def box_px(grid: Grid, segment: Segment) -> tuple[float, float, float, float]:
     """Return u0, v0, u1, v1 around a segment, pixels of the left image."""
     corners: Float64Array = np.array(segment.box, np.float64).reshape(2, 2) - 0.5
-    u0, v0, u1, v1 = scene.grid.to_px(corners).ravel().tolist()
+    u0, v0, u1, v1 = grid.to_px(corners).ravel().tolist()
     return (u0, v0, u1, v1)

@@ -129,7 +129,8 @@ def seen(
     stands = standing(disparity, Ground(GRID, MOUNT).plane(T_world_camera.inverse()), GRID)
     if evidence is None:
         evidence = np.zeros(GRID.shape, np.uint8)
-    return DenseScene(GRID, T_world_camera, disparity, stands, evidence)
+    dark = np.zeros(GRID.shape, np.uint8)
+    return DenseScene(GRID, T_world_camera, dark, disparity, stands, evidence)
 
 
 def arrived(*things: Shape) -> DenseScene:

@@ -1,4 +1,4 @@
-"""Bodies with limbs: told from rigid ones by their points, and measured by their trunks."""
+"""Bodies with limbs are told from rigid ones by their points."""
 
 from __future__ import annotations
 
@@ -8,25 +8,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.filter import VELOCITY, YAW_RATE
+from observer.methods.rigid.bodies.filter import YAW_RATE
 from observer.methods.rigid.bodies.limbs import (
     judge_rigidity,
-    measure_trunk,
     points_show_whole,
 )
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.dense.segments import segment_of
-from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
-from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
 from ..solid_worlds import ROOM, Solid, cells_of, seen
 
 MakeTrack = Callable[..., BodyTrack]
-DT = 1 / 15
-SIGMA_M = 0.01
-WALK = np.array([0.9, 0.0, 0.3])
 
 
 def with_outline(
@@ -42,90 +35,6 @@ def with_outline(
 def upright(make_track: MakeTrack) -> BodyTrack:
     """Stands for a person; its velocity is not known yet."""
     return with_outline(make_track((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), sigma=0.5))
-
-
-def on_outline(track: BodyTrack, heights: Float64Array, moved: Float64Array) -> TrackedPoints:
-    """Points (N,) at shares of the outline's height from its top, that went (N, 3) m in a frame."""
-    assert track.outline is not None
-    u0, v0, u1, v1 = track.outline.box_px
-    across = np.linspace(u0, u1, len(heights))
-    px = np.stack([across, v0 + heights * (v1 - v0)], axis=1).astype(np.float32)
-    sums = PositionVelocityFilter.begin(np.zeros((len(px), 3)), np.zeros((len(px), 3, 3)))
-    return TrackedPoints.begin(0, px, px, np.full(len(px), 15.0), sums).but(moved=moved)
-
-
-def measured(
-    track: BodyTrack, heights: Float64Array, velocity: Float64Array, seed: int = 0
-) -> Float64Array:
-    """(3,) m/s, the body's velocity after one frame with points of velocities (N, 3)."""
-    noise = np.random.default_rng(seed).normal(0, SIGMA_M, velocity.shape) * np.sqrt(2)
-    points = on_outline(track, heights, velocity * DT + noise)
-    information = np.broadcast_to(np.eye(3) / SIGMA_M**2, (len(points), 3, 3))
-    sightings = WorldSightings(np.zeros((len(points), 3)), information)
-    measure_trunk(track, np.arange(len(points)), points, sightings, DT)
-    return np.asarray(track.mean[VELOCITY])
-
-
-# --- the trunk's velocity ------------------------------------------------------------------
-
-
-def test_the_velocity_is_that_of_the_trunk(upright: BodyTrack) -> None:
-    heights = np.linspace(0.05, 0.55, 40)
-    before = np.trace(upright.filter.covariance[VELOCITY, VELOCITY])
-    found = measured(upright, heights, np.tile(WALK, (40, 1)))
-    np.testing.assert_allclose(found, WALK, atol=0.25)
-    assert np.trace(upright.filter.covariance[VELOCITY, VELOCITY]) < 0.2 * before
-
-
-def test_swinging_legs_change_nothing_at_all(make_track: MakeTrack) -> None:
-    trunk, legs = np.linspace(0.05, 0.55, 20), np.linspace(0.65, 0.99, 30)
-    velocity = np.tile(WALK, (50, 1))
-    found = []
-    for swing in (0.0, 2.0, -2.0):
-        track = with_outline(make_track((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), sigma=0.5))
-        velocity[20:, 0] = WALK[0] + swing
-        found.append(measured(track, np.concatenate([trunk, legs]), velocity))
-    np.testing.assert_array_equal(found[1], found[0])
-    np.testing.assert_array_equal(found[2], found[0])
-
-
-@pytest.mark.parametrize("swing", [-2.0, 2.0])
-def test_a_swinging_arm_before_the_trunk_hardly_changes_it(
-    upright: BodyTrack, swing: float
-) -> None:
-    velocity = np.tile(WALK, (40, 1))
-    velocity[::5, 0] += swing
-    found = measured(upright, np.linspace(0.05, 0.55, 40), velocity)
-    np.testing.assert_allclose(found, WALK, atol=0.25)
-
-
-def test_points_that_disagree_make_it_less_sure(make_track: MakeTrack) -> None:
-    heights, spread = np.linspace(0.05, 0.55, 40), []
-    for scatter in (0.0, 0.8):
-        track = with_outline(make_track((0.0, 0.0, 4.0), (0.0, 0.0, 0.0), sigma=0.5))
-        jitter = np.random.default_rng(1).normal(0, scatter, (40, 3))
-        measured(track, heights, WALK + jitter)
-        spread.append(np.trace(track.filter.covariance[VELOCITY, VELOCITY]))
-    assert spread[1] > 1.5 * spread[0]
-
-
-def test_what_moves_quite_unlike_a_body_that_is_known_hardly_counts(make_track: MakeTrack) -> None:
-    """Far from its velocity it is rather that of a limb."""
-    track = with_outline(make_track((0.0, 0.0, 4.0), tuple(WALK), sigma=0.1))
-    found = measured(track, np.linspace(0.05, 0.55, 10), WALK + np.tile([3.0, 0.0, 0.0], (10, 1)))
-    assert np.linalg.norm(found - WALK) < 0.1
-
-
-def test_a_few_points_measure_nothing(upright: BodyTrack) -> None:
-    before = upright.filter
-    measured(upright, np.array([0.1, 0.2, 0.3]), np.tile(WALK, (3, 1)))
-    assert upright.filter is before
-
-
-def test_points_seen_for_the_first_time_measure_nothing(upright: BodyTrack) -> None:
-    before = upright.filter
-    measured(upright, np.linspace(0.1, 0.5, 20), np.full((20, 3), np.nan))
-    assert upright.filter is before
 
 
 # --- rigid or not --------------------------------------------------------------------------

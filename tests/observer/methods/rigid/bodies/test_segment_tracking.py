@@ -24,7 +24,7 @@ from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
-from ..solid_worlds import CAMERA, DT, ROOM, Shape, SolidView, arrived, on_floor, person, seen
+from ..solid_worlds import CAMERA, DT, GRID, ROOM, Shape, SolidView, arrived, on_floor, person, seen
 from ..solid_worlds import step_to as now_at
 
 MakeTrack = Callable[..., BodyTrack]
@@ -287,12 +287,32 @@ def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrac
         assert (track.missed_s == 0.0) is same
 
 
-def test_without_dense_evidence_no_outline_is_seen_and_no_point_lies_on_one() -> None:
+def test_between_frames_with_depth_a_body_is_carried_on_as_seen() -> None:
+    guest = person(0.1, 4.0)
+    tracks, host = outlined(guest, TrackIds())
+    host.filter = host.filter.with_velocity(np.array([0.9, 0.0, 0.0]), np.eye(3) * 1e-6)
+    before = host.outline.box_px
+    points = points_on(patch(0.15, 0.0, 3.87, side=0.1))
+    for _ in range(2):
+        host.filter = host.filter.predicted(DT, (0.1, 0.1), (0.0, 0.0), None)
+        host.missed_s += DT
+        points = without_segments(tracks, points, now_at())
+        assert host.outline.seen
+        assert host.missed_s == 0.0
+        assert (points.within == host.id).all()
+    went_px = 2 * DT * 0.9 * CAMERA.fx / 4.0
+    assert host.outline.box_px[0] - before[0] == pytest.approx(went_px, abs=2 * GRID.reduction)
+
+
+def test_without_depth_for_long_no_outline_is_seen_and_no_point_lies_on_one() -> None:
     guest = person(0.1, 4.0)
     tracks, host = outlined(guest, TrackIds())
     points = points_on(patch(0.1, 0.0, 3.87)).but(within=np.full(9, host.id))
-    points = without_segments(tracks, points)
+    for _ in range(6):
+        host.missed_s += DT
+        points = without_segments(tracks, points, now_at())
     assert not host.outline.seen
+    assert host.missed_s > 0
     assert (points.within == NO_OBSTACLE).all()
     assert (points.obstacle == 1).all()
 
@@ -320,10 +340,10 @@ def test_points_on_a_body_with_limbs_belong_to_nobody_but_measure_its_trunk() ->
     guest = person(0.1, 4.0)
     tracks, host = outlined(guest, TrackIds())
     points = points_on(many(0.1, 3.87)).but(obstacle=np.full(45, host.id))
-    points = limbs_measured(host, arrived(guest), points, (0.7, 0.0, 0.2))
+    points = limbs_measured(host, arrived(guest), points, (0.0, 0.0, 0.5))
     assert (points.obstacle == NO_OBSTACLE).all()
     assert host.points == 45
-    np.testing.assert_allclose(host.mean[VELOCITY], [0.7, 0.0, 0.2], atol=0.1)
+    np.testing.assert_allclose(host.mean[VELOCITY], [0.0, 0.0, 0.5], atol=0.1)
     assert tracks == [host]
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from observer.methods.rigid.dense.depth_image import depth_image, least_step, noise_of, textured
 from observer.parameters import StereoParameters
@@ -27,9 +28,13 @@ def pair_at(disparity: float, noise: float = 1.0) -> tuple[Image, Image]:
     return as_image(PAPER.moved(), noise, 1), as_image(PAPER.moved(-disparity), noise, 2)
 
 
+def depth_of(left: Image, right: Image) -> NDArray[np.float32]:
+    return depth_image(GRID.reduced(left), GRID.reduced(right), GRID, P)
+
+
 @pytest.mark.parametrize("disparity", [5.0, 12.5, 31.0, 50.3])
 def test_a_textured_wall_has_its_disparity_in_pixels_of_the_full_image(disparity: float) -> None:
-    found = depth_image(*pair_at(disparity), GRID, P)
+    found = depth_of(*pair_at(disparity))
     assert found.shape == GRID.shape
     beside = found[:, round(disparity / GRID.reduction) + 3 :]
     assert np.isfinite(beside).mean() > 0.95
@@ -39,7 +44,7 @@ def test_a_textured_wall_has_its_disparity_in_pixels_of_the_full_image(disparity
 
 def test_what_the_right_camera_cannot_see_is_unknown() -> None:
     """Left of its image's border; the texture repeats, so nothing false is matched there."""
-    found = depth_image(*pair_at(40.0), GRID, P)
+    found = depth_of(*pair_at(40.0))
     assert not (found[:, :18] > 2 * np.arange(18) + 2).any()
 
 
@@ -48,7 +53,7 @@ def test_a_thing_before_a_wall_has_a_disparity_of_its_own() -> None:
     thing = as_image(OTHER.moved(), 1.0, 3)
     left[120:300, 250:400] = thing[120:300, 250:400]
     right[120:300, 220:370] = thing[120:300, 250:400]
-    found = depth_image(left, right, GRID, P)
+    found = depth_of(left, right)
     assert np.nanmedian(found[65:145, 130:195]) == pytest.approx(30.0, abs=0.4)
     assert np.nanmedian(found[:50]) == pytest.approx(10.0, abs=0.4)
 
@@ -56,20 +61,20 @@ def test_a_thing_before_a_wall_has_a_disparity_of_its_own() -> None:
 def test_a_blank_wall_tells_no_depth() -> None:
     blank = np.full(SHAPE, 120.0)
     left, right = as_image(blank, 2.0, 1, mean=0.0), as_image(blank, 2.0, 2, mean=0.0)
-    assert np.isfinite(depth_image(left, right, GRID, P)).mean() < 0.01
+    assert np.isfinite(depth_of(left, right)).mean() < 0.01
 
 
 def test_far_from_any_texture_nothing_is_invented() -> None:
     left, right = pair_at(20.0)
     left[:, 200:480] = right[:, 180:460] = 120
-    found = depth_image(left, right, GRID, P)
+    found = depth_of(left, right)
     assert not np.isfinite(found[:, 115:225]).any()
     assert np.isfinite(found[:, 260:]).mean() > 0.9
 
 
 def test_the_same_pair_gives_the_same_depth_to_the_last_digit() -> None:
     pair = pair_at(20.0)
-    np.testing.assert_array_equal(depth_image(*pair, GRID, P), depth_image(*pair, GRID, P))
+    np.testing.assert_array_equal(depth_of(*pair), depth_of(*pair))
 
 
 @quick

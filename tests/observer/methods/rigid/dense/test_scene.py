@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from observer.geometry import Pose
 from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
 from observer.methods.rigid.dense.scene import DenseScene, DenseVision
-from observer.parameters import StereoParameters
+from observer.parameters import DenseParameters, StereoParameters
 from observer.vision.camera_rate import CameraRate
 from observer.vision.view import View
 
@@ -101,3 +101,18 @@ def test_a_camera_as_fast_as_on_the_road_sees_no_dense_evidence() -> None:
         rate = CameraRate.of(Pose(np.eye(3), np.array([0.0, 0.0, -speed * 0.4])), 0.4)
         step = replace(step_to(dt=0.4), rate=rate)
         assert (DenseVision(CAMERA, MOUNT).look(view(0, False), step, P, 0.0) is not None) is known
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "looks"), [(60.0, 30), (15.0, 30), (7.5, 15), (5.0, 10), (0.0, 0)]
+)
+def test_it_looks_as_often_as_the_rate_has_it(rate_hz: float, looks: int) -> None:
+    vision, dt = DenseVision(CAMERA, MOUNT), 1 / 15
+    parameters = DenseParameters(rate_hz=rate_hz)
+    blank = np.full((CAMERA.height, CAMERA.width), 128, np.uint8)
+    count = 0
+    for k in range(30):
+        if vision.is_due(k * dt, dt, parameters):
+            vision.look(View(k, k * dt, None, blank, blank), step_to(), P, 0.0)
+            count += 1
+    assert count == looks

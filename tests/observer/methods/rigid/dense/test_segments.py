@@ -353,7 +353,7 @@ def test_an_empty_mask_has_an_empty_window() -> None:
 
 def test_the_box_in_pixels_reaches_to_the_outer_edges_of_the_cells() -> None:
     scene = world(WALL)
-    u0, v0, u1, v1 = box_px(scene, segment_of(scene, window_mask(20, 60, 100, 130)))
+    u0, v0, u1, v1 = box_px(GRID, segment_of(scene, window_mask(20, 60, 100, 130)))
     assert (u0, v0, u1, v1) == (199.5, 39.5, 259.5, 119.5)
-    whole = box_px(scene, segment_of(scene, ALL))
+    whole = box_px(GRID, segment_of(scene, ALL))
     assert whole == (-0.5, -0.5, CAMERA.width - 0.5, CAMERA.height - 0.5)

@@ -1,0 +1,178 @@
+"""How far the trunk of a body with limbs went since the last frame, by all of its grey levels.
+
+Corners on plain clothes are few, and many of them lie on arms. Head and shoulders as a whole show
+an outline at least.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment
+from observer.types import Image
+
+# Head and shoulders are in this upper share of the rows: arms swing below it.
+_UPPER_SHARE = 0.35
+_LEAST_CELLS = 40
+# Cells around the mask whose contour counts.
+_CONTOUR_CELLS = 1
+# Gauss-Newton ends at steps of so many cells, or after so many of them.
+_LEAST_STEP, _STEPS = 0.01, 10
+# Grey levels; residuals beyond so many deviations count less and less.
+_LEAST_NOISE, _FULL_SIGMAS = 1.0, 2.0
+# Grey levels from which on a difference is no larger, where a trunk is looked for.
+_MOST_DIFFERENCE = 20.0
+# It is found beside where it was expected only if it differs by this factor less.
+_CLEARLY_LESS = 0.8
+_MAD_TO_SIGMA = 1 / 0.6745
+# The Sobel operator sums its step eight times.
+_SOBEL_SCALE = 1 / 8
+# Noise of a pixel becomes this share of it, squared, in a gradient.
+_GRADIENT_NOISE = 12 / 64
+_RIDGE = 1e-6
+_NOT_SEEN = np.nan
+
+
+@dataclass(frozen=True, eq=False)
+class TrunkView:
+    """What a trunk looked like in one frame.
+
+    Attributes:
+        age_s: of its track, seconds. image: (h, w) grey, a pixel for each cell.
+        T_world_camera: the pose. at: (2, N) columns and rows of head and shoulders. disparity: px.
+    """
+
+    age_s: float
+    image: Image
+    T_world_camera: Pose
+    at: NDArray[np.intp]
+    disparity: float
+
+    @staticmethod
+    def of(segment: Segment, scene: DenseScene, age_s: float) -> TrunkView | None:
+        """Return the view of the trunk of a body so old; None where little of it is seen."""
+        top, bottom = segment.box[1], segment.box[3]
+        end = top + max(1, round(_UPPER_SHARE * (bottom - top)))
+        upper = np.zeros(segment.mask.shape, np.uint8)
+        upper[top:end] = segment.mask[top:end]
+        side = 2 * _CONTOUR_CELLS + 1
+        rows, columns = np.nonzero(cv2.dilate(upper, np.ones((side, side), np.uint8)))
+        if len(rows) < _LEAST_CELLS:
+            return None
+        at = np.stack([columns, rows])
+        return TrunkView(age_s, scene.left, scene.T_world_camera, at, segment.disparity)
+
+    @cached_property
+    def middle(self) -> Float64Array:
+        """(2,) column and row."""
+        return np.asarray(self.at.mean(axis=1))
+
+    def found_in(
+        self,
+        image: Image,
+        expected: Float64Array,
+        standing: Float64Array,
+        scale: float,
+        reach: int,
+    ) -> tuple[Float64Array, Float64Array] | None:
+        """(2,) column and row of the middle in a later image (h, w), and their covariance (2, 2).
+
+        By Gauss-Newton on the grey levels (Lucas and Kanade, 1981; Baker and Matthews, 2004), with
+        weights that fall where arms and what is behind the body move otherwise. None where most of
+        it has left the image.
+
+        Args:
+            expected: (2,) where it should be. standing: (2,) where it would be if it stood: while
+                that explains the image nearly as well, it is within one standard deviation.
+            scale: by which it should be larger. reach: cells by which it may be elsewhere on its
+                row.
+        """
+        place = self._roughly(image, expected, scale, reach)
+        if place is None:
+            return None
+        J = self._gradient
+        light = float(np.nanmedian(self._difference(image, place, scale)))
+        for _ in range(_STEPS):
+            residual = self._difference(image, place, scale) - light
+            if not _mostly_inside(residual):
+                return None
+            noise = max(_LEAST_NOISE, _MAD_TO_SIGMA * float(np.nanmedian(np.abs(residual))))
+            weight = 1 / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2)
+            weighted = J * np.nan_to_num(weight)[:, None]
+            information = weighted.T @ J + np.eye(3) * _RIDGE
+            step = np.linalg.solve(information, weighted.T @ np.nan_to_num(residual))
+            place, light = place - step[:2], light + step[2]
+            if np.abs(step[:2]).max() < _LEAST_STEP:
+                break
+        cov = _covariance(information, noise, float(np.nansum(weight)))
+        if self._cost(image, place, scale) > _CLEARLY_LESS * self._cost(image, standing, scale):
+            cov += np.outer(place - standing, place - standing)
+        return place, cov
+
+    def _roughly(
+        self, image: Image, expected: Float64Array, scale: float, reach: int
+    ) -> Float64Array | None:
+        """(2,) where it is expected, unless it differs clearly less some whole columns beside.
+
+        None out of the image.
+        """
+        best, least = None, np.inf
+        for off in sorted(range(-reach, reach + 1), key=abs):
+            place = expected + np.array([off, 0.0])
+            cost = self._cost(image, place, scale)
+            clearly = 1.0 if off == 0 else _CLEARLY_LESS
+            if cost < clearly * least:
+                best, least = place, cost / clearly
+        return best
+
+    def _cost(self, image: Image, place: Float64Array, scale: float) -> float:
+        """Return the mean difference at a place, grey levels; infinite out of the image."""
+        difference = self._difference(image, place, scale)
+        if not _mostly_inside(difference):
+            return np.inf
+        apart = np.abs(difference - np.nanmedian(difference))
+        return float(np.nanmean(np.minimum(apart, _MOST_DIFFERENCE)))
+
+    @cached_property
+    def _gradient(self) -> Float64Array:
+        """(N, 3) grey levels per column, per row, and per grey level of light."""
+        columns, rows = self.at
+        across, down = (
+            cv2.Sobel(self.image, cv2.CV_32F, *along, scale=_SOBEL_SCALE)[rows, columns]
+            for along in ((1, 0), (0, 1))
+        )
+        return np.stack([across, down, np.ones(len(rows))], axis=1).astype(np.float64)
+
+    def _difference(self, image: Image, place: Float64Array, scale: float) -> Float64Array:
+        """(N,) grey levels by which an image is lighter at a place; NaN out of the image."""
+        spread = (self.at - self.middle[:, None]) * scale
+        x, y = (spread + place[:, None]).astype(np.float32)
+        now = np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR)[:, 0], np.float64)
+        height, width = image.shape
+        now[(x < 0) | (x > width - 1) | (y < 0) | (y > height - 1)] = _NOT_SEEN
+        return np.asarray(now - self.image[self.at[1], self.at[0]])
+
+
+def _mostly_inside(difference: Float64Array) -> bool:
+    return 2 * int(np.isfinite(difference).sum()) > len(difference)
+
+
+def _covariance(information: Float64Array, noise: float, cells: float) -> Float64Array:
+    """(2, 2) cells^2, of a place with light unknown; what noise adds to gradients tells nothing.
+
+    Args:
+        information: (3, 3) sums over so many cells of products of gradients. noise: grey levels,
+            of the difference of two images.
+    """
+    across = information[:2, 2]
+    told = information[:2, :2] - np.outer(across, across) / information[2, 2]
+    told -= np.eye(2) * (_GRADIENT_NOISE * cells * noise**2 / 2)
+    values, axes = np.linalg.eigh(told)
+    return np.asarray((axes * (noise**2 / np.maximum(values, _RIDGE))) @ axes.T, np.float64)

@@ -1,0 +1,145 @@
+"""Head and shoulders are found in a later image by all of their grey levels."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.bodies.trunk_view import TrunkView
+from observer.methods.rigid.dense.segments import Segment, segment_of
+
+from ..solid_worlds import GRID, ROOM, Solid, cells_of, seen
+
+Image = NDArray[np.uint8]
+PERSON = Solid((0.0, 0.0, 3.0), (0.5, 1.2, 0.1))
+HERE = segment_of(seen([*ROOM, PERSON]), cells_of(PERSON, [*ROOM, PERSON]))
+LEFT, TOP, RIGHT, BOTTOM = HERE.box
+FINE = 8
+NOISE = 1.5
+
+
+def textured(seed: int, shape: tuple[int, int], levels: float) -> Float64Array:
+    """(h, w) smooth enough for bilinear interpolation."""
+    grain = np.random.default_rng(seed).normal(0.0, 1.0, shape)
+    smooth = cv2.GaussianBlur(grain, (0, 0), 1.2 * FINE)
+    return np.asarray(128 + levels * smooth / smooth.std())
+
+
+def picture(
+    shift: tuple[float, float] = (0.0, 0.0),
+    *,
+    clothes: float = 20.0,
+    tone: float = 40.0,
+    wall: float = 0.0,
+    light: float = 0.0,
+    arm: float = 0.0,
+    seed: int = 0,
+) -> Image:
+    """The left image with the person moved by cells; drawn finely, then reduced as pixels are.
+
+    Args:
+        clothes, wall: contrast of their texture, grey levels. tone: of the clothes above the
+            wall's. light: grey levels added. arm: cells by which an arm before it went.
+    """
+    h, w = GRID.shape
+    image = (
+        textured(1, (h * FINE, w * FINE), wall) if wall else np.full((h * FINE, w * FINE), 128.0)
+    )
+    body = textured(2, image.shape, clothes) if clothes else np.full(image.shape, 128.0)
+    mask = np.zeros(image.shape, np.uint8)
+    mask[TOP * FINE : BOTTOM * FINE, LEFT * FINE : RIGHT * FINE] = 1
+    move = np.array([[1.0, 0.0, shift[0] * FINE], [0.0, 1.0, shift[1] * FINE]])
+    size = (image.shape[1], image.shape[0])
+    moved, where = (cv2.warpAffine(a, move, size) for a in (body + tone, mask))
+    image = np.where(where > 0, moved, image)
+    if arm:
+        u = int((LEFT + 4 + arm) * FINE)
+        image[(TOP + 6) * FINE : BOTTOM * FINE, u : u + 3 * FINE] = 60.0
+    small = cv2.resize(image, (w, h), interpolation=cv2.INTER_AREA) + light
+    noise = np.random.default_rng(seed).normal(0.0, NOISE, small.shape)
+    return np.clip(np.rint(small + noise), 0, 255).astype(np.uint8)
+
+
+def view_of(image: Image, segment: Segment = HERE) -> TrunkView:
+    found = TrunkView.of(segment, replace(seen([*ROOM, PERSON]), left=image), 0.0)
+    assert found is not None
+    return found
+
+
+def moved(
+    before: Image, now: Image, expected: tuple[float, float] = (0.0, 0.0), reach: int = 4
+) -> tuple[Float64Array, Float64Array]:
+    """(2,) cells by which it moved, and the covariance."""
+    view = view_of(before)
+    found = view.found_in(now, view.middle + expected, view.middle, 1.0, reach)
+    assert found is not None
+    return found[0] - view.middle, found[1]
+
+
+@pytest.mark.parametrize("shift", [(0.4, 0.0), (-1.7, 0.3), (3.6, -0.8)])
+@pytest.mark.parametrize("wall", [0.0, 20.0])
+def test_a_trunk_is_found_within_a_tenth_of_a_cell(shift: tuple[float, float], wall: float) -> None:
+    found, cov = moved(picture(wall=wall), picture(shift, wall=wall, seed=1))
+    np.testing.assert_allclose(found, shift, atol=0.1)
+    assert np.sqrt(cov[0, 0]) < max(0.1, 1.1 * abs(shift[0]))
+
+
+@pytest.mark.parametrize("shift", [(1.3, 0.0), (-2.4, 0.0)])
+def test_plain_clothes_are_found_by_their_outline(shift: tuple[float, float]) -> None:
+    found, _ = moved(picture(clothes=0.0), picture(shift, clothes=0.0, seed=1))
+    assert found[0] == pytest.approx(shift[0], abs=0.35)
+
+
+def test_light_that_changes_is_no_motion() -> None:
+    found, _ = moved(picture(), picture((1.0, 0.0), light=15.0, seed=1))
+    np.testing.assert_allclose(found, (1.0, 0.0), atol=0.1)
+
+
+@pytest.mark.parametrize("swing", [-3.0, 3.0])
+def test_an_arm_before_the_trunk_moves_it_little(swing: float) -> None:
+    found, _ = moved(picture(arm=4.0), picture((1.0, 0.0), arm=4.0 + swing, seed=1))
+    np.testing.assert_allclose(found, (1.0, 0.0), atol=0.2)
+
+
+def test_it_grows_as_it_comes_nearer() -> None:
+    before = picture()
+    view = view_of(before)
+    about = np.array([[1.1, 0.0, -0.1 * view.middle[0]], [0.0, 1.1, -0.1 * view.middle[1]]])
+    nearer = np.asarray(cv2.warpAffine(before, about, before.shape[::-1]), np.uint8)
+    found = view.found_in(nearer, view.middle, view.middle, 1.1, 2)
+    assert found is not None
+    np.testing.assert_allclose(found[0], view.middle, atol=0.1)
+
+
+def test_a_plain_surface_tells_nothing() -> None:
+    plain = [picture(clothes=0.0, tone=0.0, seed=seed) for seed in (0, 1)]
+    found, cov = moved(plain[0], plain[1], expected=(1.5, 0.0), reach=8)
+    assert abs(found[0] - 1.5) < 1.0, "nothing better than expected is invented"
+    assert np.sqrt(cov[0, 0]) > 1.0
+
+
+def test_what_may_stand_is_told_within_one_deviation() -> None:
+    still = [picture(seed=seed) for seed in (0, 1)]
+    found, cov = moved(still[0], still[1], expected=(0.7, 0.0))
+    assert abs(found[0]) < 0.1
+    pair = [picture(clothes=0.8, tone=0.0, seed=seed) for seed in (0, 1)]
+    found, cov = moved(pair[0], pair[1], expected=(2.0, 0.0))
+    assert np.sqrt(cov[0, 0]) >= 0.95 * abs(found[0])
+
+
+def test_out_of_the_image_it_is_not_found() -> None:
+    view = view_of(picture())
+    beyond = np.array([-60.0, view.middle[1]])
+    assert view.found_in(picture(), beyond, view.middle, 1.0, 2) is None
+
+
+def test_of_a_few_cells_nothing_is_kept() -> None:
+    scene = seen([*ROOM, PERSON])
+    mask = np.zeros(GRID.shape, np.bool_)
+    mask[TOP : TOP + 6, LEFT : LEFT + 3] = True
+    assert TrunkView.of(segment_of(scene, mask), scene, 0.0) is None
