@@ -40,6 +40,9 @@ _FORGOTTEN_S = 0.4
 # A segment is a body out of sight within this squared length of its place, which may have changed
 # by so many metres against expectation.
 _FOUND_CHI2, _CHANGED_M = 9.0, 0.25
+# And what left the image comes back from where it could have gone, within so many metres.
+_TURNED_M = 0.5
+_LEVEL = np.array([1.0, 0.0, 1.0])
 # Cells at the border of an outline that may be of what is behind, for edges in depth are not sharp.
 _BORDER_CELLS = 2
 # Share of the newest frame in where a body's middle is.
@@ -209,7 +212,8 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     place, cov = measured_anchor(segment, anchor, scene)
     if track.missed_s > _FORGOTTEN_S and not track.rigid:
         outline.offsets.clear()
-        track.filter = _motion_at(place, track.mean[VELOCITY], cov)
+        before = np.zeros(3) if _has_left(track, scene) else track.mean[VELOCITY]
+        track.filter = _motion_at(place, before, cov)
     # Where another part shows where it is, it is where it was thought to be.
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
     if not track.rigid or not track.by_points:
@@ -272,9 +276,21 @@ def _bodies_of(
 def _returns_as(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
     """Return whether a body that is out of sight may be this segment, heights left out."""
     place, cov = measured_anchor(segment, "middle", scene)
-    gap = (place - track.centre) * [1.0, 0.0, 1.0]
+    if _has_left(track, scene):
+        # Beyond the border it may have turned in any way.
+        way = track.missed_s * track.mean[VELOCITY]
+        gap = (place - (track.centre - way)) * _LEVEL
+        return bool(np.linalg.norm(gap) < np.linalg.norm(way) + _TURNED_M)
+    gap = (place - track.centre) * _LEVEL
     spread = track.filter.covariance[POSITION, POSITION] + cov + np.eye(3) * _CHANGED_M**2
     return bool(gap @ np.linalg.solve(spread, gap) < _FOUND_CHI2)
+
+
+def _has_left(track: BodyTrack, scene: DenseScene) -> bool:
+    """Return whether a body should be beyond the left or right border of the image by now."""
+    px, _ = scene.grid.camera.project(scene.T_camera_world.apply(track.centre[None]))
+    u = float(px[0, 0])
+    return not 0 <= u <= scene.grid.camera.width - 1
 
 
 # --- points ----------------------------------------------------------------------------------

@@ -287,6 +287,22 @@ def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrac
         assert (track.missed_s == 0.0) is same
 
 
+@pytest.mark.parametrize(("z", "same"), [(4.2, True), (7.5, False)])
+def test_who_left_the_image_and_turned_comes_back_as_who_it_was(
+    make_track: MakeTrack, z: float, same: bool
+) -> None:
+    """Though it went on straight as far as anybody could know."""
+    edge = 4.0 * (CAMERA.width / 2) / CAMERA.fx
+    guest = person(edge - 0.4, 4.0)
+    track = make_track((edge + 1.2, 0.2, z), (1.0, 0.0, 0.0), number=1, sigma=0.1)
+    track.state, track.missed_s, track.rigid = TrackState.COASTING, 1.2, False
+    tracks = [track]
+    tracked(tracks, TrackedPoints.none(), arrived(guest))
+    assert (len(tracks) == 1) is same
+    if same:
+        assert np.linalg.norm(track.mean[VELOCITY]) < 0.1, "the way that it went is over"
+
+
 def test_between_frames_with_depth_a_body_is_carried_on_as_seen() -> None:
     guest = person(0.1, 4.0)
     tracks, host = outlined(guest, TrackIds())
