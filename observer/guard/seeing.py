@@ -8,7 +8,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.mount import CameraMount
-from observer.types import Observation, Obstacle, TrackState
+from observer.types import Observation, Obstacle, Status, TrackState
 
 # What is not confirmed yet counts once its motion stands out so far, in standard deviations.
 _SURE = 4.0
@@ -27,19 +27,25 @@ def sight_of_observation(
 ) -> Sight:
     """Return what the drive process is told of a frame.
 
+    Regions in which motion could not be noticed do not make the frame unfit for driving: where no
+    floor is seen the free scan is unknown, which counts as in the way.
+
     Args:
         camera: the rectified pair. mount: of the cameras on the robot, None where unknown: then
             nothing is known of places.
         scan: the free floor of this very frame, None where it was not looked for.
         published: the host's monotonic clock.
     """
+    unseen = () if observation.unseen is None else observation.unseen.reasons
+    reasons = tuple(reason for reason in observation.reasons if reason not in unseen)
+    only_unseen = observation.status is Status.DEGRADED and bool(unseen) and not reasons
     return Sight(
         frame=observation.frame,
         received=observation.received,
         published=published,
         world=world,
-        status=observation.status,
-        reasons=observation.reasons,
+        status=Status.OK if only_unseen else observation.status,
+        reasons=reasons,
         mount_known=mount is not None,
         obstacles=() if mount is None else seen_obstacles(observation, camera, mount),
         scan=None if mount is None else scan,

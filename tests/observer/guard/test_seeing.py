@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 from observer.camera import StereoCamera
 from observer.guard.seeing import seen_obstacles, sight_of_observation
 from observer.mount import CameraMount
-from observer.types import MotionState, Observation, Obstacle, Status, TrackState
+from observer.types import MotionState, Observation, Obstacle, Status, TrackState, Unseen
 
 CAMERA = StereoCamera(640, 400, 500.0, 500.0, 319.5, 199.5, 0.12)
 MOUNT = CameraMount(0.4, math.radians(5), 0.05, 0.06)
@@ -78,3 +79,26 @@ def test_without_a_mount_there_are_no_places() -> None:
     assert sight.obstacles == ()
     assert (sight.frame, sight.received, sight.published) == (3, 100.0, 100.1)
     assert sight.world == "real"
+
+
+PLAIN = Unseen(0.3, {"plain": 0.3}, 16, ("ppp", "..."), hides_person=True)
+
+
+@pytest.mark.parametrize(
+    ("others", "status"), [((), Status.OK), (("the left image is blurred",), Status.DEGRADED)]
+)
+def test_unseen_regions_alone_do_not_make_a_frame_unfit_for_driving(
+    others: tuple[str, ...], status: Status
+) -> None:
+    """The free scan knows nothing of them, and what is not known is in the way."""
+    seen = replace(
+        observation(), status=Status.DEGRADED, reasons=(*others, *PLAIN.reasons), unseen=PLAIN
+    )
+    sight = sight_of_observation(seen, CAMERA, MOUNT, "real", None, 100.1)
+    assert (sight.status, sight.reasons) == (status, others)
+
+
+def test_a_frame_that_is_degraded_for_other_reasons_stays_so() -> None:
+    seen = replace(observation(), status=Status.DEGRADED, reasons=("the right image is blurred",))
+    sight = sight_of_observation(seen, CAMERA, MOUNT, "real", None, 100.1)
+    assert sight.status is Status.DEGRADED
