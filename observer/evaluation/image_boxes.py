@@ -16,32 +16,33 @@ def clipped(box: Box, image_size: tuple[int, int]) -> Box:
     return u0, v0, u1, v1
 
 
+def area(box: Box) -> float:
+    """Return the area of a box, px^2; 0 of an empty one."""
+    return max(box[2] - box[0], 0.0) * max(box[3] - box[1], 0.0)
+
+
 def box_iou(a: Box, b: Box) -> float:
     """Return the area of the intersection over that of the union, 0 to 1."""
     across = min(a[2], b[2]) - max(a[0], b[0])
     down = min(a[3], b[3]) - max(a[1], b[1])
     common = max(across, 0.0) * max(down, 0.0)
-    union = _area(a) + _area(b) - common
+    union = area(a) + area(b) - common
     return common / union if union > 0 else 0.0
 
 
 def unseen_share(box: Box, unseen: Unseen) -> float:
     """Return the share of a box in which motion could not be noticed, 0 to 1."""
-    area = _area(box)
-    if area <= 0:
+    whole = area(box)
+    if whole <= 0:
         return 0.0
     cells = np.array([[letter != "." for letter in row] for row in unseen.rows], dtype=np.float64)
     rows, columns = cells.shape
     down = _overlaps(box[1], box[3], rows, unseen.cell_px)
     across = _overlaps(box[0], box[2], columns, unseen.cell_px)
-    return float(down @ cells @ across) / area
+    return float(down @ cells @ across) / whole
 
 
 def _overlaps(low: float, high: float, count: int, cell_px: int) -> Float64Array:
     """Return (count,) pixels of an interval within each cell; the first begins at -0.5."""
     edges = np.clip(np.arange(count + 1) * cell_px - 0.5, low, high)
     return np.diff(edges)
-
-
-def _area(box: Box) -> float:
-    return max(box[2] - box[0], 0.0) * max(box[3] - box[1], 0.0)

@@ -4,8 +4,9 @@ The definitions, the same for every method:
 
 * An **instance** is a reported obstacle that is ``confirmed`` and ``moving`` and has a position.
   Coasting ones are neither right nor wrong, nor is what moves in place (``in_place``).
-* A true obstacle **moves** above 0.05 m/s. It **counts** while it moves and at least half of it
-  is visible, from 0.6 s after both began. One whose visibility is unknown is taken as visible.
+* A true obstacle **moves** above 0.05 m/s. It **counts** while it moves and is in sight, from 0.6 s
+  after both began. **In sight** is what is visible by half or more, or fills a tenth of the image
+  or more, as who stands close by does. One whose visibility is unknown is taken as visible.
 * An instance and a true obstacle **belong together** within the gate (0.5 m, 3 m on the road) of
   the obstacle's upright axis, one to one. As CLEAR-MOT has it (Bernardin and Stiefelhagen, 2008),
   a pair of the frame before stays together while it can, and the rest are paired at the least
@@ -18,6 +19,7 @@ The definitions, the same for every method:
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Literal
@@ -25,7 +27,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from observer.evaluation.image_boxes import box_iou, clipped, unseen_share
+from observer.evaluation.image_boxes import area, box_iou, clipped, unseen_share
 from observer.evaluation.instances import Instance, axis_distance, centre_distance, instances_of
 from observer.evaluation.lines import Line
 from observer.evaluation.surface import visible_surface
@@ -34,6 +36,7 @@ from observer.truth.contract import Kind, TrueBody, Truth
 
 MOVING_MPS = 0.05
 VISIBLE_SHARE = 0.5
+FILLING_SHARE = 0.1
 UNSEEN_SHARE = 0.5
 SETTLING_S = 0.6
 GATE_M = 0.5
@@ -259,15 +262,22 @@ class _Comparison:
         return world.translation
 
     def _note_sides(self, body: TrueBody, camera: Float64Array) -> None:
-        if body.visible is None or body.visible >= VISIBLE_SHARE:
+        if self._in_sight(body):
             seen = visible_surface(body, camera).sides
             self._sides[body.id] = self._sides.get(body.id, frozenset()) | seen
+
+    def _in_sight(self, body: TrueBody) -> bool:
+        if body.visible is None or body.visible >= VISIBLE_SHARE:
+            return True
+        if body.box_px is None or self._image_size is None:
+            return False
+        return area(body.box_px) >= FILLING_SHARE * math.prod(self._image_size)
 
     def _counting(
         self, moving: list[TrueBody], time: float, camera: Float64Array
     ) -> list[TrueBody]:
         """Return the bodies that count at this frame; begin and end episodes."""
-        in_sight = {b.id: b for b in moving if b.visible is None or b.visible >= VISIBLE_SHARE}
+        in_sight = {b.id: b for b in moving if self._in_sight(b)}
         for number in [n for n in self._running if n not in in_sight]:
             self._tally.episodes.append(self._running.pop(number))
         for number, body in in_sight.items():

@@ -156,3 +156,20 @@ def test_samples_and_episodes_know_what_moved() -> None:
     assert counted.people
     robot = BoxedTruth(kind="robot")
     assert not tally(checked_lines([line(k, []) for k in range(20)]), robot).people
+
+
+@pytest.mark.parametrize(
+    ("box", "size", "counts"),
+    [
+        ((0.0, 0.0, 50.0, 100.0), (200, 100), True),
+        ((0.0, 0.0, 10.0, 100.0), (200, 100), False),
+        ((0.0, 0.0, 50.0, 100.0), None, False),
+        (None, (200, 100), False),
+    ],
+)
+def test_who_fills_a_tenth_of_the_image_counts_though_little_of_him_is_visible(
+    box: tuple[float, float, float, float] | None, size: tuple[int, int] | None, counts: bool
+) -> None:
+    truth = BoxedTruth(visible=0.3, box_px=box)
+    counted = tally(checked_lines(perfect(truth, 20)), truth, image_size=size)
+    assert bool(counted.samples) is counts
