@@ -82,7 +82,7 @@ class UnseenRegions:
             boxes_px: u0 v0 u1 v1 around the obstacles that are reported of it.
         """
         grid = self._grid
-        small = grid.reduced(view.left)
+        small = grid.reduced(view.left) if scene is None else scene.left
         step = least_step(small)
         plain = _shares(textured(small, step)) < _HALF
         dark = (_CONTRAST * _shares(small) < step) | (_shares(small >= _WHITE) >= _HALF)

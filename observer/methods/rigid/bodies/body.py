@@ -23,6 +23,8 @@ from observer.methods.rigid.bodies.recent_motion import RecentMotion
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.types import MotionState, TrackState
 
+# Seconds out of sight after which nothing is known of how a body moves.
+_FORGOTTEN_S = 0.4
 _LEVEL = np.diag([1.0, 0.0, 1.0])
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 
@@ -119,6 +121,11 @@ class BodyTrack:
             doubt = self.shape.centre_doubt * float(self.box.size[[0, 2]].max()) * self.yaw_rate
             cov = cov + doubt**2 * _LEVEL
         return mean[VELOCITY] + turning_velocity(mean[YAW_RATE], arm), cov
+
+    @property
+    def forgotten(self) -> bool:
+        """True of what was out of sight for so long that it may move in any way."""
+        return self.missed_s > _FORGOTTEN_S
 
     def loosen(self) -> None:
         """Count it as a body with limbs, of whose yaw nothing is known."""

@@ -170,9 +170,11 @@ class Outline:
         Args:
             origin: (3,) metres, world, of the body. velocity: (3,) m/s.
         """
-        where = self.expected(origin, T_camera_world, self.grid)
         self.carried_s += dt
-        self.seen = self.seen and where is not None and self.carried_s < _CARRIED_S
+        where = None
+        if self.seen and self.carried_s < _CARRIED_S:
+            where = self.expected(origin, T_camera_world, self.grid)
+        self.seen = where is not None
         if where is not None:
             self.segment = where.as_segment(self.segment)
             self.box_px = box_px(self.grid, self.segment)

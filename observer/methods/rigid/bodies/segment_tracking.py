@@ -35,8 +35,6 @@ _OWN_SHARE = 0.5
 _KNOWN_SHARE = 0.5
 # m/s, one standard deviation of how fast a body that was just found may be, and may rise.
 _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
-# Seconds after which a body that was out of sight may move in any way.
-_FORGOTTEN_S = 0.4
 # A segment is a body out of sight within this squared length of its place, which may have changed
 # by so many metres against expectation.
 _FOUND_CHI2, _CHANGED_M = 9.0, 0.25
@@ -210,7 +208,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
             track.loosen()
     outline, anchor = track.outline, anchor_of(segment)
     place, cov = measured_anchor(segment, anchor, scene)
-    if track.missed_s > _FORGOTTEN_S and not track.rigid:
+    if track.forgotten and not track.rigid:
         outline.offsets.clear()
         before = np.zeros(3) if _has_left(track, scene) else track.mean[VELOCITY]
         track.filter = _motion_at(place, before, cov)

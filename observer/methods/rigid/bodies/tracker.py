@@ -70,8 +70,6 @@ _STEADY_S = 0.3
 # A group slower than this share of what counts as moving creeps: the edge of something, whose
 # points slide along it, and no obstacle.
 _CREEPING = 0.5
-# Seconds without being seen after which points on a body with limbs tell how it moves.
-_FORGOTTEN_S = 0.4
 # m^2: a group's middle is the body's origin by definition.
 _ORIGIN_VARIANCE = 1e-6
 
@@ -302,7 +300,7 @@ class BodyTracker:
                     id=self._numbers.provisional(), filter=_begun(group), shape=BodyShape()
                 )
                 self.tracks.append(track)
-            elif track.missed_s > (0.0 if track.rigid else _FORGOTTEN_S):
+            elif track.forgotten or (track.rigid and track.missed_s > 0):
                 # Lost for a moment, of a body with limbs they would rather be those of an arm.
                 # It keeps its name and its size; where its points were is of no use any more.
                 obstacle[obstacle == track.id] = NO_OBSTACLE

@@ -32,12 +32,10 @@ _MOST_DIFFERENCE = 20.0
 # It is found beside where it was expected only if it differs by this factor less.
 _CLEARLY_LESS = 0.8
 _MAD_TO_SIGMA = 1 / 0.6745
-# The Sobel operator sums its step eight times.
+# The Sobel operator sums its step eight times, and its noise over twelve squared weights.
 _SOBEL_SCALE = 1 / 8
-# Noise of a pixel becomes this share of it, squared, in a gradient.
-_GRADIENT_NOISE = 12 / 64
+_GRADIENT_NOISE = 12 * _SOBEL_SCALE**2
 _RIDGE = 1e-6
-_NOT_SEEN = np.nan
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,30 +92,31 @@ class TrunkView:
             scale: by which it should be larger. reach: cells by which it may be elsewhere on its
                 row.
         """
-        place = self._roughly(image, expected, scale, reach)
+        spread = (self.at - self.middle[:, None]) * scale
+        place = self._roughly(image, expected, spread, reach)
         if place is None:
             return None
         J = self._gradient
-        light = float(np.nanmedian(self._difference(image, place, scale)))
+        light = float(np.nanmedian(self._difference(image, place, spread)))
         for _ in range(_STEPS):
-            residual = self._difference(image, place, scale) - light
+            residual = self._difference(image, place, spread) - light
             if not _mostly_inside(residual):
                 return None
             noise = max(_LEAST_NOISE, _MAD_TO_SIGMA * float(np.nanmedian(np.abs(residual))))
-            weight = 1 / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2)
-            weighted = J * np.nan_to_num(weight)[:, None]
+            weight = np.nan_to_num(1 / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2))
+            weighted = J * weight[:, None]
             information = weighted.T @ J + np.eye(3) * _RIDGE
             step = np.linalg.solve(information, weighted.T @ np.nan_to_num(residual))
             place, light = place - step[:2], light + step[2]
             if np.abs(step[:2]).max() < _LEAST_STEP:
                 break
-        cov = _covariance(information, noise, float(np.nansum(weight)))
-        if self._cost(image, place, scale) > _CLEARLY_LESS * self._cost(image, standing, scale):
+        cov = _covariance(information, noise, float(weight.sum()))
+        if self._cost(image, place, spread) > _CLEARLY_LESS * self._cost(image, standing, spread):
             cov += np.outer(place - standing, place - standing)
         return place, cov
 
     def _roughly(
-        self, image: Image, expected: Float64Array, scale: float, reach: int
+        self, image: Image, expected: Float64Array, spread: Float64Array, reach: int
     ) -> Float64Array | None:
         """(2,) where it is expected, unless it differs clearly less some whole columns beside.
 
@@ -126,15 +125,15 @@ class TrunkView:
         best, least = None, np.inf
         for off in sorted(range(-reach, reach + 1), key=abs):
             place = expected + np.array([off, 0.0])
-            cost = self._cost(image, place, scale)
+            cost = self._cost(image, place, spread)
             clearly = 1.0 if off == 0 else _CLEARLY_LESS
             if cost < clearly * least:
                 best, least = place, cost / clearly
         return best
 
-    def _cost(self, image: Image, place: Float64Array, scale: float) -> float:
+    def _cost(self, image: Image, place: Float64Array, spread: Float64Array) -> float:
         """Return the mean difference at a place, grey levels; infinite out of the image."""
-        difference = self._difference(image, place, scale)
+        difference = self._difference(image, place, spread)
         if not _mostly_inside(difference):
             return np.inf
         apart = np.abs(difference - np.nanmedian(difference))
@@ -150,14 +149,22 @@ class TrunkView:
         )
         return np.stack([across, down, np.ones(len(rows))], axis=1).astype(np.float64)
 
-    def _difference(self, image: Image, place: Float64Array, scale: float) -> Float64Array:
-        """(N,) grey levels by which an image is lighter at a place; NaN out of the image."""
-        spread = (self.at - self.middle[:, None]) * scale
+    @cached_property
+    def _levels(self) -> Float64Array:
+        """(N,) grey levels of its cells."""
+        return np.asarray(self.image[self.at[1], self.at[0]], np.float64)
+
+    def _difference(self, image: Image, place: Float64Array, spread: Float64Array) -> Float64Array:
+        """(N,) grey levels by which an image is lighter; NaN out of the image.
+
+        Args:
+            place: (2,) of the middle. spread: (2, N) of the cells about it.
+        """
         x, y = (spread + place[:, None]).astype(np.float32)
         now = np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR)[:, 0], np.float64)
         height, width = image.shape
-        now[(x < 0) | (x > width - 1) | (y < 0) | (y > height - 1)] = _NOT_SEEN
-        return np.asarray(now - self.image[self.at[1], self.at[0]])
+        now[(x < 0) | (x > width - 1) | (y < 0) | (y > height - 1)] = np.nan
+        return now - self._levels
 
 
 def _mostly_inside(difference: Float64Array) -> bool:
