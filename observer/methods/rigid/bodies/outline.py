@@ -17,6 +17,7 @@ from observer.methods.rigid.dense.segments import (
     Mask,
     Segment,
     box_px,
+    extent_m,
     is_limb,
     with_limb,
 )
@@ -103,7 +104,7 @@ class Outline:
     def of(segment: Segment, scene: DenseScene) -> Outline:
         """Return the outline of a body that is first seen as a segment."""
         outline = Outline(segment, scene.grid, segment.area / segment.disparity**2)
-        outline.width, outline.height = extent(segment, scene.grid)
+        outline.width, outline.height = extent_m(segment, scene.grid)
         outline.box_px = box_px(scene.grid, segment)
         return outline
 
@@ -152,7 +153,7 @@ class Outline:
             self.moving_area = max(self.moving_area, segment.area / segment.disparity**2)
             self.arrived_frames += segment.arrived > _MOVED_SHARE
             self.hidden_frames += segment.arrived <= _MOVED_SHARE < segment.hidden
-        width, height = extent(segment, scene.grid)
+        width, height = extent_m(segment, scene.grid)
         self.width = max(width, _SHRINK * self.width)
         self.height = max(height, _SHRINK * self.height)
         self.bias_px = _BIAS_CELLS * scene.grid.reduction * _narrowness(segment)
@@ -260,13 +261,6 @@ def _narrowness(segment: Segment) -> float:
     """Return the factor by which the disparity of a segment is less certain than of a wide one."""
     left, _, right = segment.columns
     return 1 + _NARROW_CELLS / (right - left + 1)
-
-
-def extent(segment: Segment, grid: Grid) -> tuple[float, float]:
-    """Return the width and height of a segment, metres."""
-    left, top, right, bottom = segment.box
-    per_metre = grid.per_metre(segment.disparity)
-    return (right - left) / per_metre, (bottom - top) / per_metre
 
 
 def free_cells(outlines: list[Outline], grid: Grid) -> Mask:

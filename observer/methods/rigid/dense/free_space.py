@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer.geometry import Pose
 from observer.methods.rigid.dense.corrections import with_bias
 from observer.methods.rigid.dense.grid import Grid
+from observer.methods.rigid.dense.reprojection import Reprojection
 
 # Evidence of a cell.
 UNKNOWN, STATIC, ARRIVED, HIDDEN = 0, 1, 2, 3
@@ -25,8 +26,6 @@ _LEAST_CELLS, _LEAST_SHARE = np.float32(0.6), np.float32(0.03)
 # Sides of the neighbourhoods whose nearest and farthest cell count: edges in depth are not sharp.
 _NEAREST_CELLS, _FARTHEST_CELLS = 5, 3
 _NOTHING, _FARTHER = np.float32(-1), np.float32(1e4)
-# Depths of less, relative to those of the cell itself, are behind the other camera.
-_LEAST_DEPTH = np.float32(0.05)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +65,7 @@ class FreeSpace:
     def __init__(self, grid: Grid) -> None:
         self._grid = grid
         self._frames: deque[DepthFrame] = deque()
-        x, y, _ = grid.rays @ np.stack(
-            [a.ravel() for a in (*np.meshgrid(np.arange(grid.width), np.arange(grid.height)),
-                                 np.ones(grid.shape))]
-        )  # fmt: skip
-        self._x, self._y = x.astype(np.float32), y.astype(np.float32)
+        self._reprojection = Reprojection(grid)
 
     def keep(self, frame: DepthFrame) -> None:
         """Remember a frame; what is older than any lag is forgotten."""
@@ -117,27 +112,17 @@ class FreeSpace:
         self, frame: DepthFrame, reference: DepthFrame, asked: NDArray[np.intp]
     ) -> NDArray[np.uint8]:
         """(N,) evidence of cells (N,), by one earlier frame."""
-        c, r = self._grid.camera, self._grid.reduction
         T = reference.T_camera_world @ frame.T_camera_world.inverse()
-        R = T.rotation.astype(np.float32)
-        # Places over their depth f B / d: the ray, and the translation times d / (f B).
-        t = (T.translation / (c.fx * c.baseline)).astype(np.float32)
-        d = frame.disparity.ravel()[asked]
-        x, y = self._x[asked], self._y[asked]
-        X, Y, Z = (R[k, 0] * x + R[k, 1] * y + (R[k, 2] + t[k] * d) for k in range(3))
-        ahead = Z > _LEAST_DEPTH
-        Z = np.maximum(Z, _LEAST_DEPTH)
-        expected = d / Z
-        # Rounded to the cell that holds the pixel.
-        column = np.floor((np.float32(c.fx) * X / Z + np.float32(c.cx + 0.5)) / r)
-        row = np.floor((np.float32(c.fy) * Y / Z + np.float32(c.cy + 0.5)) / r)
-        h, w = self._grid.shape
-        inside = ahead & (column >= 0) & (column < w) & (row >= 0) & (row < h)
-        at = np.where(inside, row * w + column, np.float32(0)).astype(np.intp)
-        seen = inside & (reference.known.ravel()[at] > 0)
-        slack = _LEAST_CELLS * r + _LEAST_SHARE * expected
+        there = self._reprojection.into(T, frame.disparity.ravel()[asked], asked)
+        seen = there.inside & (reference.known.ravel()[there.at] > 0)
+        slack = slack_px(there.disparity, self._grid)
         out = np.full(len(asked), STATIC, np.uint8)
-        out[expected - reference.nearest.ravel()[at] > slack] = ARRIVED
-        out[expected - reference.farthest.ravel()[at] < -slack] = HIDDEN
+        out[there.disparity - reference.nearest.ravel()[there.at] > slack] = ARRIVED
+        out[there.disparity - reference.farthest.ravel()[there.at] < -slack] = HIDDEN
         out[~seen] = UNKNOWN
         return out
+
+
+def slack_px(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.float32]:
+    """(N,) px: up to which disparities (N,) px that should be equal may differ."""
+    return np.asarray(_LEAST_CELLS * grid.reduction + _LEAST_SHARE * disparity, np.float32)

@@ -14,6 +14,7 @@ from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.corrections import at_one_time, with_bias
 from observer.methods.rigid.dense.depth_image import depth_image
 from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
+from observer.methods.rigid.dense.grey_change import GreyChange
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.ground import Ground, standing
 from observer.mount import CameraMount
@@ -33,18 +34,21 @@ class DenseScene:
     """Dense evidence of one frame.
 
     Attributes:
-        grid: its cells. T_world_camera: the pose. left: (h, w) the left image, grey.
+        time: seconds. grid: its cells. T_world_camera: the pose. left: (h, w) the left image, grey.
         disparity: (h, w) px, NaN unknown.
         standing: (h, w) which cells stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
+        changed: (h, w) which cells look another than a moment ago.
     """
 
+    time: float
     grid: Grid
     T_world_camera: Pose
     left: Image
     disparity: NDArray[np.float32]
     standing: NDArray[np.bool_]
     evidence: NDArray[np.uint8]
+    changed: NDArray[np.bool_]
 
     @cached_property
     def T_camera_world(self) -> Pose:
@@ -65,6 +69,7 @@ class DenseVision:
         self._grid = Grid.of(camera)
         self._ground = Ground(self._grid, mount)
         self._space = FreeSpace(self._grid)
+        self._change = GreyChange(self._grid)
         self._looked = -np.inf
 
     def is_due(self, time: float, dt: float, parameters: DenseParameters) -> bool:
@@ -100,7 +105,10 @@ class DenseVision:
         frame = DepthFrame(view.time, disparity, now.T_camera_world)
         evidence = self._space.evidence(frame, stands)
         self._space.keep(frame)
-        return DenseScene(self._grid, now.T_world_camera, left, disparity, stands, evidence)
+        changed = self._change.changed(frame, left, stands)
+        return DenseScene(
+            view.time, self._grid, now.T_world_camera, left, disparity, stands, evidence, changed
+        )
 
     def correct_disparities(self, bias_px: float) -> None:
         """Take all that is remembered as if its disparities had been larger by a bias, px."""

@@ -24,6 +24,8 @@ _MOST_SEEDS = 12
 # Metres by which a segment may grow beyond a seed, or beyond where it was expected, into what is
 # static: two things that touch are not to become one.
 _GROWTH_M = 0.12
+# Metres from what stirs within which a part of its body lies, and all of it.
+_BESIDE_M, _BODY_M = 0.5, 1.8
 # Of a mask's connected parts, those this much smaller than its largest are left out.
 _PART_SHARE = 0.1
 # Cells around a segment that tell what it stands before, and how near to it they begin.
@@ -161,6 +163,36 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
     return found
 
 
+def standing_segment(scene: DenseScene, place: Float64Array, free: Mask) -> Segment | None:
+    """Return the segment of what stands at a place (3,) m, world, or beside it; None if nothing.
+
+    Args:
+        free: (h, w) cells that belong to nothing yet.
+    """
+    grid = scene.grid
+    px, disparity = grid.camera.project(scene.T_camera_world.apply(place[None]))
+    if not np.isfinite(px).all():
+        return None
+    d = float(disparity[0])
+    column, row = np.round(grid.to_cells(px[0])).astype(int).tolist()
+    mask = None
+    for reach_m in (_BESIDE_M, _BODY_M):
+        reach = max(2, round(reach_m * grid.per_metre(d)))
+        near = np.zeros(grid.shape, np.bool_)
+        near[max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1] = (
+            True
+        )
+        seed = near & free & scene.standing if mask is None else mask
+        mask = _grown(scene, scene.standing & free & near, seed, near, d)
+        if mask is None:
+            return None
+        d = float(np.median(scene.disparity[mask]))
+    assert mask is not None
+    if np.count_nonzero(mask) < _cells_of(scene, _SEGMENT_M2, d):
+        return None
+    return segment_of(scene, mask)
+
+
 def followed_segment(
     scene: DenseScene, expected: Expected, core: Mask, free: Mask, *, grows: bool
 ) -> Segment | None:
@@ -251,6 +283,8 @@ def _grown(
     off = np.abs(scene.disparity - np.float32(disparity))
     alike = free & (off < np.float32(scene.tolerance(disparity)))
     alike &= (scene.evidence != STATIC) | may_be_static
+    if not alike.any():
+        return None
     window = window_of(alike)
     _, labels = cv2.connectedComponents(_opened(alike[window]).view(np.uint8), connectivity=4)
     hits = np.bincount(labels[seed[window]], minlength=2)
@@ -307,6 +341,13 @@ def _cut(
     goes_on = scene.standing[rows, inside] & (beside > disparity - tolerance / 2)
     goes_on &= scene.evidence[rows, inside] == ARRIVED
     return bool((outside | nearer | goes_on).mean() > _CUT_SHARE)
+
+
+def extent_m(segment: Segment, grid: Grid) -> tuple[float, float]:
+    """Return the width and height of a segment, metres."""
+    left, top, right, bottom = segment.box
+    per_metre = grid.per_metre(segment.disparity)
+    return (right - left) / per_metre, (bottom - top) / per_metre
 
 
 def box_px(grid: Grid, segment: Segment) -> tuple[float, float, float, float]:

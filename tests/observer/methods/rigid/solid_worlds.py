@@ -130,7 +130,8 @@ def seen(
     if evidence is None:
         evidence = np.zeros(GRID.shape, np.uint8)
     dark = np.zeros(GRID.shape, np.uint8)
-    return DenseScene(GRID, T_world_camera, dark, disparity, stands, evidence)
+    unchanged = np.zeros(GRID.shape, np.bool_)
+    return DenseScene(0.0, GRID, T_world_camera, dark, disparity, stands, evidence, unchanged)
 
 
 def arrived(*things: Shape) -> DenseScene:

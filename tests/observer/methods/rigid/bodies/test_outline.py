@@ -12,13 +12,12 @@ from observer.geometry import Pose
 from observer.methods.rigid.bodies.outline import (
     Outline,
     anchor_of,
-    extent,
     free_cells,
     measured_anchor,
 )
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.dense.segments import Segment, segment_of
+from observer.methods.rigid.dense.segments import Segment, extent_m, segment_of
 
 from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, disparity_of, on_floor, seen
 
@@ -208,7 +207,7 @@ def test_the_sides_are_half_a_width_from_the_middle() -> None:
 @given(x=st.floats(-0.8, 0.8), z=st.floats(2.5, 5.5))
 def test_its_extent_is_that_of_the_body(x: float, z: float) -> None:
     _, segment = view(Solid((x, 0.0, z), (0.45, 1.2, 0.01)))
-    assert extent(segment, GRID) == pytest.approx((0.45, 1.2), abs=0.05)
+    assert extent_m(segment, GRID) == pytest.approx((0.45, 1.2), abs=0.05)
 
 
 def test_the_middle_lies_behind_the_surface_that_is_seen() -> None:

@@ -1,0 +1,95 @@
+"""What looks another than a moment ago, after the camera's own motion."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from observer.methods.rigid.dense.free_space import DepthFrame, slack_px
+from observer.methods.rigid.dense.grid import Grid
+from observer.methods.rigid.dense.reprojection import Reprojection
+from observer.types import Image
+
+# Seconds back of the frame that is compared, and by how many it may be another: long enough for
+# an arm to leave its own width, short enough for the camera to move little.
+_LAG_S, _LAG_SLACK_S = 0.13, 0.07
+# A difference that is no noise: standard deviations, and grey values at least.
+_SIGMAS, _LEAST_GREY = 4.0, 4.0
+# From the median of absolute differences to a standard deviation.
+_MAD_TO_SIGMA = 1 / 0.6745
+_LEAST_CELLS = 100
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """One frame, and the darkest and brightest around each of its cells, (h, w)."""
+
+    frame: DepthFrame
+    grey: Image
+    darkest: Image
+    brightest: Image
+
+
+class GreyChange:
+    """Compares each frame's grey values with those of a moment ago."""
+
+    def __init__(self, grid: Grid) -> None:
+        self._grid = grid
+        self._reprojection = Reprojection(grid)
+        self._looks: deque[_Look] = deque()
+
+    def changed(
+        self, frame: DepthFrame, grey: Image, cells: NDArray[np.bool_]
+    ) -> NDArray[np.bool_]:
+        """(h, w) which of the cells (h, w) show what was not seen around there a moment ago.
+
+        What was hidden then cannot be compared; the exposure may have changed. The frame is
+        remembered.
+
+        Args:
+            grey: (h, w) the left image.
+        """
+        around = np.ones((3, 3), np.uint8)
+        darkest = np.asarray(cv2.erode(grey, around), np.uint8)
+        brightest = np.asarray(cv2.dilate(grey, around), np.uint8)
+        out = np.zeros(frame.disparity.size, np.bool_)
+        earlier = self._earlier(frame.time)
+        if earlier is not None:
+            asked = np.flatnonzero(cells)
+            out[asked] = self._against(frame, grey, earlier, asked)
+        self._looks.append(_Look(frame, grey, darkest, brightest))
+        return out.reshape(frame.disparity.shape)
+
+    def _earlier(self, time: float) -> _Look | None:
+        while self._looks and self._looks[0].frame.time < time - _LAG_S - _LAG_SLACK_S:
+            self._looks.popleft()
+        nearest = min(self._looks, key=lambda x: abs(time - x.frame.time - _LAG_S), default=None)
+        if nearest is None or time - nearest.frame.time < _LAG_S - _LAG_SLACK_S:
+            return None
+        return nearest
+
+    def _against(
+        self, frame: DepthFrame, grey: Image, before: _Look, asked: NDArray[np.intp]
+    ) -> NDArray[np.bool_]:
+        """(N,) which cells (N,) look another than in one earlier frame."""
+        T = before.frame.T_camera_world @ frame.T_camera_world.inverse()
+        there = self._reprojection.into(T, frame.disparity.ravel()[asked], asked)
+        covered = before.frame.nearest.ravel()[there.at] - there.disparity
+        visible = there.inside & (covered <= slack_px(there.disparity, self._grid))
+        if np.count_nonzero(visible) < _LEAST_CELLS:
+            return np.zeros(len(asked), np.bool_)
+        now = grey.ravel()[asked].astype(np.float32)
+        then, low, high = (
+            image.ravel()[there.at].astype(np.float32)
+            for image in (before.grey, before.darkest, before.brightest)
+        )
+        usual, before_usual = (float(np.median(values[visible])) for values in (now, then))
+        gain = np.float32(max(1.0, usual) / max(1.0, before_usual))
+        difference = now - gain * then
+        noise = _MAD_TO_SIGMA * float(np.median(np.abs(difference[visible])))
+        limit = max(_SIGMAS * noise, _LEAST_GREY)
+        return visible & ((now - gain * high > limit) | (gain * low - now > limit))

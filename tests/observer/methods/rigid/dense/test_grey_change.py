@@ -1,0 +1,70 @@
+"""What looks another than a moment ago, for worlds whose every change is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from observer.geometry import Pose
+from observer.methods.rigid.dense.free_space import DepthFrame
+from observer.methods.rigid.dense.grey_change import GreyChange
+from observer.types import Image
+
+from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, disparity_of
+
+ALL = np.ones(GRID.shape, np.bool_)
+LAG_S = 0.13
+HAND = Solid((0.3, -0.3, 3.0), (0.25, 0.25, 0.1))
+ELSEWHERE = Solid((0.7, -0.3, 3.0), (0.25, 0.25, 0.1))
+
+
+def look(
+    time: float, shapes: Sequence[Shape], pose: Pose = HERE, *, bright: Shape | None = None
+) -> tuple[DepthFrame, Image]:
+    """One frame in which all is grey but for one bright thing."""
+    grey = np.full(GRID.shape, 90, np.uint8)
+    if bright is not None:
+        grey[cells_of(bright, shapes, pose)] = 180
+    return DepthFrame(time, disparity_of(shapes, pose), pose.inverse()), grey
+
+
+def changed(before: tuple[DepthFrame, Image], now: tuple[DepthFrame, Image]) -> np.ndarray:
+    change = GreyChange(GRID)
+    assert not change.changed(*before, ALL).any()
+    return change.changed(*now, ALL)
+
+
+def test_what_stands_does_not_change_while_the_camera_moves() -> None:
+    shapes = [*ROOM, HAND]
+    moved = Pose(np.eye(3), np.array([0.04, 0.0, 0.06]))
+    out = changed(look(0.0, shapes, bright=HAND), look(LAG_S, shapes, moved, bright=HAND))
+    assert np.count_nonzero(out) < 0.1 * np.count_nonzero(cells_of(HAND, shapes))
+
+
+def test_a_hand_that_went_on_looks_another_where_it_is_now() -> None:
+    there = [*ROOM, ELSEWHERE]
+    out = changed(look(0.0, [*ROOM, HAND], bright=HAND), look(LAG_S, there, bright=ELSEWHERE))
+    mine = cells_of(ELSEWHERE, there)
+    assert out[mine].mean() > 0.5
+    assert out[~mine].mean() < 0.01
+
+
+def test_what_was_hidden_a_moment_ago_cannot_be_compared() -> None:
+    out = changed(look(0.0, [*ROOM, HAND], bright=HAND), look(LAG_S, ROOM))
+    assert not out.any()
+
+
+def test_exposure_that_changes_is_no_change() -> None:
+    shapes = [*ROOM, HAND]
+    frame, grey = look(LAG_S, shapes, bright=HAND)
+    assert not changed(look(0.0, shapes, bright=HAND), (frame, (grey * 1.3).astype(np.uint8))).any()
+
+
+@pytest.mark.parametrize("ago", [0.02, 0.5])
+def test_it_compares_with_a_moment_ago_only(ago: float) -> None:
+    there = [*ROOM, ELSEWHERE]
+    assert not changed(
+        look(0.0, [*ROOM, HAND], bright=HAND), look(ago, there, bright=ELSEWHERE)
+    ).any()
