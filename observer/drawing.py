@@ -12,8 +12,9 @@ from observer.types import Image, MotionState, TrackState, Unseen
 
 Color = tuple[int, int, int]
 
-# Of obstacles that move, stand now, and are not seen at present.
+# Of obstacles that move, move in place, stand now, and are not seen at present.
 _MOVING: Color = (0, 235, 255)
+_IN_PLACE: Color = (120, 220, 120)
 _STOPPED: Color = (255, 170, 80)
 _COASTING: Color = (160, 160, 160)
 # Share of an obstacle's colour within its silhouette.
@@ -37,6 +38,8 @@ def obstacle_color(state: str, motion: str) -> Color:
     """Return the colour of an obstacle in this ``TrackState`` and ``MotionState``."""
     if state == TrackState.COASTING:
         return _COASTING
+    if motion == MotionState.IN_PLACE:
+        return _IN_PLACE
     return _MOVING if motion == MotionState.MOVING else _STOPPED
 
 

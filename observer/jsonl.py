@@ -31,7 +31,7 @@ class ObstacleEntry(TypedDict):
 
     id: int
     state: Literal["tentative", "confirmed", "coasting"]
-    motion: Literal["moving", "stopped"]
+    motion: Literal["moving", "in_place", "stopped"]
     position: list[float] | None
     velocity: list[float] | None
     speed: float

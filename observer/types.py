@@ -168,9 +168,13 @@ class TrackState(StrEnum):
 
 
 class MotionState(StrEnum):
-    """Present motion of a dynamic obstacle."""
+    """Present motion of a dynamic obstacle.
+
+    What moves in place, as a person who waves, does not travel: its velocity is that of its trunk.
+    """
 
     MOVING = "moving"
+    IN_PLACE = "in_place"
     STOPPED = "stopped"
 
 

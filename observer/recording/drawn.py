@@ -13,7 +13,11 @@ Rgba = tuple[float, float, float, float]
 
 VELOCITY: Rgba = (1.0, 0.3, 0.0, 0.9)
 WHITE: Rgba = (1.0, 1.0, 1.0, 1.0)
-_MOTIONS: dict[str, Rgba] = {"moving": (1.0, 0.85, 0.0, 0.45), "stopped": (0.3, 0.6, 1.0, 0.45)}
+_MOTIONS: dict[str, Rgba] = {
+    "moving": (1.0, 0.85, 0.0, 0.45),
+    "in_place": (0.45, 0.85, 0.45, 0.45),
+    "stopped": (0.3, 0.6, 1.0, 0.45),
+}
 _COASTING: Rgba = (0.6, 0.6, 0.6, 0.3)
 _TRUE: Rgba = (0.1, 0.9, 0.3, 1.0)
 # An arrow is as long as the way of one second.

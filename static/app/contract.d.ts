@@ -448,7 +448,7 @@ export interface components {
       /** @enum {string} */
       state: "tentative" | "confirmed" | "coasting";
       /** @enum {string} */
-      motion: "moving" | "stopped";
+      motion: "moving" | "in_place" | "stopped";
       position: number[] | null;
       velocity: number[] | null;
       speed: number;

@@ -70,6 +70,7 @@ export function firstLine(line, truth) {
       tone: "moving",
     };
   }
+  const waving = line.obstacles.find((o) => o.motion === "in_place");
   const standing = line.obstacles[0];
   const missed = truth.find(
     (body) =>
@@ -78,6 +79,9 @@ export function firstLine(line, truth) {
       (body.visible === null || body.visible > HIDDEN_BELOW),
   );
   let text = standing ? `Nothing moves; obstacle ${standing.id} has stopped.` : "Nothing moves.";
+  if (waving) {
+    text = `Obstacle ${waving.id} moves in place, ${fixed(waving.range, 1)} m ${bearingInWords(waving.bearing)}.`;
+  }
   if (missed) {
     text = `Nothing is seen to move — truth: ${missed.name} moves at ${fixed(missed.speed, 2)} m/s.`;
   }

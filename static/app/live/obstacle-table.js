@@ -16,7 +16,7 @@ import {
 const COLUMNS = ["Id", "Speed, m/s", "Truth", "Where"];
 
 /** @type {Record<string, string>} */
-const STATES = { moving: "Moving", stopped: "Stopped" };
+const STATES = { moving: "Moving", in_place: "Moving in place", stopped: "Stopped" };
 
 class ObstacleTable extends Part {
   #body = h("tbody");

@@ -98,3 +98,10 @@ test("what the server says becomes one sentence", () => {
   assert.equal(words.sentence("the port is busy "), "The port is busy.");
   assert.equal(words.sentence("Really?"), "Really?");
 });
+
+test("who waves moves in place and is given no speed", () => {
+  const waving = obstacle({ id: 3, motion: "in_place", range: 3.2, bearing: 0, speed: 0.04 });
+  const { text, tone } = words.firstLine(line({ obstacles: [waving] }), []);
+  assert.equal(text, "Obstacle 3 moves in place, 3.2 m ahead.");
+  assert.equal(tone, "calm");
+});

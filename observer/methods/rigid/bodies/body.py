@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.bodies.filter import (
     POSITION,
     VELOCITY,
@@ -51,6 +52,7 @@ class BodyTrack:
         rigid: False once its limbs were seen to move by themselves, or before any point is known
             to move along. rigidity: recent share of its points that move along.
         by_points: its points measured it in this frame.
+        changes: when something on it looked another than a moment before.
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
             is around it.
     """
@@ -76,6 +78,7 @@ class BodyTrack:
     rigid: bool = True
     rigidity: float = 1.0
     by_points: bool = False
+    changes: Changes = field(default_factory=Changes)
     merged_s: float = 0.0
     # (3,) u, v and disparity of its centre in the last frame, px.
     _centre_px: Float64Array | None = None

@@ -47,7 +47,7 @@ def judge(track: BodyTrack, camera_position: Float64Array, parameters: ObstacleP
     limit = parameters.stopped_below_mps
     # Between the two conditions the answer stays what it was.
     if speed < limit or track.significance < _MOVING_SIGMAS:
-        track.motion = MotionState.STOPPED
+        track.motion = MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
     elif speed - sigma > limit:
         track.motion = MotionState.MOVING
     seen = track.missed_s == 0
@@ -84,6 +84,8 @@ def _confirmed(
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
     if by_points and track.merged_s == 0:
+        return True
+    if track.motion is MotionState.IN_PLACE:
         return True
     return _confirmed_by_outline(track, camera_position)
 

@@ -116,9 +116,9 @@ def resting(track: BodyTrack, members: NDArray[np.intp], motion: PooledMotion) -
 
     A point that was followed into the edge of something before the body stays there. Such points
     need not be misfits: a body that is thought to turn about them explains them, and then all that
-    is told of it is wrong. Of a body that has stopped, all points rest, and none leaves.
+    is told of it is wrong. Of a body that does not travel, all points rest, and none leaves.
     """
-    if track.motion is MotionState.STOPPED:
+    if track.motion is not MotionState.MOVING:
         return np.zeros(len(members), np.bool_)
     own = motion.own_velocity[members]
     body_cov, rest_cov = _spread(track, members, motion)

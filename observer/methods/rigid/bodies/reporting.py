@@ -62,6 +62,8 @@ def _why(track: BodyTrack, speed: float) -> str:
         subject = f"{track.points} points that keep their places on one body {moves}"
     else:
         moves = "moves at" if moving else "moved before and stands now, at"
+        if track.motion is MotionState.IN_PLACE:
+            moves = "moves in place, as arms that wave do, while its trunk travels at"
         subject = f"a body that stands apart in depth, with {track.points} points on it, {moves}"
     what = (
         f"{subject} {speed:.2f} m/s, {track.significance:.1f} standard deviations from standing, "

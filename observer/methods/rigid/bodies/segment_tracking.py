@@ -72,7 +72,7 @@ def track_segments(
         inside = segment.mask[cells]
         found = _bodies_of(segment, inside, tracks, obstacle, scene, min_points)
         if not found:
-            tracks.append(_begun(numbers.provisional(), segment, scene))
+            tracks.append(begun(numbers.provisional(), segment, scene))
             continue
         _measure(found[0], segment, scene)
         for part in found[1:]:
@@ -225,7 +225,8 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
 # --- beginning -------------------------------------------------------------------------------
 
 
-def _begun(number: int, segment: Segment, scene: DenseScene) -> BodyTrack:
+def begun(number: int, segment: Segment, scene: DenseScene) -> BodyTrack:
+    """Return the track of a body with limbs that was found as a segment."""
     anchor = anchor_of(segment)
     place, cov = measured_anchor(segment, anchor, scene)
     track = BodyTrack(

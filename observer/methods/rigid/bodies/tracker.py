@@ -37,6 +37,7 @@ from observer.methods.rigid.bodies.segment_tracking import (
     without_segments,
 )
 from observer.methods.rigid.bodies.shape import BodyShape
+from observer.methods.rigid.bodies.stirring import Stirring
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import group_dynamic
@@ -81,6 +82,7 @@ class BodyTracker:
         """``numbers`` gives each confirmed track its own; from 1 if left out."""
         self.tracks: list[BodyTrack] = []
         self._numbers = TrackIds(numbers)
+        self._stirring = Stirring()
 
     def step(
         self,
@@ -105,6 +107,7 @@ class BodyTracker:
         else:
             points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
+            self._stirring.note(self.tracks, scene, self._numbers)
         self.note_lasting_errors(now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)

@@ -1,0 +1,132 @@
+"""Bodies that move in place: arms that wave beside a trunk that stays where it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.changes import Changes
+from observer.methods.rigid.bodies.segment_tracking import begun
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import (
+    Mask,
+    Segment,
+    extent_m,
+    standing_segment,
+    window_of,
+)
+from observer.types import MotionState, TrackState
+from observer.vision.lifecycle import TrackIds
+
+# m^2 and cells: a change of less is noise. Farther than so many metres it cannot be told from it.
+_LEAST_M2, _LEAST_CELLS, _FARTHEST_M = 0.003, 7, 6.0
+# Changes are of one place up to so many metres apart; depth is less certain than direction.
+_PLACE_M, _ALONG_WEIGHT = 0.45, 0.4
+_GAIN = 0.2
+# What changes within this reach of a known body is of that body, metres.
+_REACH_M = 0.3
+# A person, arms included: metres, least height seen, and most width and height.
+_LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.4, 2.4
+
+
+@dataclass(eq=False)
+class _Place:
+    """Somewhere that changed, on no known body: metres, world, and when."""
+
+    at: Float64Array
+    changes: Changes = field(default_factory=Changes)
+
+
+class Stirring:
+    """Remembers where the scene changed for some seconds, on bodies and elsewhere."""
+
+    def __init__(self) -> None:
+        self._places: list[_Place] = []
+
+    def note(self, tracks: list[BodyTrack], scene: DenseScene, numbers: TrackIds) -> None:
+        """Note what changed, and on whom.
+
+        Args:
+            tracks: the bodies; those that move in place and were not known yet are added.
+        """
+        changes = _changes(scene)
+        free = np.ones(scene.grid.shape, np.bool_)
+        for track in tracks:
+            if track.outline is None or not track.outline.seen:
+                track.changes.forget()
+                continue
+            mine = _on_and_around(track.outline.segment, scene)
+            # Of what travels nothing looks as it did.
+            stays = track.motion is not MotionState.MOVING or track.state is TrackState.TENTATIVE
+            changed = stays and any(mine[cell] for cell, _ in changes)
+            track.changes.note(scene.time, changed=changed)
+            free &= ~mine
+        self._note_places([place for cell, place in changes if free[cell]], scene.time)
+        for place in [p for p in self._places if p.changes.stirs]:
+            segment = standing_segment(scene, place.at, free)
+            if segment is not None and _is_person(segment, scene):
+                free &= ~segment.mask
+                track = begun(numbers.provisional(), segment, scene)
+                track.changes, place.changes = place.changes, Changes()
+                tracks.append(track)
+
+    def _note_places(self, found: list[Float64Array], time: float) -> None:
+        for at in found:
+            near = min(self._places, key=lambda p: _apart(p.at, at), default=None)
+            if near is None or _apart(near.at, at) > _PLACE_M:
+                near = _Place(at)
+                self._places.append(near)
+            near.at = near.at + _GAIN * (at - near.at)
+            near.changes.note(time, changed=True)
+        for place in self._places:
+            place.changes.note(time, changed=False)
+        self._places = [p for p in self._places if p.changes.known]
+
+
+def _changes(scene: DenseScene) -> list[tuple[tuple[int, int], Float64Array]]:
+    """Where something changed: row and column of a cell, and the place (3,) m, world."""
+    square = np.ones((3, 3), np.uint8)
+    opened = cv2.morphologyEx(scene.changed.view(np.uint8), cv2.MORPH_OPEN, square)
+    count, labels, stats, middles = cv2.connectedComponentsWithStats(opened, connectivity=8)
+    found = []
+    for label in range(1, count):
+        area = int(stats[label, cv2.CC_STAT_AREA])
+        if area < _LEAST_CELLS:
+            continue
+        mine = labels == label
+        d = float(np.median(scene.disparity[mine]))
+        camera = scene.grid.camera
+        if area < _LEAST_M2 * scene.grid.per_metre(d) ** 2:
+            continue
+        place = camera.triangulate(scene.grid.to_px(middles[label][None]), np.array([d]))[0]
+        if place[2] > _FARTHEST_M:
+            continue
+        rows, columns = np.nonzero(mine)
+        nearest = int(np.argmin(np.hypot(columns - middles[label, 0], rows - middles[label, 1])))
+        cell = (int(rows[nearest]), int(columns[nearest]))
+        found.append((cell, scene.T_world_camera.apply(place)))
+    return found
+
+
+def _on_and_around(segment: Segment, scene: DenseScene) -> Mask:
+    """(h, w) the cells of a body, and those near to it."""
+    reach = max(2, round(_REACH_M * scene.grid.per_metre(segment.disparity)))
+    window = window_of(segment.mask, reach)
+    mask = np.zeros_like(segment.mask)
+    around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    mask[window] = cv2.dilate(segment.mask[window].view(np.uint8), around).view(np.bool_)
+    return mask
+
+
+def _apart(a: Float64Array, b: Float64Array) -> float:
+    return float(np.linalg.norm((a - b) * np.array([1.0, 1.0, _ALONG_WEIGHT])))
+
+
+def _is_person(segment: Segment, scene: DenseScene) -> bool:
+    width, height = extent_m(segment, scene.grid)
+    upright = _LEAST_HEIGHT_M < height < _MOST_HEIGHT_M and width < min(_MOST_WIDTH_M, height)
+    return segment.stands_apart and upright

@@ -1,0 +1,111 @@
+"""Who is found to move in place, in worlds whose every change is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.changes import Changes
+from observer.methods.rigid.bodies.lifecycle import judge
+from observer.methods.rigid.bodies.stirring import Stirring
+from observer.methods.rigid.dense.free_space import STATIC
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.parameters import Parameters
+from observer.types import MotionState, TrackState
+from observer.vision.lifecycle import TrackIds
+
+from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, on_floor, person, seen
+
+DT = 1 / 15
+P = Parameters().obstacles
+WHO = person(0.0, 4.0)
+CABINET = on_floor(0.0, 4.0, (1.8, 1.0, 0.3))
+# A wave of 0.9 Hz: an arm is fast for three frames of every eight.
+WAVING = [k for k in range(40) if k % 8 < 3]
+
+
+def hand(x: float = 0.3) -> Solid:
+    return Solid((x, -0.4, 4.0), (0.2, 0.25, 0.2))
+
+
+def scene(time: float, who: Shape, changed: Shape | None) -> DenseScene:
+    shapes = [*ROOM, who]
+    still = seen(shapes, HERE, np.full(GRID.shape, STATIC, np.uint8))
+    mask = np.zeros(GRID.shape, np.bool_)
+    if changed is not None:
+        mask = cells_of(changed, [*shapes, changed])
+        disparity = np.where(mask, still.disparity[cells_of(who, shapes)].max(), still.disparity)
+        still = replace(still, disparity=disparity, standing=still.standing | mask)
+    return replace(still, time=time, changed=mask)
+
+
+def found(
+    frames: Iterable[int],
+    who: Shape = WHO,
+    places: Callable[[int], Shape] = lambda _: hand(),
+    lasting: int = 40,
+) -> list[BodyTrack]:
+    """The bodies found while something changes in these of so many frames."""
+    stirring, numbers, tracks = Stirring(), TrackIds(), list[BodyTrack]()
+    now = set(frames)
+    for k in range(lasting):
+        stirring.note(tracks, scene(k * DT, who, places(k) if k in now else None), numbers)
+        for track in tracks:
+            judge(track, np.zeros(3), P)
+    return tracks
+
+
+def test_a_person_who_waves_moves_in_place_and_does_not_travel() -> None:
+    (track,) = found(WAVING)
+    assert track.state is TrackState.CONFIRMED
+    assert track.motion is MotionState.IN_PLACE
+    assert np.linalg.norm(track.centre_velocity()[0]) < P.stopped_below_mps
+
+
+def test_the_whole_person_is_shown_not_the_hand() -> None:
+    (track,) = found(WAVING)
+    assert track.outline is not None
+    assert track.outline.height == pytest.approx(1.6, abs=0.3)
+
+
+def test_who_stands_still_is_not_found() -> None:
+    assert found([]) == []
+
+
+def test_one_flicker_is_no_motion() -> None:
+    assert found(range(10, 16)) == []
+
+
+def test_what_changes_at_a_cabinet_is_no_person() -> None:
+    assert found(WAVING, CABINET) == []
+
+
+def test_what_passes_by_moves_in_no_place() -> None:
+    assert found(range(40), places=lambda k: hand(-1.5 + 0.075 * k)) == []
+
+
+def test_after_the_wave_the_person_has_stopped() -> None:
+    (track,) = found([k for k in WAVING if k < 30], lasting=90)
+    assert track.motion is MotionState.STOPPED
+
+
+@pytest.mark.parametrize(
+    ("times", "stirs"),
+    [
+        ([], False),
+        (np.arange(0, 2.5, 0.05), False),
+        (np.arange(0, 2.5, 0.4), False),
+        ([a + b for a in (0.0, 0.6, 1.2) for b in (0.0, 0.07, 0.14)], True),
+        ([a + b for a in (0.0, 0.3, 0.6) for b in (0.0, 0.07, 0.14)], False),
+        ([a + b for a in (0.0, 2.0, 4.0) for b in (0.0, 0.07, 0.14)], False),
+    ],
+)
+def test_only_what_changes_again_and_again_stirs(times: list[float], stirs: bool) -> None:
+    changes = Changes()
+    for time in times:
+        changes.note(time, changed=True)
+    assert changes.stirs is stirs
