@@ -16,8 +16,9 @@ from observer.methods.rigid.dense.segments import (
     Mask,
     Segment,
     extent_m,
+    opened,
     standing_segment,
-    window_of,
+    widened,
 )
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
@@ -89,37 +90,30 @@ class Stirring:
 
 def _changes(scene: DenseScene) -> list[tuple[tuple[int, int], Float64Array]]:
     """Where something changed: row and column of a cell, and the place (3,) m, world."""
-    square = np.ones((3, 3), np.uint8)
-    opened = cv2.morphologyEx(scene.changed.view(np.uint8), cv2.MORPH_OPEN, square)
-    count, labels, stats, middles = cv2.connectedComponentsWithStats(opened, connectivity=8)
+    camera, changed = scene.grid.camera, opened(scene.changed).view(np.uint8)
+    _, labels, stats, middles = cv2.connectedComponentsWithStats(changed, connectivity=8)
     found = []
-    for label in range(1, count):
-        area = int(stats[label, cv2.CC_STAT_AREA])
-        if area < _LEAST_CELLS:
-            continue
-        mine = labels == label
-        d = float(np.median(scene.disparity[mine]))
-        camera = scene.grid.camera
+    for label in (1 + np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= _LEAST_CELLS)).tolist():
+        left, top, width, height, area = stats[label].tolist()
+        window = (slice(top, top + height), slice(left, left + width))
+        mine = labels[window] == label
+        d = float(np.median(scene.disparity[window][mine]))
         if area < _LEAST_M2 * scene.grid.per_metre(d) ** 2:
             continue
         place = camera.triangulate(scene.grid.to_px(middles[label][None]), np.array([d]))[0]
         if place[2] > _FARTHEST_M:
             continue
         rows, columns = np.nonzero(mine)
-        nearest = int(np.argmin(np.hypot(columns - middles[label, 0], rows - middles[label, 1])))
-        cell = (int(rows[nearest]), int(columns[nearest]))
+        middle = middles[label] - (left, top)
+        nearest = int(np.argmin(np.hypot(columns - middle[0], rows - middle[1])))
+        cell = (top + int(rows[nearest]), left + int(columns[nearest]))
         found.append((cell, scene.T_world_camera.apply(place)))
     return found
 
 
 def _on_and_around(segment: Segment, scene: DenseScene) -> Mask:
     """(h, w) the cells of a body, and those near to it."""
-    reach = max(2, round(_REACH_M * scene.grid.per_metre(segment.disparity)))
-    window = window_of(segment.mask, reach)
-    mask = np.zeros_like(segment.mask)
-    around = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    mask[window] = cv2.dilate(segment.mask[window].view(np.uint8), around).view(np.bool_)
-    return mask
+    return widened(segment.mask, max(2, round(_REACH_M * scene.grid.per_metre(segment.disparity))))
 
 
 def _apart(a: Float64Array, b: Float64Array) -> float:

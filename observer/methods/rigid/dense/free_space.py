@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from observer.geometry import Pose
 from observer.methods.rigid.dense.corrections import with_bias
 from observer.methods.rigid.dense.grid import Grid
-from observer.methods.rigid.dense.reprojection import Reprojection
+from observer.methods.rigid.dense.reprojection import reproject
 
 # Evidence of a cell.
 UNKNOWN, STATIC, ARRIVED, HIDDEN = 0, 1, 2, 3
@@ -65,7 +65,6 @@ class FreeSpace:
     def __init__(self, grid: Grid) -> None:
         self._grid = grid
         self._frames: deque[DepthFrame] = deque()
-        self._reprojection = Reprojection(grid)
 
     def keep(self, frame: DepthFrame) -> None:
         """Remember a frame; what is older than any lag is forgotten."""
@@ -113,7 +112,7 @@ class FreeSpace:
     ) -> NDArray[np.uint8]:
         """(N,) evidence of cells (N,), by one earlier frame."""
         T = reference.T_camera_world @ frame.T_camera_world.inverse()
-        there = self._reprojection.into(T, frame.disparity.ravel()[asked], asked)
+        there = reproject(self._grid, T, frame.disparity.ravel()[asked], asked)
         seen = there.inside & (reference.known.ravel()[there.at] > 0)
         slack = slack_px(there.disparity, self._grid)
         out = np.full(len(asked), STATIC, np.uint8)

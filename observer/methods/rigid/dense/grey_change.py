@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from observer.methods.rigid.dense.free_space import DepthFrame, slack_px
 from observer.methods.rigid.dense.grid import Grid
-from observer.methods.rigid.dense.reprojection import Reprojection
+from observer.methods.rigid.dense.reprojection import reproject
 from observer.types import Image
 
 # Seconds back of the frame that is compared, and by how many it may be another: long enough for
@@ -39,7 +39,6 @@ class GreyChange:
 
     def __init__(self, grid: Grid) -> None:
         self._grid = grid
-        self._reprojection = Reprojection(grid)
         self._looks: deque[_Look] = deque()
 
     def changed(
@@ -77,7 +76,7 @@ class GreyChange:
     ) -> NDArray[np.bool_]:
         """(N,) which cells (N,) look another than in one earlier frame."""
         T = before.frame.T_camera_world @ frame.T_camera_world.inverse()
-        there = self._reprojection.into(T, frame.disparity.ravel()[asked], asked)
+        there = reproject(self._grid, T, frame.disparity.ravel()[asked], asked)
         covered = before.frame.nearest.ravel()[there.at] - there.disparity
         visible = there.inside & (covered <= slack_px(there.disparity, self._grid))
         if np.count_nonzero(visible) < _LEAST_CELLS:

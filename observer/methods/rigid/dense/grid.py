@@ -55,6 +55,13 @@ class Grid:
             ]
         )
 
+    @cached_property
+    def cell_rays(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """(h w,) x and (h w,) y of the ray (x, y, 1) through each cell, camera frame."""
+        columns, rows = np.meshgrid(np.arange(self.width), np.arange(self.height))
+        x, y, _ = self.rays @ np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
+        return x.astype(np.float32), y.astype(np.float32)
+
     def reduced(self, image: Image) -> Image:
         """Return the image (H, W) grey with a pixel for each cell."""
         small = cv2.resize(image, (self.width, self.height), interpolation=cv2.INTER_AREA)

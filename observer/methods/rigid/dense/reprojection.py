@@ -28,37 +28,27 @@ class Reprojected:
     inside: NDArray[np.bool_]
 
 
-class Reprojection:
-    """Projects what is seen in the cells of a grid into other frames of the same camera."""
+def reproject(
+    grid: Grid, T_other_camera: Pose, disparity: NDArray[np.float32], asked: NDArray[np.intp]
+) -> Reprojected:
+    """Return where the places that cells show are in another frame of the same camera.
 
-    def __init__(self, grid: Grid) -> None:
-        self._grid = grid
-        columns, rows = np.meshgrid(np.arange(grid.width), np.arange(grid.height))
-        cells = np.stack([columns.ravel(), rows.ravel(), np.ones(columns.size)])
-        x, y, _ = grid.rays @ cells
-        self._x, self._y = x.astype(np.float32), y.astype(np.float32)
-
-    def into(
-        self, T_other_camera: Pose, disparity: NDArray[np.float32], asked: NDArray[np.intp]
-    ) -> Reprojected:
-        """Return where the places at cells ``asked`` are in the other frame.
-
-        Args:
-            T_other_camera: from this frame's camera to the other's. disparity: (N,) px, of the
-                cells ``asked``, indices (N,).
-        """
-        c, r = self._grid.camera, self._grid.reduction
-        R = T_other_camera.rotation.astype(np.float32)
-        # Places over their depth f B / d: the ray, and the translation times d / (f B).
-        t = (T_other_camera.translation / (c.fx * c.baseline)).astype(np.float32)
-        x, y = self._x[asked], self._y[asked]
-        X, Y, Z = (R[k, 0] * x + R[k, 1] * y + (R[k, 2] + t[k] * disparity) for k in range(3))
-        ahead = Z > _LEAST_DEPTH
-        Z = np.maximum(Z, _LEAST_DEPTH)
-        # Rounded to the cell that holds the pixel.
-        column = np.floor((np.float32(c.fx) * X / Z + np.float32(c.cx + 0.5)) / r)
-        row = np.floor((np.float32(c.fy) * Y / Z + np.float32(c.cy + 0.5)) / r)
-        h, w = self._grid.shape
-        inside = ahead & (column >= 0) & (column < w) & (row >= 0) & (row < h)
-        at = np.where(inside, row * w + column, np.float32(0)).astype(np.intp)
-        return Reprojected(disparity / Z, at, inside)
+    Args:
+        T_other_camera: from this frame's camera to the other's. disparity: (N,) px, of the cells
+            ``asked``, indices (N,).
+    """
+    c, r = grid.camera, grid.reduction
+    R = T_other_camera.rotation.astype(np.float32)
+    # Places over their depth f B / d: the ray, and the translation times d / (f B).
+    t = (T_other_camera.translation / (c.fx * c.baseline)).astype(np.float32)
+    x, y = (values[asked] for values in grid.cell_rays)
+    X, Y, Z = (R[k, 0] * x + R[k, 1] * y + (R[k, 2] + t[k] * disparity) for k in range(3))
+    ahead = Z > _LEAST_DEPTH
+    Z = np.maximum(Z, _LEAST_DEPTH)
+    # Rounded to the cell that holds the pixel.
+    column = np.floor((np.float32(c.fx) * X / Z + np.float32(c.cx + 0.5)) / r)
+    row = np.floor((np.float32(c.fy) * Y / Z + np.float32(c.cy + 0.5)) / r)
+    h, w = grid.shape
+    inside = ahead & (column >= 0) & (column < w) & (row >= 0) & (row < h)
+    at = np.where(inside, row * w + column, np.float32(0)).astype(np.intp)
+    return Reprojected(disparity / Z, at, inside)

@@ -134,7 +134,7 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
         free: (h, w) cells that belong to nothing yet.
     """
     moved = (scene.evidence == ARRIVED) | (scene.evidence == HIDDEN)
-    seeds = _opened(moved & scene.standing & free)
+    seeds = opened(moved & scene.standing & free)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(seeds.view(np.uint8), connectivity=8)
     areas = stats[1:, cv2.CC_STAT_AREA]
     left = scene.standing & free
@@ -255,6 +255,22 @@ def window_of(mask: Mask, more: int = 0) -> Window:
     )
 
 
+def widened(mask: Mask, reach: int) -> Mask:
+    """The mask (h, w) and all that is at most so many cells away from it, level and vertically."""
+    window = window_of(mask, reach)
+    wide = np.zeros_like(mask)
+    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
+    wide[window] = cv2.dilate(mask[window].view(np.uint8), square).view(np.bool_)
+    return wide
+
+
+def opened(mask: Mask) -> Mask:
+    """The mask (h, w) without what is thinner than three cells."""
+    square = np.ones((3, 3), np.uint8)
+    contiguous = np.ascontiguousarray(mask).view(np.uint8)
+    return np.asarray(cv2.morphologyEx(contiguous, cv2.MORPH_OPEN, square)).view(np.bool_)
+
+
 def _gap(scene: DenseScene, part: Segment, body: Segment) -> float:
     return abs(part.disparity - body.disparity) / scene.tolerance(body.disparity)
 
@@ -265,12 +281,7 @@ def _cells_of(scene: DenseScene, area_m2: float, disparity: float) -> float:
 
 def _widened(scene: DenseScene, mask: Mask, disparity: float) -> Mask:
     """The mask (h, w) and what is so near to it that a body may have grown there."""
-    reach = max(2, int(_GROWTH_M * scene.grid.per_metre(disparity)))
-    window = window_of(mask, reach)
-    wide = np.zeros_like(mask)
-    square = np.ones((2 * reach + 1, 2 * reach + 1), np.uint8)
-    wide[window] = cv2.dilate(mask[window].view(np.uint8), square).view(np.bool_)
-    return wide
+    return widened(mask, max(2, int(_GROWTH_M * scene.grid.per_metre(disparity))))
 
 
 def _grown(
@@ -286,7 +297,7 @@ def _grown(
     if not alike.any():
         return None
     window = window_of(alike)
-    _, labels = cv2.connectedComponents(_opened(alike[window]).view(np.uint8), connectivity=4)
+    _, labels = cv2.connectedComponents(opened(alike[window]).view(np.uint8), connectivity=4)
     hits = np.bincount(labels[seed[window]], minlength=2)
     hits[0] = 0
     if hits.max() == 0:
@@ -296,13 +307,6 @@ def _grown(
     kept[: len(hits)] = hits >= max(3, _PART_SHARE * hits.max())
     mask[window] = kept[labels]
     return mask if mask.any() else None
-
-
-def _opened(mask: Mask) -> Mask:
-    """The mask (h, w) without what is thinner than three cells."""
-    square = np.ones((3, 3), np.uint8)
-    contiguous = np.ascontiguousarray(mask).view(np.uint8)
-    return np.asarray(cv2.morphologyEx(contiguous, cv2.MORPH_OPEN, square)).view(np.bool_)
 
 
 def _apart(scene: DenseScene, mask: Mask, disparity: float) -> tuple[float, float]:
