@@ -178,7 +178,7 @@ def _true_edges(body: Mapping[str, Any], up: Float64Array) -> Float64Array:
 
 def _arrow(obstacle: Mapping[str, Any]) -> Float64Array | None:
     velocity = obstacle["velocity"]
-    if velocity is None or obstacle["speed"] < _SLOWEST_ARROW_MPS:
+    if obstacle["motion"] == MotionState.IN_PLACE or obstacle["speed"] < _SLOWEST_ARROW_MPS:
         return None
     start = np.array(obstacle["position"])
     return np.stack([start, start + np.array(velocity) * _ARROW_S])
@@ -187,6 +187,8 @@ def _arrow(obstacle: Mapping[str, Any]) -> Float64Array | None:
 def _tag(obstacle: Mapping[str, Any], up: Float64Array) -> Tag:
     half = float(np.max(obstacle["size"])) / 2
     position = np.array(obstacle["position"]) + up * (half + _LABEL_ABOVE_M)
+    if obstacle["motion"] == MotionState.IN_PLACE:
+        return Tag(f"#{obstacle['id']}  in place", position)
     speed, std = obstacle["speed"], obstacle["speed_std"]
     spread = "" if std is None else f" ± {std:.2f}"
     return Tag(f"#{obstacle['id']}  {speed:.2f}{spread} m/s", position)

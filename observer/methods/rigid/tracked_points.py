@@ -12,6 +12,8 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 
 NO_OBSTACLE = -1
+# A point that did not fit its body, or was about to be hidden, may not join one for so long.
+BANISHED_FRAMES = 5
 # Of a sighting that weighs less nothing is left to go by.
 _FORGOTTEN = 1e-6
 

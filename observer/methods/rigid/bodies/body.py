@@ -53,6 +53,7 @@ class BodyTrack:
             to move along. rigidity: recent share of its points that move along.
         by_points: its points measured it in this frame.
         changes: when something on it looked another than a moment before.
+        part_moves: it began as the whole person of whom a part was seen to move.
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
             is around it.
     """
@@ -79,6 +80,7 @@ class BodyTrack:
     rigidity: float = 1.0
     by_points: bool = False
     changes: Changes = field(default_factory=Changes)
+    part_moves: bool = False
     merged_s: float = 0.0
     # (3,) u, v and disparity of its centre in the last frame, px.
     _centre_px: Float64Array | None = None

@@ -13,6 +13,9 @@ from observer.vision.lifecycle import expired, next_state
 
 # Below this the velocity is no more than noise.
 _MOVING_SIGMAS = 3.0
+# The same of a person whose arm or leg is known to move: who waves stays within 1, who walks does
+# not, also straight towards the camera, where the trunk's velocity is least certain.
+_WALKING_SIGMAS = 2.0
 # The members that moved, beyond the first two, summed over the frames, before there is an
 # obstacle: two or three on one edge err alike.
 _CONFIRM_SIGHTINGS = 16
@@ -45,11 +48,14 @@ def judge(track: BodyTrack, camera_position: Float64Array, parameters: ObstacleP
     direction = velocity / max(speed, 1e-9)
     sigma = float(np.sqrt(direction @ cov @ direction))
     limit = parameters.stopped_below_mps
+    least_sigmas = _WALKING_SIGMAS if track.part_moves else _MOVING_SIGMAS
     # Between the two conditions the answer stays what it was.
-    if speed < limit or track.significance < _MOVING_SIGMAS:
+    if speed < limit or track.significance < least_sigmas:
         track.motion = MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
     elif speed - sigma > limit:
         track.motion = MotionState.MOVING
+    if track.significance >= parameters.confirm_sigmas:
+        track.part_moves = False
     seen = track.missed_s == 0
     tentative = track.state is TrackState.TENTATIVE
     confirmed = seen and tentative and _confirmed(track, camera_position, parameters)
@@ -62,7 +68,8 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     unmoved = tentative and track.hits == 0
     patience = _PATIENCE_S if track.outline is None else _OUTLINE_PATIENCE_S
     hopeless = unmoved and track.age_s > patience
-    if track.outline is not None and track.outline.idles(unmoved) > _IDLE_FRAMES:
+    outline = track.outline
+    if outline is not None and outline.idles(unmoved, may_stand=track.part_moves) > _IDLE_FRAMES:
         return True
     hopeless |= track.merged_s > _MERGED_S
     coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
@@ -76,7 +83,8 @@ def _confirmed(
 
     The fewer points there are, the longer they must keep moving alike.
     """
-    moves = track.significance >= parameters.confirm_sigmas
+    least_sigmas = _WALKING_SIGMAS if track.part_moves else parameters.confirm_sigmas
+    moves = track.significance >= least_sigmas
     if moves and track.motion is MotionState.MOVING:
         track.hits += 1
         track.sightings += max(0, track.points - _ALIKE)

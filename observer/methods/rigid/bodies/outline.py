@@ -39,6 +39,8 @@ _BIAS_CELLS = 0.25
 _NARROW_CELLS = 6
 # A whole silhouette stands for a body that is cut off for so long, seconds.
 _WHOLE_S = 1.0
+# What stands and shows less than this share of what it showed is expected as it was.
+_LOST_SHARE = 0.9
 # An outline is looked for while its body is between these times as near as it was.
 _SCALES = (0.4, 2.5)
 # A walking person is higher than wide, a robot is not.
@@ -192,21 +194,30 @@ class Outline:
             self._silhouette = _Silhouette(self.segment, before.px, before.disparity)
         return True
 
-    def idles(self, tentative: bool) -> int:
+    def idles(self, tentative: bool, *, may_stand: bool = False) -> int:
         """Count the frames in a row in which it is no thing of its own, or grows over what stands.
 
-        Of a tentative one it is enough that it stands.
+        Of a tentative one it is enough that it stands, unless it may: a person who only begins to
+        walk, or comes straight on, is still mostly where he was.
         """
         s = self.segment
         merged = s.apart < _LEAST_APART or s.clear < _LEAST_CLEAR
         grown = s.area / s.disparity**2 > _SWALLOWING * self.moving_area
-        idle = self.seen and (merged or self.stands) and (tentative or grown)
+        stands = self.stands and not (tentative and may_stand)
+        idle = self.seen and (merged or stands) and (tentative or grown)
         self.idle_frames = self.idle_frames + 1 if idle else 0
         return self.idle_frames
 
+    def _lost_parts(self) -> bool:
+        """Return whether it stands, and less of it is seen than before, however near it is."""
+        if self._silhouette is None or not self.stands:
+            return False
+        now, before = self.segment, self._silhouette.segment
+        return now.area / now.disparity**2 < _LOST_SHARE * before.area / before.disparity**2
+
     def _keep_silhouette(self, origin: Float64Array, scene: DenseScene, age_s: float) -> None:
         """A body that is cut off is expected whole for a while: it will come out again."""
-        whole = anchor_of(self.segment) == "middle"
+        whole = anchor_of(self.segment) == "middle" and not self._lost_parts()
         if self._silhouette is None or whole or age_s - self._silhouette_s > _WHOLE_S:
             px, d = scene.grid.camera.project(scene.T_camera_world.apply(origin[None]))
             self._silhouette = _Silhouette(self.segment, px[0], float(d[0]))

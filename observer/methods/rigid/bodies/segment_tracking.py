@@ -17,10 +17,12 @@ from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     Expected,
+    Mask,
     Segment,
     followed_segment,
     fresh_segments,
     owners,
+    whole_person,
 )
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
@@ -72,8 +74,13 @@ def track_segments(
         inside = segment.mask[cells]
         found = _bodies_of(segment, inside, tracks, obstacle, scene, min_points)
         if not found:
-            tracks.append(begun(numbers.provisional(), segment, scene))
+            whole = whole_person(scene, segment, free)
+            track = begun(numbers.provisional(), whole, scene)
+            track.part_moves = whole is not segment
+            tracks.append(track)
             continue
+        if found[0].outline is None:
+            segment = _first_seen(found[0], segment, scene, free)
         _measure(found[0], segment, scene)
         for part in found[1:]:
             obstacle[obstacle == part.id] = NO_OBSTACLE
@@ -176,6 +183,8 @@ def _follow(
         segment = followed_segment(scene, where, core, free & (core | (owner < 0)), grows=grows)
         if segment is None or (track.outline is None and not segment.stands_apart):
             continue
+        if track.outline is None:
+            segment = _first_seen(track, segment, scene, free)
         free &= ~segment.mask
         _measure(track, segment, scene)
 
@@ -198,6 +207,21 @@ def _by_members(
     mask = np.zeros(scene.grid.shape, np.bool_)
     mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
     return Expected(mask, float(np.median(points.disparity[members])))
+
+
+def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) -> Segment:
+    """Return the segment of a body of which only members were known.
+
+    If they are those of an arm, the body is who waves it, and does not move as they do.
+    """
+    whole = whole_person(scene, part, free)
+    if whole is not part:
+        place, cov = measured_anchor(whole, anchor_of(whole), scene)
+        track.filter = _motion_at(place, np.zeros(3), cov)
+        track.hits = track.sightings = 0
+        track.part_moves = True
+        track.loosen()
+    return whole
 
 
 def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
@@ -225,13 +249,19 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
 # --- beginning -------------------------------------------------------------------------------
 
 
-def begun(number: int, segment: Segment, scene: DenseScene) -> BodyTrack:
-    """Return the track of a body with limbs that was found as a segment."""
+def begun(
+    number: int, segment: Segment, scene: DenseScene, sigma_mps: float = _FIRST_MPS
+) -> BodyTrack:
+    """Return the track of a body with limbs that was found as a segment.
+
+    Args:
+        sigma_mps: one standard deviation of how fast it may be.
+    """
     anchor = anchor_of(segment)
     place, cov = measured_anchor(segment, anchor, scene)
     track = BodyTrack(
         id=number,
-        filter=_motion_at(place, np.zeros(3), cov),
+        filter=_motion_at(place, np.zeros(3), cov, sigma_mps),
         shape=BodyShape(),
         outline=Outline.of(segment, scene),
         rigid=False,
@@ -243,8 +273,10 @@ def begun(number: int, segment: Segment, scene: DenseScene) -> BodyTrack:
     return track
 
 
-def _motion_at(place: Float64Array, velocity: Float64Array, cov: Float64Array) -> BodyFilter:
-    spread = np.diag([_FIRST_MPS, _FIRST_UP_MPS, _FIRST_MPS]) ** 2
+def _motion_at(
+    place: Float64Array, velocity: Float64Array, cov: Float64Array, sigma_mps: float = _FIRST_MPS
+) -> BodyFilter:
+    spread = np.diag([sigma_mps, _FIRST_UP_MPS, sigma_mps]) ** 2
     return BodyFilter.begin(place, velocity, cov, spread, 0.0).straightened()
 
 

@@ -15,7 +15,7 @@ from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     Mask,
     Segment,
-    extent_m,
+    is_person,
     opened,
     standing_segment,
     widened,
@@ -28,10 +28,10 @@ _LEAST_M2, _LEAST_CELLS, _FARTHEST_M = 0.003, 7, 6.0
 # Changes are of one place up to so many metres apart; depth is less certain than direction.
 _PLACE_M, _ALONG_WEIGHT = 0.45, 0.4
 _GAIN = 0.2
+# m/s, one standard deviation of how fast a body travels that stirred at one place for a while.
+_STAYED_MPS = 0.1
 # What changes within this reach of a known body is of that body, metres.
 _REACH_M = 0.3
-# A person, arms included: metres, least height seen, and most width and height.
-_LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.4, 2.4
 
 
 @dataclass(eq=False)
@@ -56,22 +56,24 @@ class Stirring:
         """
         changes = _changes(scene)
         free = np.ones(scene.grid.shape, np.bool_)
-        for track in tracks:
+        for track in [t for t in tracks if t.state is not TrackState.TENTATIVE]:
             if track.outline is None or not track.outline.seen:
                 track.changes.forget()
                 continue
             mine = _on_and_around(track.outline.segment, scene)
             # Of what travels nothing looks as it did.
-            stays = track.motion is not MotionState.MOVING or track.state is TrackState.TENTATIVE
+            stays = track.motion is not MotionState.MOVING
             changed = stays and any(mine[cell] for cell, _ in changes)
             track.changes.note(scene.time, changed=changed)
             free &= ~mine
         self._note_places([place for cell, place in changes if free[cell]], scene.time)
         for place in [p for p in self._places if p.changes.stirs]:
             segment = standing_segment(scene, place.at, free)
-            if segment is not None and _is_person(segment, scene):
+            if segment is not None and is_person(segment, scene):
+                for part in [t for t in tracks if _lies_on(t, segment)]:
+                    tracks.remove(part)
                 free &= ~segment.mask
-                track = begun(numbers.provisional(), segment, scene)
+                track = begun(numbers.provisional(), segment, scene, _STAYED_MPS)
                 track.changes, place.changes = place.changes, Changes()
                 tracks.append(track)
 
@@ -120,7 +122,8 @@ def _apart(a: Float64Array, b: Float64Array) -> float:
     return float(np.linalg.norm((a - b) * np.array([1.0, 1.0, _ALONG_WEIGHT])))
 
 
-def _is_person(segment: Segment, scene: DenseScene) -> bool:
-    width, height = extent_m(segment, scene.grid)
-    upright = _LEAST_HEIGHT_M < height < _MOST_HEIGHT_M and width < min(_MOST_WIDTH_M, height)
-    return segment.stands_apart and upright
+def _lies_on(track: BodyTrack, segment: Segment) -> bool:
+    """Return whether a body that is not confirmed is seen on a segment."""
+    if track.outline is None or track.state is not TrackState.TENTATIVE:
+        return False
+    return track.outline.seen and bool((track.outline.segment.mask & segment.mask).any())

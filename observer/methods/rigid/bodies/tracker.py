@@ -29,6 +29,7 @@ from observer.methods.rigid.bodies.membership import (
     resting,
     shape_position,
 )
+from observer.methods.rigid.bodies.occlusion import at_wrong_depth, without_hidden
 from observer.methods.rigid.bodies.segment_tracking import (
     learn_box,
     measure_limbs,
@@ -43,7 +44,12 @@ from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.stereo_drift import shift_by_bias
-from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
+from observer.methods.rigid.tracked_points import (
+    BANISHED_FRAMES,
+    NO_OBSTACLE,
+    TrackedPoints,
+    WorldSightings,
+)
 from observer.parameters import EvidenceParameters, ObstacleParameters, Parameters
 from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds, is_provisional
@@ -62,8 +68,6 @@ _YAW_ACCELERATION = (0.3, 5.0)
 _SHAPE_MEMORY_S = 2.0
 # A member must have been seen this often before its place may stretch the box for good.
 _SETTLED = 6
-# Frames for which a point that did not fit its body may not join one again.
-_BANISHED = 5
 # A point seen more often than this knows its own motion, and needs no guess.
 _YOUNG = 4
 # Seconds after a body manoeuvred for which its members' own velocities may still be those before.
@@ -71,6 +75,8 @@ _STEADY_S = 0.3
 # A group slower than this share of what counts as moving creeps: the edge of something, whose
 # points slide along it, and no obstacle.
 _CREEPING = 0.5
+# Of a group's points, so many at most may be at a wrong depth.
+_MOST_WRONG = 0.5
 # m^2: a group's middle is the body's origin by definition.
 _ORIGIN_VARIANCE = 1e-6
 
@@ -101,6 +107,8 @@ class BodyTracker:
         """
         p = parameters.obstacles
         self.predict(now, p)
+        if scene is not None:
+            points = without_hidden(self.tracks, points, scene, now)
         points = self.measure(points, sightings, now, p)
         if scene is None:
             points = without_segments(self.tracks, points, now)
@@ -111,7 +119,8 @@ class BodyTracker:
         self.note_lasting_errors(now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
-        points = self.spawn(points, motion, reach, p)
+        wrong = at_wrong_depth(points, scene)
+        points = self.spawn(points, motion, wrong, reach, p)
         points = self.update_lifecycle(points, now.position, reach, now.dt, p)
         for track in self.tracks:
             track.carry_box(now.T_camera_world, now.camera)
@@ -233,7 +242,7 @@ class BodyTracker:
                 track.recent.note(track.age_s, track.mean[VELOCITY], track.yaw_rate)
                 pose, _ = expected_pose(track.mean, track.filter.covariance)
                 obstacle[mine[seen.misfits]] = NO_OBSTACLE
-                tenure[mine[seen.misfits]] = -_BANISHED
+                tenure[mine[seen.misfits]] = -BANISHED_FRAMES
                 mine = mine[~seen.misfits]
             R = yaw_matrix(float(pose[3]))
             local = R.T @ information[mine] @ R
@@ -257,7 +266,7 @@ class BodyTracker:
             mine = np.flatnonzero(obstacle == track.id)
             if track.steady_s >= _STEADY_S:
                 left = mine[resting(track, mine, motion)]
-                obstacle[left], tenure[left] = NO_OBSTACLE, -_BANISHED
+                obstacle[left], tenure[left] = NO_OBSTACLE, -BANISHED_FRAMES
             here = (points.within == NO_OBSTACLE) | (points.within == track.id)
             here &= (obstacle == NO_OBSTACLE) & motion.judged & (tenure >= 0)
             free = np.flatnonzero(here)
@@ -270,12 +279,14 @@ class BodyTracker:
         self,
         points: TrackedPoints,
         motion: PooledMotion,
+        wrong: NDArray[np.bool_],
         radius_m: Callable[[Float64Array], float],
         parameters: ObstacleParameters,
     ) -> TrackedPoints:
         """Make obstacles of groups of dynamic points, or give them back to those lost from sight.
 
         Args:
+            wrong: (N,) points whose depth what is around them contradicts; they begin no obstacle.
             radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
         """
         # Points on a body's outline are its own, though none is known to move with it yet.
@@ -299,6 +310,8 @@ class BodyTracker:
             else:
                 track = body_of(group, self.tracks)
             if track is None:
+                if wrong[candidates].mean() > _MOST_WRONG:
+                    continue
                 track = BodyTrack(
                     id=self._numbers.provisional(), filter=_begun(group), shape=BodyShape()
                 )

@@ -25,7 +25,11 @@ _MOST_SEEDS = 12
 # static: two things that touch are not to become one.
 _GROWTH_M = 0.12
 # Metres from what stirs within which a part of its body lies, and all of it.
-_BESIDE_M, _BODY_M = 0.5, 1.8
+_BESIDE_M, _BODY_M = 0.75, 1.8
+# A person, arms included: metres, least height seen, and most width and height.
+_LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
+# An arm is a smaller part of a person than this, who stands while so much of him is static.
+_ARM_SHARE, _STANDS_SHARE = 0.35, 0.6
 # Of a mask's connected parts, those this much smaller than its largest are left out.
 _PART_SHARE = 0.1
 # Cells around a segment that tell what it stands before, and how near to it they begin.
@@ -161,6 +165,28 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
             left &= ~mask
             found.append(segment)
     return found
+
+
+def is_person(segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a segment stands apart, and is as large and as upright as a person."""
+    width, height = extent_m(segment, scene.grid)
+    upright = _LEAST_HEIGHT_M < height < _MOST_HEIGHT_M and width < min(_MOST_WIDTH_M, height)
+    return segment.stands_apart and upright
+
+
+def whole_person(scene: DenseScene, part: Segment, free: Mask) -> Segment:
+    """Return the person who stands, and of whom a segment is an arm; else the segment itself.
+
+    Args:
+        free: (h, w) cells that belong to nothing yet, those of the segment among them.
+    """
+    column, row = part.columns[1], (part.box[1] + part.box[3] - 1) / 2
+    px = scene.grid.to_px(np.array([[column, row]]))
+    at = scene.grid.camera.triangulate(px, np.array([part.disparity]))[0]
+    whole = standing_segment(scene, scene.T_world_camera.apply(at), free | part.mask)
+    if whole is None or not is_person(whole, scene) or part.area > _ARM_SHARE * whole.area:
+        return part
+    return whole if whole.static > _STANDS_SHARE else part
 
 
 def standing_segment(scene: DenseScene, place: Float64Array, free: Mask) -> Segment | None:

@@ -20,6 +20,7 @@ from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.ground import Ground, standing
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import pooled_motion
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.mount import CameraMount
 from observer.parameters import Parameters
@@ -185,3 +186,19 @@ class SolidView:
         sightings = WorldSightings(np.zeros((0, 3)), np.zeros((0, 3, 3)))
         self._points = self.tracker.step(self._points, sightings, motion, scene, now, p)
         return self.tracks
+
+
+def points_on(*places: Float64Array) -> TrackedPoints:
+    """Points at groups of places (K, 3) m, of obstacles 1, 2, ... in turn."""
+    every = np.concatenate(places)
+    px, disparity = CAMERA.project(every)
+    px32 = px.astype(np.float32)
+    sums = PositionVelocityFilter.begin(every, np.tile(np.eye(3) * 1e4, (len(every), 1, 1)))
+    owner = np.repeat(np.arange(1, len(places) + 1), [len(p) for p in places])
+    return TrackedPoints.begin(0, px32, px32, disparity, sums).but(obstacle=owner)
+
+
+def patch(x: float, y: float, z: float, side: float = 0.2) -> Float64Array:
+    """(9, 3) metres, on an upright square."""
+    across = np.linspace(-side / 2, side / 2, 3)
+    return np.array([[x + a, y + b, z] for a in across for b in across])

@@ -113,6 +113,20 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
 # --- the end -------------------------------------------------------------------------------
 
 
+def test_a_person_of_whom_a_part_moved_is_confirmed_by_a_less_sure_velocity(
+    guest: MakeTrack,
+) -> None:
+    """Of 2.5 standard deviations; of 1.5, which is less than who waves may show, nobody is."""
+    for speed, part_moves, state in (
+        (0.5, True, TrackState.CONFIRMED),
+        (0.5, False, TrackState.TENTATIVE),
+        (0.3, True, TrackState.TENTATIVE),
+    ):
+        track = guest((0.0, 0.0, -speed), sigma=0.2, evidence=STATIC)
+        track.part_moves, track.points = part_moves, 12
+        assert judged(track, 5) is state
+
+
 def test_what_moves_as_a_thing_of_its_own_goes_on(guest: MakeTrack) -> None:
     track = guest(arrived=3)
     judged(track)
@@ -127,6 +141,12 @@ def ends_after(track: BodyTrack, most: int = 20) -> int | None:
 
 def test_a_tentative_outline_that_stands_ends_after_a_few_frames(guest: MakeTrack) -> None:
     assert ends_after(guest(STOOD, evidence=STATIC)) == 4
+
+
+def test_a_person_of_whom_a_part_moved_may_stand(guest: MakeTrack) -> None:
+    track = guest(STOOD, evidence=STATIC)
+    track.part_moves = True
+    assert ends_after(track) is None
 
 
 def test_a_confirmed_one_may_stand(guest: MakeTrack) -> None:

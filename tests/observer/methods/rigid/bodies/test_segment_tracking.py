@@ -18,33 +18,29 @@ from observer.methods.rigid.bodies.segment_tracking import (
 )
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import pooled_motion
-from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
-from ..solid_worlds import CAMERA, DT, GRID, ROOM, Shape, SolidView, arrived, on_floor, person, seen
+from ..solid_worlds import (
+    CAMERA,
+    DT,
+    GRID,
+    ROOM,
+    Shape,
+    SolidView,
+    arrived,
+    on_floor,
+    patch,
+    person,
+    points_on,
+    seen,
+)
 from ..solid_worlds import step_to as now_at
 
 MakeTrack = Callable[..., BodyTrack]
 MIN_POINTS = Parameters().obstacles.min_points
-
-
-def points_on(*places: Float64Array) -> TrackedPoints:
-    """Points at groups of places (K, 3) m, of obstacles 1, 2, ... in turn."""
-    every = np.concatenate(places)
-    px, disparity = CAMERA.project(every)
-    px32 = px.astype(np.float32)
-    sums = PositionVelocityFilter.begin(every, np.tile(np.eye(3) * 1e4, (len(every), 1, 1)))
-    owner = np.repeat(np.arange(1, len(places) + 1), [len(p) for p in places])
-    return TrackedPoints.begin(0, px32, px32, disparity, sums).but(obstacle=owner)
-
-
-def patch(x: float, y: float, z: float, side: float = 0.2) -> Float64Array:
-    """(9, 3) metres, on an upright square."""
-    across = np.linspace(-side / 2, side / 2, 3)
-    return np.array([[x + a, y + b, z] for a in across for b in across])
 
 
 def tracked(

@@ -11,9 +11,11 @@ import pytest
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.bodies.lifecycle import judge
+from observer.methods.rigid.bodies.segment_tracking import begun
 from observer.methods.rigid.bodies.stirring import Stirring
 from observer.methods.rigid.dense.free_space import STATIC
 from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import segment_of
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
@@ -109,3 +111,17 @@ def test_only_what_changes_again_and_again_stirs(times: list[float], stirs: bool
     for time in times:
         changes.note(time, changed=True)
     assert changes.stirs is stirs
+
+
+def test_a_part_that_was_not_confirmed_becomes_the_whole() -> None:
+    """Whatever of who waves was begun before."""
+    numbers = TrackIds()
+    now = scene(0.0, WHO, hand())
+    assert now.changed is not None
+    part = segment_of(now, now.changed)
+    stirring, tracks = Stirring(), [begun(numbers.provisional(), part, now)]
+    for k in range(40):
+        stirring.note(tracks, scene(k * DT, WHO, hand() if k in set(WAVING) else None), numbers)
+    (track,) = tracks
+    assert track.outline is not None
+    assert track.outline.height == pytest.approx(1.6, abs=0.3)
