@@ -23,6 +23,7 @@ from observer.methods.rigid.dense.segments import (
     fresh_segments,
     owners,
     whole_person,
+    widened,
 )
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
@@ -31,9 +32,10 @@ from observer.vision.lifecycle import TrackIds, is_provisional
 
 # Members whose place a segment is looked for at, and the share of a body's members that makes a
 # segment its own.
-_LEAST_MEMBERS = 5
+_LEAST_MEMBERS = 3
 _OWN_SHARE = 0.5
-# Share of a body's members at whose cells the disparity must be known to tell what is there.
+# Share of a body's members at or beside whose cells the disparity must be known to tell what is
+# there.
 _KNOWN_SHARE = 0.5
 # m/s, one standard deviation of how fast a body that was just found may be, and may rise.
 _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
@@ -201,7 +203,7 @@ def _by_members(
     if len(members) < _LEAST_MEMBERS:
         return None
     rows, columns = scene.grid.at(points.px[members])
-    known = np.isfinite(scene.disparity[rows, columns]).mean() > _KNOWN_SHARE
+    known = widened(np.isfinite(scene.disparity), 1)[rows, columns].mean() > _KNOWN_SHARE
     # Until a segment of its own is found, it is one with what is around it.
     track.merged_s = track.merged_s + dt if known else 0.0
     mask = np.zeros(scene.grid.shape, np.bool_)

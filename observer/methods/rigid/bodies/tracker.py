@@ -29,7 +29,7 @@ from observer.methods.rigid.bodies.membership import (
     resting,
     shape_position,
 )
-from observer.methods.rigid.bodies.occlusion import at_wrong_depth, without_hidden
+from observer.methods.rigid.bodies.occlusion import without_hidden
 from observer.methods.rigid.bodies.segment_tracking import (
     learn_box,
     measure_limbs,
@@ -75,8 +75,6 @@ _STEADY_S = 0.3
 # A group slower than this share of what counts as moving creeps: the edge of something, whose
 # points slide along it, and no obstacle.
 _CREEPING = 0.5
-# Of a group's points, so many at most may be at a wrong depth.
-_MOST_WRONG = 0.5
 # m^2: a group's middle is the body's origin by definition.
 _ORIGIN_VARIANCE = 1e-6
 
@@ -119,8 +117,7 @@ class BodyTracker:
         self.note_lasting_errors(now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
-        wrong = at_wrong_depth(points, scene)
-        points = self.spawn(points, motion, wrong, reach, p)
+        points = self.spawn(points, motion, reach, p)
         points = self.update_lifecycle(points, now.position, reach, now.dt, p)
         for track in self.tracks:
             track.carry_box(now.T_camera_world, now.camera)
@@ -279,14 +276,12 @@ class BodyTracker:
         self,
         points: TrackedPoints,
         motion: PooledMotion,
-        wrong: NDArray[np.bool_],
         radius_m: Callable[[Float64Array], float],
         parameters: ObstacleParameters,
     ) -> TrackedPoints:
         """Make obstacles of groups of dynamic points, or give them back to those lost from sight.
 
         Args:
-            wrong: (N,) points whose depth what is around them contradicts; they begin no obstacle.
             radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
         """
         # Points on a body's outline are its own, though none is known to move with it yet.
@@ -310,8 +305,6 @@ class BodyTracker:
             else:
                 track = body_of(group, self.tracks)
             if track is None:
-                if wrong[candidates].mean() > _MOST_WRONG:
-                    continue
                 track = BodyTrack(
                     id=self._numbers.provisional(), filter=_begun(group), shape=BodyShape()
                 )

@@ -185,20 +185,8 @@ def test_what_creeps_begins_no_track(speed: float, begins: bool) -> None:
     motion = pooled_motion(points, seen_from(CameraRate.still()), P.evidence)
     assert motion.dynamic.all()
     tracker = BodyTracker()
-    right = np.zeros(20, np.bool_)
-    tracker.spawn(points, motion, right, lambda _: 0.2, P.obstacles)
+    tracker.spawn(points, motion, lambda _: 0.2, P.obstacles)
     assert bool(tracker.tracks) == begins
-
-
-def test_points_at_wrong_depths_begin_no_track() -> None:
-    rng = np.random.default_rng(1)
-    place = rng.uniform((-0.2, -0.2, 2.9), (0.2, 0.2, 3.1), (20, 3))
-    points = builders.watched(CAMERA, place, np.array([0.3, 0, 0]), rng, sigma_px=0.002)
-    motion = pooled_motion(points, seen_from(CameraRate.still()), P.evidence)
-    for wrong, begins in ((np.arange(20) < 14, False), (np.arange(20) < 6, True)):
-        tracker = BodyTracker()
-        tracker.spawn(points, motion, wrong, lambda _: 0.2, P.obstacles)
-        assert bool(tracker.tracks) == begins
 
 
 def test_what_stands_is_no_obstacle(watched: Any, crate: Any) -> None:
