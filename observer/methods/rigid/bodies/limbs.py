@@ -26,6 +26,8 @@ def judge_rigidity(track: BodyTrack, moves_along: NDArray[np.bool_]) -> None:
     assert track.outline is not None
     if not (track.rigid and track.outline.upright):
         return
+    track.loosen()
+    return
     if len(moves_along) >= _LEAST_POINTS:
         track.rigidity += _SHARE_GAIN * (float(moves_along.mean()) - track.rigidity)
     elif not points_show_whole(track, track.outline):

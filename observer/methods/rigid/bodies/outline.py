@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
+from observer.methods.rigid.bodies.trunk_depth import TrunkDepths
 from observer.methods.rigid.bodies.trunk_view import TrunkView
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
@@ -78,7 +79,7 @@ class Outline:
         width, height: metres, largest of the recent ones. box_px: around it, see ``Obstacle``.
         middle: (3,) metres, world.
         carried_s: seconds since it was seen, for which it was taken to move on as predicted.
-        trunk: as it last looked; None where little of it was seen.
+        trunk: as it last looked; None where little of it was seen. depths: of points on it.
         arrived_frames, hidden_frames: in which it showed evidence of motion of either kind.
         idle_frames: in a row in which it was no thing of its own, or stood.
         moving_area: largest while it moved, cells per px^2 of disparity: however near it is.
@@ -99,6 +100,7 @@ class Outline:
     bias_px: float = 0.0
     carried_s: float = 0.0
     trunk: TrunkView | None = None
+    depths: TrunkDepths = field(default_factory=TrunkDepths)
     _silhouette: _Silhouette | None = None
     _silhouette_s: float = 0.0
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import VELOCITY
-from observer.methods.rigid.bodies.outline import sight_axes
+from observer.methods.rigid.bodies.outline import Outline, sight_axes
 from observer.methods.rigid.bodies.trunk_view import TrunkView
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import TRUNK_SHARE
@@ -17,18 +17,16 @@ from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 # m/s, one standard deviation: the trunk's sway about its mean, across and upwards; and what a
 # measurement does not tell.
 _SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.06, 0.2, 3.0
+# m/s, one standard deviation of how fast a body rises or sinks.
+_LEVEL_MPS = 0.05
+# Metres above the ground up to which legs reach.
+_LEGS_M = 0.85
 # A trunk is looked for as many deviations of the velocity away, and at most so many cells; and
 # while it is no more than this much nearer or farther than in the frame before.
 _REACH_SIGMAS, _MOST_REACH = 2.0, 10
 _MOST_SCALE = 2.0
-# Points on the trunk that tell its velocity, and the squared length from which on that is doubted.
-_LEAST_POINTS = 4
+# Squared length from which on a velocity is doubted.
 _FAR_CHI2 = 12.0
-# Robust mean of the points' velocities: weights fall from so many deviations on, to none.
-_FULL_SIGMAS, _LEAVE_SIGMAS, _MEDIAN_SIGMAS = 2.0, 4.0, 1.5
-_STEPS = 3
-_CORRELATED = 0.3
-_LEAST_INFORMATION = 1e-9
 
 
 def measure_trunk(
@@ -47,17 +45,38 @@ def measure_trunk(
         on_body: (K,) the points that are surely on it. dt: seconds.
     """
     assert track.outline is not None
+    _keep_level(track, scene)
+    if _shows_only_legs(track.outline, scene):
+        track.outline.trunk = None
+        return
     before = track.outline.trunk
     track.outline.trunk = TrunkView.of(track.outline.segment, scene, track.age_s)
     if before is not None:
         _measure_across(track, before, scene, track.age_s - before.age_s)
     _, top, _, bottom = track.outline.box_px
     on_trunk = points.px[on_body, 1] < top + TRUNK_SHARE * (bottom - top)
-    chosen = on_body[on_trunk & np.isfinite(points.moved[on_body, 0])]
-    if len(chosen) >= _LEAST_POINTS:
-        # Both sightings of a point are equally uncertain.
-        information = sightings.information[chosen] * (dt * dt / 2)
-        _measure_along(track, points.moved[chosen] / dt, information, scene)
+    chosen = on_body[on_trunk & np.isfinite(sightings.position[on_body, 0])]
+    track.outline.depths.measure(track, chosen, points, sightings, scene, dt)
+
+
+def _shows_only_legs(outline: Outline, scene: DenseScene) -> bool:
+    """Return whether the image ends below the trunk: what swings there goes not as the body does."""
+    segment = outline.segment
+    if not segment.cut[2] or scene.ground is None:
+        return False
+    px = scene.grid.to_px(np.array([[segment.columns[1], segment.box[1]]]))
+    top = scene.grid.camera.triangulate(px, np.array([segment.disparity]))[0]
+    return scene.ground.height(scene.T_world_camera.apply(top)) < _LEGS_M
+
+
+def _keep_level(track: BodyTrack, scene: DenseScene) -> None:
+    """Let a body neither rise nor sink: it walks on the ground."""
+    if scene.ground is None:
+        return
+    down = np.outer(scene.ground.down, scene.ground.down)
+    velocity = track.mean[VELOCITY]
+    noise = down * _LEVEL_MPS**2 + (np.eye(3) - down) * _UNKNOWN_MPS**2
+    track.filter = track.filter.with_velocity(velocity - down @ velocity, noise)
 
 
 def _measure_across(track: BodyTrack, before: TrunkView, scene: DenseScene, dt: float) -> None:
@@ -86,48 +105,12 @@ def _measure_across(track: BodyTrack, before: TrunkView, scene: DenseScene, dt: 
     axes = scene.T_world_camera.rotation @ sight_axes(end[0])
     spread = axes * [*sigmas, _UNKNOWN_MPS]
     moved = (scene.T_world_camera.apply(end) - begin)[0]
-    _update(track, moved / dt, spread @ spread.T, 1)
+    _update(track, moved / dt, spread @ spread.T)
 
 
-def _measure_along(
-    track: BodyTrack, velocity: Float64Array, information: Float64Array, scene: DenseScene
-) -> None:
-    """Measure the velocity along the line of sight, by those (N, 3) m/s of points."""
-    assert track.outline is not None
-    mean, cov = _robust_mean(velocity, information)
-    ahead = track.outline.middle - scene.T_world_camera.translation
-    ahead /= np.linalg.norm(ahead)
-    across = np.eye(3) - np.outer(ahead, ahead)
-    _update(track, mean, cov + across * _UNKNOWN_MPS**2, 2)
-
-
-def _update(track: BodyTrack, velocity: Float64Array, noise: Float64Array, power: int) -> None:
-    """Update by a velocity (3,) m/s with covariance (3, 3); one that is far off counts less.
-
-    Args:
-        power: to which the doubt is raised: far from the body's velocity it is that of a limb.
-    """
+def _update(track: BodyTrack, velocity: Float64Array, noise: Float64Array) -> None:
+    """Update by a velocity (3,) m/s with covariance (3, 3); one that is far off counts less."""
     gap = velocity - track.mean[VELOCITY]
     expected = track.filter.covariance[VELOCITY, VELOCITY] + noise
     squared = float(gap @ np.linalg.solve(expected, gap))
-    doubt = max(1.0, squared / _FAR_CHI2) ** power
-    track.filter = track.filter.with_velocity(velocity, noise * doubt)
-
-
-def _robust_mean(
-    velocity: Float64Array, information: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """(3,) mean of velocities (N, 3) m/s and its covariance (3, 3), by iterated reweighting."""
-    mean = np.median(velocity, axis=0)
-    for _ in range(_STEPS):
-        apart = velocity - mean
-        length = np.sqrt(np.einsum("ni,nij,nj->n", apart, information, apart))
-        scale = max(1.0, float(np.median(length)) / _MEDIAN_SIGMAS)
-        weight = np.minimum(1.0, _FULL_SIGMAS * scale / np.maximum(length, 1e-9))
-        weight[length > _LEAVE_SIGMAS * scale] = 0.0
-        total = np.einsum("n,nij->ij", weight, information) + np.eye(3) * _LEAST_INFORMATION
-        mean = np.linalg.solve(total, np.einsum("n,nij,nj->i", weight, information, velocity))
-    used = max(1.0, float(weight.sum()))
-    cov = np.linalg.inv(total) * scale**2 * (1 + _CORRELATED * used)
-    scatter = np.median(np.abs(velocity - mean), axis=0) * _MEDIAN_SIGMAS
-    return mean, cov + np.diag(_SWAY_MPS**2 + 2 * scatter**2 / used)
+    track.filter = track.filter.with_velocity(velocity, noise * max(1.0, squared / _FAR_CHI2))

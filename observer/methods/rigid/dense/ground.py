@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +33,22 @@ _STANDING_CELLS, _STANDING_SHARE = 0.5, 0.05
 _NEAR_CELLS = 4.0
 
 
+@dataclass(frozen=True, eq=False)
+class GroundPlane:
+    """The ground in the world: the places with ``down . X = depth``.
+
+    Attributes:
+        down: (3,) unit length. depth: metres.
+    """
+
+    down: Float64Array
+    depth: float
+
+    def height(self, place: Float64Array) -> float:
+        """Return how high a place (3,) m, world, is above it, metres."""
+        return self.depth - float(self.down @ place)
+
+
 class Ground:
     """The plane ``down . X = depth`` of a segment's world; unknown until it is seen or mounted."""
 
@@ -40,6 +58,11 @@ class Ground:
         self._down: Float64Array | None = None if mount is None else mount.down
         self._depth = 0.0 if mount is None else mount.height_m
         self._focal = grid.camera.fx * grid.camera.baseline
+
+    @property
+    def in_world(self) -> GroundPlane | None:
+        """The plane itself; None unknown."""
+        return None if self._down is None else GroundPlane(self._down, self._depth)
 
     def plane(self, T_camera_world: Pose) -> Float64Array | None:
         """(3,) a, b, c of its disparity ``a column + b row + c`` px, from a pose; None unknown."""

@@ -16,7 +16,7 @@ from observer.methods.rigid.dense.depth_image import depth_image
 from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grey_change import GreyChange
 from observer.methods.rigid.dense.grid import Grid
-from observer.methods.rigid.dense.ground import Ground, standing
+from observer.methods.rigid.dense.ground import Ground, GroundPlane, standing
 from observer.mount import CameraMount
 from observer.parameters import DenseParameters, StereoParameters
 from observer.types import Image
@@ -39,6 +39,7 @@ class DenseScene:
         standing: (h, w) which cells stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
         changed: (h, w) which cells look another than a moment ago.
+        ground: None unknown.
     """
 
     time: float
@@ -49,6 +50,7 @@ class DenseScene:
     standing: NDArray[np.bool_]
     evidence: NDArray[np.uint8]
     changed: NDArray[np.bool_]
+    ground: GroundPlane | None
 
     @cached_property
     def T_camera_world(self) -> Pose:
@@ -107,7 +109,15 @@ class DenseVision:
         self._space.keep(frame)
         changed = self._change.changed(frame, left, stands)
         return DenseScene(
-            view.time, self._grid, now.T_world_camera, left, disparity, stands, evidence, changed
+            time=view.time,
+            grid=self._grid,
+            T_world_camera=now.T_world_camera,
+            left=left,
+            disparity=disparity,
+            standing=stands,
+            evidence=evidence,
+            changed=changed,
+            ground=self._ground.in_world,
         )
 
     def correct_disparities(self, bias_px: float) -> None:

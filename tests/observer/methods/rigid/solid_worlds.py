@@ -17,7 +17,7 @@ from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grid import Grid
-from observer.methods.rigid.dense.ground import Ground, standing
+from observer.methods.rigid.dense.ground import Ground, GroundPlane, standing
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import pooled_motion
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
@@ -132,7 +132,10 @@ def seen(
         evidence = np.zeros(GRID.shape, np.uint8)
     dark = np.zeros(GRID.shape, np.uint8)
     unchanged = np.zeros(GRID.shape, np.bool_)
-    return DenseScene(0.0, GRID, T_world_camera, dark, disparity, stands, evidence, unchanged)
+    ground = GroundPlane(np.array([0.0, 1.0, 0.0]), HEIGHT_M)
+    return DenseScene(
+        0.0, GRID, T_world_camera, dark, disparity, stands, evidence, unchanged, ground
+    )
 
 
 def arrived(*things: Shape) -> DenseScene:
