@@ -57,7 +57,7 @@ from observer.vision.lifecycle import TrackIds, is_provisional
 # Share of the acceleration that a steadily driving body may still have.
 _STEADY = 0.1
 # And that a walking person has.
-_WALKING = 0.3
+_WALKING = 0.6
 # m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
 _GAIT_MPS = 0.06
 # rad/s, one standard deviation of how fast a body that was just found may turn.

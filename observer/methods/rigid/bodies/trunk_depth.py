@@ -76,16 +76,16 @@ class TrunkDepths:
         _, now, before = np.intersect1d(
             number, self.number, assume_unique=True, return_indices=True
         )
-        offset, doubt = place - track.mean[POSITION], variance.copy()
+        fits = np.ones(len(now), np.bool_)
         if len(now) >= _LEAST_POINTS:
-            moved = (offset[now] - self.offset[before]) @ ahead
+            moved = (place[now] - track.mean[POSITION] - self.offset[before]) @ ahead
             mean, mean_variance, fits = _robust_mean(moved, variance[now] + self.variance[before])
             _move(track, ahead, mean, mean_variance + _SWAY_M**2)
-            offset = place - track.mean[POSITION]
-            stay, kept = now[fits], before[fits]
-            gain = min(1.0, dt / _MEMORY_S)
-            offset[stay] = self.offset[kept] + gain * (offset[stay] - self.offset[kept])
-            doubt[stay] = (1 - gain) ** 2 * self.variance[kept] + gain**2 * variance[stay]
+        offset, doubt = place - track.mean[POSITION], variance.copy()
+        stay, kept = now[fits], before[fits]
+        gain = min(1.0, dt / _MEMORY_S)
+        offset[stay] = self.offset[kept] + gain * (offset[stay] - self.offset[kept])
+        doubt[stay] = (1 - gain) ** 2 * self.variance[kept] + gain**2 * variance[stay]
         self.number, self.offset, self.variance = number, offset, doubt
 
 

@@ -16,7 +16,7 @@ from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
 # m/s, one standard deviation: the trunk's sway about its mean, across and upwards; and what a
 # measurement does not tell.
-_SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.06, 0.2, 3.0
+_SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.035, 0.2, 3.0
 # m/s, one standard deviation of how fast a body rises or sinks.
 _LEVEL_MPS = 0.05
 # Metres above the ground up to which legs reach.
