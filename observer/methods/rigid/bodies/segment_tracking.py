@@ -50,6 +50,8 @@ _BORDER_CELLS = 2
 # Share of the newest frame in where a body's middle is.
 _MIDDLE_GAIN = 0.3
 _MOST_DEPTH_M = 0.6
+# By how much the depth of a segment errs for long, metres: the points on it tell changes better.
+_DEPTH_DRIFT_M = 0.3
 
 
 def track_segments(
@@ -240,12 +242,20 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         track.filter = _motion_at(place, before, cov)
     # Where another part shows where it is, it is where it was thought to be.
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
+    if outline.depths.tell:
+        cov = cov + _along(place, scene) * _DEPTH_DRIFT_M**2
     if not track.rigid or not track.by_points:
         track.filter = track.filter.with_position(place - offset, cov)
         if track.filter.manoeuvres:
             track.steady_s = 0.0
     outline.note(segment, track.mean[POSITION], scene, track.age_s)
     track.missed_s = track.merged_s = 0.0
+
+
+def _along(place: Float64Array, scene: DenseScene) -> Float64Array:
+    """(3, 3) the projection onto the line of sight to a place (3,) m, world."""
+    ahead = place - scene.T_world_camera.translation
+    return np.outer(ahead, ahead) / float(ahead @ ahead)
 
 
 # --- beginning -------------------------------------------------------------------------------

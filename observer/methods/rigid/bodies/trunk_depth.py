@@ -45,12 +45,13 @@ class TrunkDepths:
 
     Attributes:
         number: (N,) of each point. offset: (N, 3) metres, world axes. variance: (N,) m^2, along
-            the line of sight.
+            the line of sight. tell: enough of them were seen to tell where the body is.
     """
 
     number: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
     offset: Float64Array = field(default_factory=lambda: np.zeros((0, 3)))
     variance: Float64Array = field(default_factory=lambda: np.zeros(0))
+    tell: bool = False
 
     def measure(
         self,
@@ -77,7 +78,8 @@ class TrunkDepths:
             number, self.number, assume_unique=True, return_indices=True
         )
         fits = np.ones(len(now), np.bool_)
-        if len(now) >= _LEAST_POINTS:
+        self.tell = len(now) >= _LEAST_POINTS
+        if self.tell:
             moved = (place[now] - track.mean[POSITION] - self.offset[before]) @ ahead
             mean, mean_variance, fits = _robust_mean(moved, variance[now] + self.variance[before])
             _move(track, ahead, mean, mean_variance + _SWAY_M**2)
