@@ -13,9 +13,6 @@ from observer.vision.lifecycle import expired, next_state
 
 # Below this the velocity is no more than noise.
 _MOVING_SIGMAS = 3.0
-# The same of a person whose arm or leg is known to move: who waves stays within 1, who walks does
-# not, also straight towards the camera, where the trunk's velocity is least certain.
-_WALKING_SIGMAS = 2.0
 # The members that moved, beyond the first two, summed over the frames, before there is an
 # obstacle: two or three on one edge err alike.
 _CONFIRM_SIGHTINGS = 16
@@ -48,9 +45,8 @@ def judge(track: BodyTrack, camera_position: Float64Array, parameters: ObstacleP
     direction = velocity / max(speed, 1e-9)
     sigma = float(np.sqrt(direction @ cov @ direction))
     limit = parameters.stopped_below_mps
-    least_sigmas = _WALKING_SIGMAS if track.part_moves else _MOVING_SIGMAS
     # Between the two conditions the answer stays what it was.
-    if speed < limit or track.significance < least_sigmas:
+    if speed < limit or track.significance < _MOVING_SIGMAS:
         track.motion = MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
     elif speed - sigma > limit:
         track.motion = MotionState.MOVING
@@ -69,8 +65,11 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     patience = _PATIENCE_S if track.outline is None else _OUTLINE_PATIENCE_S
     hopeless = unmoved and track.age_s > patience
     outline = track.outline
-    if outline is not None and outline.idles(unmoved, may_stand=track.part_moves) > _IDLE_FRAMES:
-        return True
+    if outline is not None:
+        moves = outline.depths.tell and track.significance >= _MOVING_SIGMAS
+        may_stand = track.part_moves or moves
+        if outline.idles(unmoved, may_stand=may_stand) > _IDLE_FRAMES:
+            return True
     hopeless |= track.merged_s > _MERGED_S
     coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
     return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
@@ -83,7 +82,8 @@ def _confirmed(
 
     The fewer points there are, the longer they must keep moving alike.
     """
-    least_sigmas = _WALKING_SIGMAS if track.part_moves else parameters.confirm_sigmas
+    # Of a person an arm or a leg of whom moves, less is enough.
+    least_sigmas = _MOVING_SIGMAS if track.part_moves else parameters.confirm_sigmas
     moves = track.significance >= least_sigmas
     if moves and track.motion is MotionState.MOVING:
         track.hits += 1

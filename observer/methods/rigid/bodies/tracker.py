@@ -153,8 +153,9 @@ class BodyTracker:
         stretch = parameters.distortion_sigma
         for track in [t for t in self.tracks if t.missed_s == 0]:
             bias_px = parameters.disparity_bias_px
-            if track.outline is not None and not track.rigid:
-                bias_px = max(bias_px, track.outline.bias_px)
+            outline = track.outline
+            if outline is not None and not (track.rigid or outline.depths.tell):
+                bias_px = max(bias_px, outline.bias_px)
             place = now.T_camera_world.apply(track.mean[None, POSITION])
             velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])
             errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]

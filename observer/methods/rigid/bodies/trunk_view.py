@@ -88,7 +88,8 @@ class TrunkView:
 
         Args:
             expected: (2,) where it should be. standing: (2,) where it would be if it stood: while
-                that explains the image nearly as well, it is within one standard deviation.
+                that explains the image nearly as well, or would be out of it, it is within one standard
+                deviation.
             scale: by which it should be larger. reach: cells by which it may be elsewhere on its
                 row.
         """
@@ -111,7 +112,8 @@ class TrunkView:
             if np.abs(step[:2]).max() < _LEAST_STEP:
                 break
         cov = _covariance(information, noise, float(weight.sum()))
-        if self._cost(image, place, spread) > _CLEARLY_LESS * self._cost(image, standing, spread):
+        stood = self._cost(image, standing, spread)
+        if np.isinf(stood) or self._cost(image, place, spread) > _CLEARLY_LESS * stood:
             cov += np.outer(place - standing, place - standing)
         return place, cov
 
