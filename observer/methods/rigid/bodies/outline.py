@@ -28,9 +28,11 @@ from observer.methods.rigid.dense.silhouette import silhouette_px
 # other one.
 Anchor = Literal["middle", "left", "right", "none"]
 
-# One standard deviation of where an anchor is: across the line of sight, vertically, where the
-# body is cut off, and along it; metres, and cells of disparity.
-_ACROSS_M, _VERTICAL_M, _CUT_M, _ALONG_M, _ALONG_CELLS = 0.05, 0.3, 0.5, 0.03, 0.175
+# One standard deviation of where an anchor is across the line of sight, metres: arms swing at the
+# sides.
+_ACROSS_M: dict[Anchor, float] = {"middle": 0.05, "left": 0.12, "right": 0.12, "none": 0.5}
+# And vertically, where the body is cut off, and along it; metres, and cells of disparity.
+_VERTICAL_M, _CUT_M, _ALONG_M, _ALONG_CELLS = 0.3, 0.5, 0.03, 0.175
 # And along it where one side is cut off, metres: the disparity of a strip is partly that of what
 # is beside it, for as long as it is a strip.
 _CUT_ALONG_M = 0.3
@@ -254,7 +256,7 @@ def measured_anchor(
     along_m = _narrowness(segment) * float(np.hypot(noise_m, _ALONG_M))
     sigmas = np.array(
         [
-            _CUT_M if anchor == "none" else _ACROSS_M,
+            _ACROSS_M[anchor],
             _CUT_M if segment.cut[2] or segment.cut[3] else _VERTICAL_M,
             max(along_m, _CUT_ALONG_M) if any(segment.cut[:2]) else along_m,
         ]
