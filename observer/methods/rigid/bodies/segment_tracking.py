@@ -51,7 +51,7 @@ _BORDER_CELLS = 2
 _MIDDLE_GAIN = 0.3
 _MOST_DEPTH_M = 0.6
 # By how much the depth of a segment errs for long, metres: the points on it tell changes better.
-_DEPTH_DRIFT_M = 0.3
+_DEPTH_DRIFT_M = 0.12
 
 
 def track_segments(
