@@ -17,6 +17,7 @@ from app.viewer.shapes import box_edges, rig_edges, upright_rotation, uprighted
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.mount import level_pose
+from observer.types import MotionState
 
 STALE_AFTER_S = 1.0
 # An arrow shows the obstacle's place after this time.

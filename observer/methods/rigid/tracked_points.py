@@ -50,8 +50,6 @@ class TrackedPoints:
         obstacle: (N,) number of the obstacle it belongs to, or ``NO_OBSTACLE``.
         tenure: (N,) frames for which it has belonged to it.
         within: (N,) number of the obstacle on whose outline it is seen, or ``NO_OBSTACLE``.
-        place: (N, 3) metres, world, of its last sighting; NaN unknown. moved: (N, 3) metres, from
-            the sighting before that; NaN unknown.
         shape_information: (N, 3, 3) 1/m^2 and shape_vector: (N, 3) 1/m, where the point is on
             that obstacle, in the obstacle's own frame (``information^-1 @ vector``).
     """
@@ -70,8 +68,6 @@ class TrackedPoints:
     obstacle: NDArray[np.int64]
     tenure: NDArray[np.int64]
     within: NDArray[np.int64]
-    place: Float64Array
-    moved: Float64Array
     shape_information: Float64Array
     shape_vector: Float64Array
 
@@ -107,8 +103,6 @@ class TrackedPoints:
             obstacle=np.full(count, NO_OBSTACLE, np.int64),
             tenure=np.zeros(count, np.int64),
             within=np.full(count, NO_OBSTACLE, np.int64),
-            place=np.full((count, 3), np.nan),
-            moved=np.full((count, 3), np.nan),
             shape_information=np.zeros((count, 3, 3)),
             shape_vector=np.zeros((count, 3)),
         )
@@ -132,11 +126,7 @@ class TrackedPoints:
     def sighted(self, sightings: WorldSightings, dt: float, memory_s: float) -> TrackedPoints:
         """The same points with a sighting of each, ``dt`` seconds after those before."""
         sums = self.sums.advanced(dt, memory_s)
-        return self.but(
-            sums=sums.with_sightings(sightings.position, sightings.information),
-            place=sightings.position,
-            moved=sightings.position - self.place,
-        )
+        return self.but(sums=sums.with_sightings(sightings.position, sightings.information))
 
     @property
     def stereo_share(self) -> float:

@@ -9,8 +9,9 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.outline import Outline
 
 # A body is rigid while this share of the points on it moves as it does; the share follows the
-# newest frame so fast, of at least so many points.
-_RIGID_SHARE = 0.55
+# newest frame so fast, of at least so many points. Who begins to walk is half still: taken for
+# rigid, he would seem to go at the speed of what moves of him.
+_RIGID_SHARE = 0.8
 _SHARE_GAIN = 0.2
 _LEAST_POINTS = 4
 # Points show a whole body, if they are so many, over these shares of its height and width.
@@ -26,8 +27,6 @@ def judge_rigidity(track: BodyTrack, moves_along: NDArray[np.bool_]) -> None:
     assert track.outline is not None
     if not (track.rigid and track.outline.upright):
         return
-    track.loosen()
-    return
     if len(moves_along) >= _LEAST_POINTS:
         track.rigidity += _SHARE_GAIN * (float(moves_along.mean()) - track.rigidity)
     elif not points_show_whole(track, track.outline):

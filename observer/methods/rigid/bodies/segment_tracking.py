@@ -232,7 +232,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
     """Move a body to where its segment is seen, unless its points know that better."""
     if track.outline is None:
         track.outline = Outline.of(segment, scene)
-        if track.outline.upright:
+        if track.outline.upright and not points_show_whole(track, track.outline):
             track.loosen()
     outline, anchor = track.outline, anchor_of(segment)
     place, cov = measured_anchor(segment, anchor, scene)

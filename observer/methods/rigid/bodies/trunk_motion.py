@@ -16,7 +16,7 @@ from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
 # m/s, one standard deviation: the trunk's sway about its mean, across and upwards; and what a
 # measurement does not tell.
-_SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.035, 0.2, 3.0
+_SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.035, 0.2, 30.0
 # m/s, one standard deviation of how fast a body rises or sinks.
 _LEVEL_MPS = 0.05
 # Metres above the ground up to which legs reach.
@@ -60,7 +60,7 @@ def measure_trunk(
 
 
 def _shows_only_legs(outline: Outline, scene: DenseScene) -> bool:
-    """Return whether the image ends below the trunk: what swings there goes not as the body does."""
+    """Return whether the image ends below the trunk: legs do not move as the body does."""
     segment = outline.segment
     if not segment.cut[2] or scene.ground is None:
         return False

@@ -88,8 +88,7 @@ class TrunkView:
 
         Args:
             expected: (2,) where it should be. standing: (2,) where it would be if it stood: while
-                that explains the image nearly as well, or would be out of it, it is within one standard
-                deviation.
+                that explains the image nearly as well, or lies out of it, the deviation reaches it.
             scale: by which it should be larger. reach: cells by which it may be elsewhere on its
                 row.
         """
@@ -98,19 +97,21 @@ class TrunkView:
         if place is None:
             return None
         J = self._gradient
-        light = float(np.nanmedian(self._difference(image, place, spread)))
+        difference, inside = self._difference(image, place, spread)
+        light = _median(difference[inside])
         for _ in range(_STEPS):
-            residual = self._difference(image, place, spread) - light
-            if not _mostly_inside(residual):
-                return None
-            noise = max(_LEAST_NOISE, _MAD_TO_SIGMA * float(np.nanmedian(np.abs(residual))))
-            weight = np.nan_to_num(1 / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2))
+            residual = difference - light
+            noise = max(_LEAST_NOISE, _MAD_TO_SIGMA * _median(np.abs(residual[inside])))
+            weight = inside / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2)
             weighted = J * weight[:, None]
             information = weighted.T @ J + np.eye(3) * _RIDGE
-            step = np.linalg.solve(information, weighted.T @ np.nan_to_num(residual))
+            step = np.linalg.solve(information, weighted.T @ residual)
             place, light = place - step[:2], light + step[2]
             if np.abs(step[:2]).max() < _LEAST_STEP:
                 break
+            difference, inside = self._difference(image, place, spread)
+            if not _mostly(inside):
+                return None
         cov = _covariance(information, noise, float(weight.sum()))
         stood = self._cost(image, standing, spread)
         if np.isinf(stood) or self._cost(image, place, spread) > _CLEARLY_LESS * stood:
@@ -135,11 +136,11 @@ class TrunkView:
 
     def _cost(self, image: Image, place: Float64Array, spread: Float64Array) -> float:
         """Return the mean difference at a place, grey levels; infinite out of the image."""
-        difference = self._difference(image, place, spread)
-        if not _mostly_inside(difference):
+        difference, inside = self._difference(image, place, spread)
+        if not _mostly(inside):
             return np.inf
-        apart = np.abs(difference - np.nanmedian(difference))
-        return float(np.nanmean(np.minimum(apart, _MOST_DIFFERENCE)))
+        known = difference[inside]
+        return float(np.minimum(np.abs(known - _median(known)), _MOST_DIFFERENCE).mean())
 
     @cached_property
     def _gradient(self) -> Float64Array:
@@ -156,8 +157,10 @@ class TrunkView:
         """(N,) grey levels of its cells."""
         return np.asarray(self.image[self.at[1], self.at[0]], np.float64)
 
-    def _difference(self, image: Image, place: Float64Array, spread: Float64Array) -> Float64Array:
-        """(N,) grey levels by which an image is lighter; NaN out of the image.
+    def _difference(
+        self, image: Image, place: Float64Array, spread: Float64Array
+    ) -> tuple[Float64Array, NDArray[np.bool_]]:
+        """(N,) grey levels by which an image is lighter, and which cells are inside it.
 
         Args:
             place: (2,) of the middle. spread: (2, N) of the cells about it.
@@ -165,12 +168,18 @@ class TrunkView:
         x, y = (spread + place[:, None]).astype(np.float32)
         now = np.asarray(cv2.remap(image, x, y, cv2.INTER_LINEAR)[:, 0], np.float64)
         height, width = image.shape
-        now[(x < 0) | (x > width - 1) | (y < 0) | (y > height - 1)] = np.nan
-        return now - self._levels
+        inside = (x >= 0) & (x <= width - 1) & (y >= 0) & (y <= height - 1)
+        return now - self._levels, inside
 
 
-def _mostly_inside(difference: Float64Array) -> bool:
-    return 2 * int(np.isfinite(difference).sum()) > len(difference)
+def _mostly(inside: NDArray[np.bool_]) -> bool:
+    return 2 * int(np.count_nonzero(inside)) > len(inside)
+
+
+def _median(values: Float64Array) -> float:
+    """Return the upper median; numpy's own takes ten times as long for so few values."""
+    middle = len(values) // 2
+    return float(np.partition(values, middle)[middle])
 
 
 def _covariance(information: Float64Array, noise: float, cells: float) -> Float64Array:

@@ -116,11 +116,11 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
 def test_a_person_of_whom_a_part_moved_is_confirmed_by_a_less_sure_velocity(
     guest: MakeTrack,
 ) -> None:
-    """Of 2.5 standard deviations; of 1.5, which is less than who waves may show, nobody is."""
+    """Of 4 standard deviations; of 2.5, which is hardly more than who waves may show, nobody is."""
     for speed, part_moves, state in (
-        (0.5, True, TrackState.CONFIRMED),
-        (0.5, False, TrackState.TENTATIVE),
-        (0.3, True, TrackState.TENTATIVE),
+        (0.8, True, TrackState.CONFIRMED),
+        (0.8, False, TrackState.TENTATIVE),
+        (0.5, True, TrackState.TENTATIVE),
     ):
         track = guest((0.0, 0.0, -speed), sigma=0.2, evidence=STATIC)
         track.part_moves, track.points = part_moves, 12
@@ -147,6 +147,16 @@ def test_a_person_of_whom_a_part_moved_may_stand(guest: MakeTrack) -> None:
     track = guest(STOOD, evidence=STATIC)
     track.part_moves = True
     assert ends_after(track) is None
+
+
+def test_one_whose_points_tell_that_it_moves_may_stand(guest: MakeTrack) -> None:
+    """Who comes straight on from afar is mostly where he was for a second."""
+    for sigma, ends in ((0.2, None), (0.5, 4)):
+        track = guest((0.0, 0.0, -0.8), sigma=sigma, evidence=STATIC)
+        assert track.outline is not None
+        track.outline.depths.tell = True
+        judged(track)
+        assert ends_after(track) == ends
 
 
 def test_a_confirmed_one_may_stand(guest: MakeTrack) -> None:

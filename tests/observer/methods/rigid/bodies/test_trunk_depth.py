@@ -1,0 +1,122 @@
+"""How far away a trunk is, by points that keep their places on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import VELOCITY
+from observer.methods.rigid.bodies.trunk_depth import TrunkDepths
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
+from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
+
+from ..solid_worlds import ROOM, seen
+
+MakeTrack = Callable[..., BodyTrack]
+DT = 1 / 15
+SIGMA_M = 0.03
+PLACE = np.array([0.0, 0.0, 4.0])
+AWAY = np.array([0.0, 0.0, 0.8])
+SCENE = seen(ROOM)
+
+Limbs = Callable[[float, Float64Array], Float64Array]
+
+
+def still(_: float, places: Float64Array) -> Float64Array:
+    """No limb moves by itself."""
+    return np.zeros_like(places)
+
+
+def followed(
+    track: BodyTrack,
+    velocity: Float64Array,
+    *,
+    count: int = 20,
+    frames: int = 15,
+    renewed: int = 0,
+    left_only: bool = False,
+    limbs: Limbs = still,
+) -> BodyTrack:
+    """The track after some frames in which points on a walking body were seen.
+
+    Args:
+        renewed: of the points, in every frame. limbs: (N, 3) m, by which they are elsewhere at a
+            time, s, than on a stiff body.
+    """
+    rng = np.random.default_rng(5)
+    low = (-0.25, -0.3, -0.1)
+    place = rng.uniform(low, (-0.05 if left_only else 0.25, 0.3, 0.1), (count, 3))
+    number, depths = np.arange(count), TrunkDepths()
+    for k in range(frames):
+        if k > 0:
+            track.filter = track.filter.predicted(DT, (0.6, 1.1), (0.0, 0.0), None)
+        if renewed:
+            number = np.concatenate([number[renewed:], number.max() + 1 + np.arange(renewed)])
+            place = np.concatenate([place[renewed:], place[:renewed]])
+        body = PLACE + velocity * k * DT
+        at = body + place + limbs(k * DT, place) + rng.normal(0, SIGMA_M, (count, 3)) * (0, 0, 1)
+        px = np.zeros((count, 2), np.float32)
+        sums = PositionVelocityFilter.begin(np.zeros((count, 3)), np.zeros((count, 3, 3)))
+        points = TrackedPoints.begin(0, px, px, np.full(count, 15.0), sums).but(number=number)
+        information = np.tile(np.diag([1e6, 1e6, SIGMA_M**-2]), (count, 1, 1))
+        sightings = WorldSightings(at, information)
+        depths.measure(track, np.arange(count), points, sightings, SCENE, DT)
+    return track
+
+
+@pytest.fixture
+def unknown(make_track: MakeTrack) -> BodyTrack:
+    """Stands for a person whose velocity is not known yet."""
+    return make_track(tuple(PLACE), (0.0, 0.0, 0.0), sigma=1.0)
+
+
+def test_points_tell_the_velocity_along_and_nothing_across(unknown: BodyTrack) -> None:
+    track = followed(unknown, AWAY)
+    assert track.mean[VELOCITY][2] == pytest.approx(0.8, abs=0.1)
+    cov = track.filter.covariance[VELOCITY, VELOCITY]
+    assert cov[2, 2] < 0.15**2
+    assert cov[0, 0] > 0.9
+
+
+def test_points_that_come_and_go_tell_it_too(unknown: BodyTrack) -> None:
+    track = followed(unknown, AWAY, renewed=4)
+    assert track.mean[VELOCITY][2] == pytest.approx(0.8, abs=0.15)
+
+
+def test_points_on_one_side_of_who_crosses_tell_no_velocity_along(make_track: MakeTrack) -> None:
+    """Though the line of sight turns."""
+    across = np.array([1.2, 0.0, 0.0])
+    track = make_track(tuple(PLACE), tuple(across), sigma=0.1)
+    followed(track, across, left_only=True)
+    assert abs(track.mean[VELOCITY][2]) < 0.08
+
+
+def test_an_arm_that_swings_hardly_changes_it(unknown: BodyTrack) -> None:
+    def arm(time: float, places: Float64Array) -> Float64Array:
+        out = np.zeros_like(places)
+        out[::5, 2] = 0.25 * np.sin(6 * time)
+        return out
+
+    track = followed(unknown, AWAY, limbs=arm)
+    assert track.mean[VELOCITY][2] == pytest.approx(0.8, abs=0.12)
+
+
+def test_what_jumps_away_from_a_body_that_is_known_hardly_counts(make_track: MakeTrack) -> None:
+    track = make_track(tuple(PLACE), tuple(AWAY), sigma=0.05)
+    followed(track, AWAY, frames=3)
+    followed(track, AWAY, frames=2, limbs=lambda time, p: np.full_like(p, 0.4 * (time > 0)))
+    assert np.linalg.norm(track.mean[VELOCITY] - AWAY) < 0.2
+
+
+@pytest.mark.parametrize(("count", "frames"), [(2, 5), (20, 1)])
+def test_too_few_points_and_those_seen_for_the_first_time_tell_nothing(
+    unknown: BodyTrack, count: int, frames: int
+) -> None:
+    before = unknown.filter.covariance[VELOCITY, VELOCITY][2, 2]
+    followed(unknown, AWAY, count=count, frames=frames)
+    assert unknown.mean[VELOCITY][2] == 0
+    assert unknown.filter.covariance[VELOCITY, VELOCITY][2, 2] >= before
