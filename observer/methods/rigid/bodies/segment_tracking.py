@@ -207,7 +207,7 @@ def _by_members(
     rows, columns = scene.grid.at(points.px[members])
     known = widened(np.isfinite(scene.disparity), 1)[rows, columns].mean() > _KNOWN_SHARE
     # Until a segment of its own is found, it is one with what is around it.
-    track.merged_s = track.merged_s + dt if known else 0.0
+    track.merged_s = track.merged_s + dt if known else max(0.0, track.merged_s - dt)
     mask = np.zeros(scene.grid.shape, np.bool_)
     mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
     return Expected(mask, float(np.median(points.disparity[members])))
