@@ -26,6 +26,8 @@ _OUTLINE_PATIENCE_S = 1.5
 # Seconds, and frames in a row, for which a body may be one with what is around it.
 _MERGED_S = 1.0
 _IDLE_FRAMES = 3
+# A body creeps below so many times the speed of what has stopped, while so much of it is static.
+_CREEPING, _UNMOVED_SHARE = 3.0, 0.95
 # Frames in which a segment must have entered free space, or come out of hiding, and standard
 # deviations of its velocity. What goes away comes out from behind itself; what others uncover
 # seems to move as they do, across the view: so much of the velocity must lead away.
@@ -91,11 +93,23 @@ def _confirmed(
     else:
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
-    if by_points and track.merged_s == 0:
+    if by_points and track.merged_s == 0 and not _creeps(track, parameters):
         return True
     if track.motion is MotionState.IN_PLACE:
         return True
     return _confirmed_by_outline(track, camera_position)
+
+
+def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:
+    """Return whether a body that is seen where it was before hardly moves.
+
+    Light that changes, and reflections, move points a little; what goes on will leave its place.
+    """
+    outline = track.outline
+    if outline is None or not outline.seen or outline.segment.static < _UNMOVED_SHARE:
+        return False
+    speed = float(np.linalg.norm(track.mean[VELOCITY]))
+    return speed < _CREEPING * parameters.stopped_below_mps
 
 
 def _confirmed_by_outline(track: BodyTrack, camera_position: Float64Array) -> bool:

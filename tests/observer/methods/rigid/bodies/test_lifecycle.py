@@ -110,6 +110,18 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
     assert free.state is TrackState.CONFIRMED
 
 
+def test_points_that_creep_where_something_was_before_confirm_nothing(guest: MakeTrack) -> None:
+    """A highlight on a chair, while the light changes; and a robot that drives slowly."""
+    for speed, evidence, state in (
+        (0.1, STATIC, TrackState.TENTATIVE),
+        (0.25, STATIC, TrackState.CONFIRMED),
+        (0.1, ARRIVED, TrackState.CONFIRMED),
+    ):
+        track = guest((speed, 0.0, 0.0), sigma=0.005, evidence=evidence)
+        track.points = 12
+        assert judged(track, 5) is state
+
+
 # --- the end -------------------------------------------------------------------------------
 
 
