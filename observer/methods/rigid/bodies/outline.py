@@ -114,6 +114,10 @@ class Outline:
         outline.box_px = box_px(scene.grid, segment)
         return outline
 
+    def lose_trunk(self) -> None:
+        """Forget how the trunk looked and where points on it were: it is not seen any more."""
+        self.trunk, self.depths = None, TrunkDepths()
+
     @property
     def silhouette(self) -> tuple[Float64Array, ...] | None:
         """Polygons (N, 2) px around the body in this frame, see ``Obstacle``; None if not seen."""

@@ -129,7 +129,7 @@ def measure_limbs(
         if track.outline is None:
             continue
         if not track.outline.seen:
-            track.outline.trunk = None
+            track.outline.lose_trunk()
             continue
         on_body = _surely_on(track.outline, track.id, points, scene)
         judge_rigidity(track, obstacle[on_body[motion.judged[on_body]]] == track.id)

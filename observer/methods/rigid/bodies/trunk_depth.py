@@ -8,18 +8,14 @@ tell the motion along the line of sight ten times better than the depth of the w
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, inverse_3x3
-from observer.methods.rigid.bodies.filter import POSITION
+from observer.methods.rigid.bodies.filter import POSITION, BodyFilter
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
-
-if TYPE_CHECKING:
-    from observer.methods.rigid.bodies.body import BodyTrack
 
 # Fewer points may all be on an arm.
 _LEAST_POINTS = 3
@@ -55,20 +51,20 @@ class TrunkDepths:
 
     def measure(
         self,
-        track: BodyTrack,
+        motion: BodyFilter,
         on_trunk: NDArray[np.intp],
         points: TrackedPoints,
         sightings: WorldSightings,
         scene: DenseScene,
         dt: float,
-    ) -> None:
-        """Move a body along the line of sight to where the points on its trunk are seen.
+    ) -> BodyFilter:
+        """Return a body's motion, moved along the line of sight to where the points are seen.
 
         Args:
             on_trunk: (K,) the points that are surely on it, seen in this frame.
             dt: seconds since the frame before.
         """
-        ahead = track.mean[POSITION] - scene.T_world_camera.translation
+        ahead = motion.mean[POSITION] - scene.T_world_camera.translation
         ahead /= np.linalg.norm(ahead)
         place = sightings.position[on_trunk]
         noise = inverse_3x3(sightings.information[on_trunk])
@@ -80,15 +76,16 @@ class TrunkDepths:
         fits = np.ones(len(now), np.bool_)
         self.tell = len(now) >= _LEAST_POINTS
         if self.tell:
-            moved = (place[now] - track.mean[POSITION] - self.offset[before]) @ ahead
+            moved = (place[now] - motion.mean[POSITION] - self.offset[before]) @ ahead
             mean, mean_variance, fits = _robust_mean(moved, variance[now] + self.variance[before])
-            _move(track, ahead, mean, mean_variance + _SWAY_M**2)
-        offset, doubt = place - track.mean[POSITION], variance.copy()
+            motion = _moved(motion, ahead, mean, mean_variance + _SWAY_M**2)
+        offset, doubt = place - motion.mean[POSITION], variance.copy()
         stay, kept = now[fits], before[fits]
         gain = min(1.0, dt / _MEMORY_S)
         offset[stay] = self.offset[kept] + gain * (offset[stay] - self.offset[kept])
         doubt[stay] = (1 - gain) ** 2 * self.variance[kept] + gain**2 * variance[stay]
         self.number, self.offset, self.variance = number, offset, doubt
+        return motion
 
 
 def _robust_mean(
@@ -106,10 +103,10 @@ def _robust_mean(
     return mean, float(scale**2 * (1 + _CORRELATED * used) / weight.sum()), fits
 
 
-def _move(track: BodyTrack, ahead: Float64Array, moved: float, variance: float) -> None:
-    """Update a body by how much farther away it is than expected, metres."""
-    expected = float(ahead @ track.filter.covariance[POSITION, POSITION] @ ahead) + variance
+def _moved(motion: BodyFilter, ahead: Float64Array, moved: float, variance: float) -> BodyFilter:
+    """Return the motion of a body that is so much farther away than expected, metres."""
+    expected = float(ahead @ motion.covariance[POSITION, POSITION] @ ahead) + variance
     doubt = max(1.0, moved**2 / expected / _FAR_CHI2)
     across = np.eye(3) - np.outer(ahead, ahead)
     noise = np.outer(ahead, ahead) * variance * doubt**2 + across * _UNKNOWN_M**2
-    track.filter = track.filter.with_position(track.mean[POSITION] + ahead * moved, noise)
+    return motion.with_position(motion.mean[POSITION] + ahead * moved, noise)

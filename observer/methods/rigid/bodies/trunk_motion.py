@@ -47,7 +47,7 @@ def measure_trunk(
     assert track.outline is not None
     _keep_level(track, scene)
     if _shows_only_legs(track.outline, scene):
-        track.outline.trunk = None
+        track.outline.lose_trunk()
         return
     before = track.outline.trunk
     track.outline.trunk = TrunkView.of(track.outline.segment, scene, track.age_s)
@@ -56,7 +56,8 @@ def measure_trunk(
     _, top, _, bottom = track.outline.box_px
     on_trunk = points.px[on_body, 1] < top + TRUNK_SHARE * (bottom - top)
     chosen = on_body[on_trunk & np.isfinite(sightings.position[on_body, 0])]
-    track.outline.depths.measure(track, chosen, points, sightings, scene, dt)
+    depths = track.outline.depths
+    track.filter = depths.measure(track.filter, chosen, points, sightings, scene, dt)
 
 
 def _shows_only_legs(outline: Outline, scene: DenseScene) -> bool:

@@ -64,7 +64,8 @@ def followed(
         points = TrackedPoints.begin(0, px, px, np.full(count, 15.0), sums).but(number=number)
         information = np.tile(np.diag([1e6, 1e6, SIGMA_M**-2]), (count, 1, 1))
         sightings = WorldSightings(at, information)
-        depths.measure(track, np.arange(count), points, sightings, SCENE, DT)
+        every = np.arange(count)
+        track.filter = depths.measure(track.filter, every, points, sightings, SCENE, DT)
     return track
 
 
