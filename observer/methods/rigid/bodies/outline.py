@@ -82,6 +82,7 @@ class Outline:
         middle: (3,) metres, world.
         carried_s: seconds since it was seen, for which it was taken to move on as predicted.
         trunk: as it last looked; None where little of it was seen. depths: of points on it.
+        only_legs: the image ends below the trunk.
         arrived_frames, hidden_frames: in which it showed evidence of motion of either kind.
         idle_frames: in a row in which it was no thing of its own, or stood.
         moving_area: largest while it moved, cells per px^2 of disparity: however near it is.
@@ -103,6 +104,7 @@ class Outline:
     carried_s: float = 0.0
     trunk: TrunkView | None = None
     depths: TrunkDepths = field(default_factory=TrunkDepths)
+    only_legs: bool = False
     _silhouette: _Silhouette | None = None
     _silhouette_s: float = 0.0
 

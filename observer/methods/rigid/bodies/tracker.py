@@ -60,6 +60,8 @@ _STEADY = 0.1
 _WALKING = 0.6
 # m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
 _GAIT_MPS = 0.06
+# And what legs add, where nothing else is in view.
+_LEGS_MPS = 0.1
 # rad/s, one standard deviation of how fast a body that was just found may turn.
 _YAW_RATE_SIGMA = 0.6
 # rad/s^2, of a steady and of a manoeuvring body.
@@ -161,6 +163,8 @@ class BodyTracker:
             errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]
             drift = errors @ now.T_camera_world.rotation
             gait = 0.0 if track.rigid else _GAIT_MPS
+            if outline is not None and outline.only_legs and not track.rigid:
+                gait = _LEGS_MPS
             track.lasting_cov = drift.T @ drift + gait**2 * np.eye(3)
 
     def known(self, points: TrackedPoints) -> NDArray[np.bool_]:

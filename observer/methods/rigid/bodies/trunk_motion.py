@@ -46,7 +46,8 @@ def measure_trunk(
     """
     assert track.outline is not None
     _keep_level(track, scene)
-    if _shows_only_legs(track.outline, scene):
+    track.outline.only_legs = _shows_only_legs(track.outline, scene)
+    if track.outline.only_legs:
         track.outline.lose_trunk()
         return
     before = track.outline.trunk
