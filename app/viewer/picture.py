@@ -179,7 +179,9 @@ def _true_edges(body: Mapping[str, Any], up: Float64Array) -> Float64Array:
 
 def _arrow(obstacle: Mapping[str, Any]) -> Float64Array | None:
     velocity = obstacle["velocity"]
-    if obstacle["motion"] == MotionState.IN_PLACE or obstacle["speed"] < _SLOWEST_ARROW_MPS:
+    if velocity is None or obstacle["motion"] == MotionState.IN_PLACE:
+        return None
+    if obstacle["speed"] < _SLOWEST_ARROW_MPS:
         return None
     start = np.array(obstacle["position"])
     return np.stack([start, start + np.array(velocity) * _ARROW_S])
