@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -18,14 +19,21 @@ def without_hidden(
 
     Their patches stick to the edge of what hides them, and would hold the body back.
     """
+    rigid = [t.id for t in tracks if t.rigid]
+    members = np.flatnonzero(np.isin(points.obstacle, rigid))
+    if len(members) == 0:
+        return points
     obstacle, tenure = points.obstacle.copy(), points.tenure.copy()
+    beside = _nearest_beside(scene, points.px[members])
     for track in [t for t in tracks if t.rigid]:
-        mine = np.flatnonzero(obstacle == track.id)
+        mine = obstacle[members] == track.id
+        if not mine.any():
+            continue
         _, corners = now.camera.project(now.T_camera_world.apply(track.corners()))
-        if len(mine) == 0 or not np.isfinite(corners).all():
+        if not np.isfinite(corners).all():
             continue
         own = float(corners.max())
-        hidden = mine[_nearest_beside(scene, points.px[mine]) > own + scene.tolerance(own)]
+        hidden = members[mine & (beside > own + scene.tolerance(own))]
         obstacle[hidden], tenure[hidden] = NO_OBSTACLE, -BANISHED_FRAMES
     return points.but(obstacle=obstacle, tenure=tenure)
 
@@ -33,7 +41,5 @@ def without_hidden(
 def _nearest_beside(scene: DenseScene, px: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N,) largest disparity of what stands at or next to the cells of pixels (N, 2); 0 if none."""
     known = np.where(scene.standing & np.isfinite(scene.disparity), scene.disparity, 0)
-    padded = np.pad(known.astype(np.float32), 1)
-    rows, columns = scene.grid.at(px)
-    beside = [padded[rows + i, columns + j] for i in range(3) for j in range(3)]
-    return np.asarray(np.max(beside, axis=0), np.float32)
+    nearest = cv2.dilate(known.astype(np.float32), np.ones((3, 3), np.uint8))
+    return np.asarray(nearest[scene.grid.at(px)], np.float32)

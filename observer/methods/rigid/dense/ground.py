@@ -35,7 +35,7 @@ _NEAR_CELLS = 4.0
 
 @dataclass(frozen=True, eq=False)
 class GroundPlane:
-    """The ground in the world: the places with ``down . X = depth``.
+    """A plane in the world or in a camera's frame: the places with ``down . X = depth``.
 
     Attributes:
         down: (3,) unit length. depth: metres.
@@ -44,35 +44,37 @@ class GroundPlane:
     down: Float64Array
     depth: float
 
+    def mapped(self, T_target_source: Pose) -> GroundPlane:
+        """Return the same plane in another frame; in a camera's, its depth is the height."""
+        down = T_target_source.rotate(self.down)
+        return GroundPlane(down, self.depth + float(down @ T_target_source.translation))
+
     def height(self, place: Float64Array) -> float:
         """Return how high a place (3,) m, world, is above it, metres."""
         return self.depth - float(self.down @ place)
 
 
 class Ground:
-    """The plane ``down . X = depth`` of a segment's world; unknown until it is seen or mounted."""
+    """The ground of a segment's world; unknown until it is seen or mounted.
+
+    Attributes:
+        in_world: the plane itself; None unknown.
+    """
 
     def __init__(self, grid: Grid, mount: CameraMount | None) -> None:
         """``mount`` tells the ground below the camera of the segment's first frame."""
         self._grid = grid
-        self._down: Float64Array | None = None if mount is None else mount.down
-        self._depth = 0.0 if mount is None else mount.height_m
         self._focal = grid.camera.fx * grid.camera.baseline
-
-    @property
-    def in_world(self) -> GroundPlane | None:
-        """The plane itself; None unknown."""
-        return None if self._down is None else GroundPlane(self._down, self._depth)
+        self.in_world = None if mount is None else GroundPlane(mount.down, mount.height_m)
 
     def plane(self, T_camera_world: Pose) -> Float64Array | None:
         """(3,) a, b, c of its disparity ``a column + b row + c`` px, from a pose; None unknown."""
-        if self._down is None:
+        if self.in_world is None:
             return None
-        normal = T_camera_world.rotate(self._down)
-        height = self._depth + float(normal @ T_camera_world.translation)
-        if height < _HEIGHT_M[0]:
+        below = self.in_world.mapped(T_camera_world)
+        if below.depth < _HEIGHT_M[0]:
             return None
-        return np.asarray(self._focal / height * (normal @ self._grid.rays))
+        return np.asarray(self._focal / below.depth * (below.down @ self._grid.rays))
 
     def update(self, disparity: NDArray[np.float32], T_camera_world: Pose, seed: int) -> None:
         """Fit it to what is seen (h, w) px from a pose; random choices follow from ``seed``."""
@@ -146,13 +148,12 @@ class Ground:
     def _keep(self, plane: Float64Array, T_camera_world: Pose) -> None:
         normal = self._normals(plane[None])[0]
         height = 1 / float(np.linalg.norm(normal))
-        normal = normal * height
-        down = T_camera_world.inverse().rotate(normal)
-        depth = height - float(normal @ T_camera_world.translation)
-        if self._down is not None:
-            down = self._down + _GAIN * (down - self._down)
-            depth = self._depth + _GAIN * (depth - self._depth)
-        self._down, self._depth = down / np.linalg.norm(down), depth
+        found = GroundPlane(normal * height, height).mapped(T_camera_world.inverse())
+        down, depth = found.down, found.depth
+        if self.in_world is not None:
+            down = self.in_world.down + _GAIN * (down - self.in_world.down)
+            depth = self.in_world.depth + _GAIN * (depth - self.in_world.depth)
+        self.in_world = GroundPlane(down / np.linalg.norm(down), depth)
 
 
 def _refit(
