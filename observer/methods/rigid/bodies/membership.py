@@ -43,6 +43,8 @@ _FIRST_EXTENT_M = 0.3
 _FOUND_SIGMAS = 2.5
 # Metres by which a foot may be beside the body that steps with it.
 _STRIDE_M = 0.35
+# Metres that a limb seen by itself may be away from its body, beyond half the width of both.
+_LIMB_APART_M = 0.3
 # (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
 _LEAST_VELOCITY_VARIANCE = 1e-6
 
@@ -185,6 +187,8 @@ def are_one(
         return False
     if _is_leg(older, older.box, younger, younger.box):
         return True
+    if _stand_apart(older, older.box, younger, younger.box):
+        return False
     room = older.room(parameters.margin) + younger.room(parameters.margin) + reach
     if not older.contains(younger.centre[None], room + younger.box.size[0] / 2)[0]:
         return False
@@ -192,6 +196,14 @@ def are_one(
     velocity, cov = younger.centre_velocity()
     expected = older.velocity_at(younger.centre)
     return _moves_with(velocity, cov, expected, older_cov, _PARTS_DIFFER)
+
+
+def _stand_apart(a: BodyTrack, a_box: Box, b: BodyTrack, b_box: Box) -> bool:
+    """Return whether two bodies are seen as two things, too far beside each other to be one."""
+    if not (a.outline and a.outline.seen and b.outline and b.outline.seen):
+        return False
+    across, _, along = (a.centre - b.centre).tolist()
+    return bool(np.hypot(across, along) > (a_box.size[0] + b_box.size[0]) / 4 + _LIMB_APART_M)
 
 
 def _is_leg(body: BodyTrack, whole: Box, part: BodyTrack, box: Box) -> bool:

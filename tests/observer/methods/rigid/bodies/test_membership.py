@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -353,6 +354,20 @@ def test_two_tracks_in_one_place_that_move_alike_are_one(make_track: MakeTrack) 
 def test_two_that_drive_beside_each_other_are_two(make_track: MakeTrack) -> None:
     assert not are_one(make_track(), make_track((0, 0, 4.5), number=2), REACH_M, P)
     assert not are_one(make_track(), make_track((1.2, 0, 3), number=2), REACH_M, P)
+
+
+@pytest.mark.parametrize(("apart_m", "seen", "same"), [(1.1, True, False), (1.1, False, True),
+                                                       (0.5, True, True)])  # fmt: skip
+def test_two_who_stand_beside_each_other_stay_two_while_both_are_seen(
+    make_track: MakeTrack, apart_m: float, seen: bool, same: bool
+) -> None:
+    """Both at rest, and so tall that either lies within the room that the other may need."""
+    boxes = [Box(np.zeros(3), np.array([0.5, 1.8, 0.3]), 0.0) for _ in range(2)]
+    older = make_track(velocity=(0, 0, 0), box=boxes[0])
+    other = make_track((apart_m, 0, 3.0), (0, 0, 0), number=2, box=boxes[1])
+    for track in (older, other):
+        track.outline = SimpleNamespace(seen=seen)  # type: ignore[assignment]
+    assert are_one(older, other, REACH_M, P) is same
 
 
 def test_the_end_of_a_turning_body_may_move_the_other_way(make_track: MakeTrack) -> None:
