@@ -82,6 +82,7 @@ class BodyTrack:
     changes: Changes = field(default_factory=Changes)
     part_moves: bool = False
     merged_s: float = 0.0
+    stands: bool = True
     # (3,) u, v and disparity of its centre in the last frame, px.
     _centre_px: Float64Array | None = None
 

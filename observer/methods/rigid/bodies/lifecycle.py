@@ -25,6 +25,9 @@ _PATIENCE_S = 0.5
 _OUTLINE_PATIENCE_S = 1.5
 # Seconds, and frames in a row, for which a body may be one with what is around it.
 _MERGED_S = 1.0
+# So many points that stand out of the ground and move alike are a body, though it is seen as one
+# with what is around it.
+_MANY_POINTS = 12
 _IDLE_FRAMES = 3
 # A body creeps below so many times the speed of what has stopped, while so much of it is static.
 _CREEPING, _UNMOVED_SHARE = 3.0, 0.95
@@ -49,7 +52,9 @@ def judge(track: BodyTrack, camera_position: Float64Array, parameters: ObstacleP
     limit = parameters.stopped_below_mps
     # Between the two conditions the answer stays what it was.
     if speed < limit or track.significance < _MOVING_SIGMAS:
-        track.motion = MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
+        # Out of sight only the certainty fades.
+        if track.missed_s == 0 or track.state is TrackState.TENTATIVE:
+            track.motion = MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
     elif speed - sigma > limit:
         track.motion = MotionState.MOVING
     if track.significance >= parameters.confirm_sigmas:
@@ -72,7 +77,8 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
         may_stand = track.part_moves or moves
         if outline.idles(unmoved, may_stand=may_stand) > _IDLE_FRAMES:
             return True
-    hopeless |= track.merged_s > _MERGED_S
+    moves = track.motion is MotionState.MOVING
+    hopeless |= track.merged_s > _MERGED_S and not (moves and _shown_by_many(track))
     coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
     return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
 
@@ -93,11 +99,17 @@ def _confirmed(
     else:
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
-    if by_points and track.merged_s == 0 and not _creeps(track, parameters):
+    shown = track.merged_s == 0 or _shown_by_many(track)
+    if by_points and shown and not _creeps(track, parameters):
         return True
     if track.motion is MotionState.IN_PLACE:
         return True
     return _confirmed_by_outline(track, camera_position)
+
+
+def _shown_by_many(track: BodyTrack) -> bool:
+    """Return whether a body is seen by so many members that no segment needs to tell it apart."""
+    return track.stands and track.points >= _MANY_POINTS
 
 
 def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:

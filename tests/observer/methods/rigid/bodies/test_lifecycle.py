@@ -101,13 +101,24 @@ def test_a_confirmed_one_stays_confirmed_when_it_stops(guest: MakeTrack) -> None
 
 
 def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: MakeTrack) -> None:
-    merged, free = make_track(), make_track()
-    merged.merged_s = 0.1
-    for track in (merged, free):
-        track.points = 20
-        judged(track, P.confirm_hits + 5)
-    assert merged.state is TrackState.TENTATIVE
-    assert free.state is TrackState.CONFIRMED
+    """Unless they are many, and stand out of the ground: reflections lie below it."""
+    for points, merged_s, stands, state in (
+        (11, 0.1, True, TrackState.TENTATIVE),
+        (11, 0.0, True, TrackState.CONFIRMED),
+        (20, 0.1, True, TrackState.CONFIRMED),
+        (20, 0.1, False, TrackState.TENTATIVE),
+    ):
+        track = make_track()
+        track.points, track.merged_s, track.stands = points, merged_s, stands
+        assert judged(track, P.confirm_hits + 5) is state
+
+
+def test_out_of_sight_a_body_moves_on_as_it_did_however_uncertain(make_track: MakeTrack) -> None:
+    for missed_s, motion in ((0.0, MotionState.STOPPED), (1.0, MotionState.MOVING)):
+        track = make_track(velocity=(0.5, 0.0, 0.0), sigma=0.4)
+        track.state, track.missed_s = TrackState.CONFIRMED, missed_s
+        judged(track)
+        assert track.motion is motion
 
 
 def test_points_that_creep_where_something_was_before_confirm_nothing(guest: MakeTrack) -> None:
@@ -211,6 +222,11 @@ def test_who_has_been_one_with_its_surroundings_for_long_ends(make_track: MakeTr
     track.state, track.merged_s = TrackState.CONFIRMED, 0.9
     assert not is_over(track, P)
     track.merged_s = 1.1
+    assert is_over(track, P)
+    # Many points that move on show it all the same.
+    track.points = 20
+    assert not is_over(track, P)
+    track.motion = MotionState.STOPPED
     assert is_over(track, P)
 
 

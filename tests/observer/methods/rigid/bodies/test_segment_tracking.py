@@ -29,6 +29,7 @@ from ..solid_worlds import (
     GRID,
     ROOM,
     Shape,
+    Solid,
     SolidView,
     arrived,
     on_floor,
@@ -270,6 +271,16 @@ def test_what_is_one_with_its_surroundings_is_counted_as_that(make_track: MakeTr
         tracked([track], points_on(patch(0.5, -0.2, 7.99)), seen(ROOM))
         assert track.merged_s == pytest.approx((k + 1) * DT)
     assert track.outline is None
+
+
+def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
+    wall = Solid((0.0, -0.5, 4.0), (4.0, 1.5, 0.1))
+    for place, stands in (((0.5, -0.2, 4.0), True), ((0.5, 0.9, 3.0), False)):
+        track = make_track(place, number=1)
+        track.points = 9
+        tracked([track], points_on(patch(*place)), seen([*ROOM, wall]))
+        assert track.merged_s > 0
+        assert track.stands is stands
 
 
 def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrack) -> None:
