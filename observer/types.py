@@ -253,6 +253,7 @@ UNSEEN_BECAUSE = {
     "near": "too near",
     "fast": "too fast",
     "unmatched": "no match between left and right",
+    "tentative": "something may have begun to move, which is not certain yet",
 }
 # Smaller shares of the view are not worth a word.
 _TOLD_SHARE = 0.005
@@ -263,10 +264,11 @@ class Unseen:
     """Regions of the rectified left image in which motion could not be noticed.
 
     Attributes:
-        share: of the image. causes: shares by cause, largest first: ``plain`` (no texture),
-            ``dark`` (too dark or saturated for an outline to stand out), ``near`` (nearer than
-            stereo searches), ``fast`` (the camera moves too fast for dense depth), ``unmatched``
-            (textured, but left and right do not match).
+        share: of the image, but for what is tentative. causes: shares by cause, largest first:
+            ``plain`` (no texture), ``dark`` (too dark or saturated for an outline to stand out),
+            ``near`` (nearer than stereo searches), ``fast`` (the camera moves too fast for dense
+            depth), ``unmatched`` (textured, but left and right do not match), ``tentative`` (on a
+            body that may have begun to move).
         cell_px: side of a cell, pixels.
         rows: of cells, from the top, a letter for each cell from the left: the first one of its
             cause, "." where motion could be noticed.
@@ -281,18 +283,21 @@ class Unseen:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """One sentence of why this degrades a frame; none where it does not."""
-        if not self.hides_person:
-            return ()
-        causes = ", ".join(
-            f"{UNSEEN_BECAUSE[cause]} ({100 * share:.0f} %)"
-            for cause, share in self.causes.items()
-            if share >= _TOLD_SHARE
-        )
-        return (
-            f"motion could not be noticed in {100 * self.share:.0f} % of the view, in one place "
-            f"enough to hide a person: {causes}",
-        )
+        """Sentences of why this degrades a frame; none where it does not."""
+        told = []
+        if self.hides_person:
+            causes = ", ".join(
+                f"{UNSEEN_BECAUSE[cause]} ({100 * share:.0f} %)"
+                for cause, share in self.causes.items()
+                if share >= _TOLD_SHARE and cause != "tentative"
+            )
+            told.append(
+                f"motion could not be noticed in {100 * self.share:.0f} % of the view, in one "
+                f"place enough to hide a person: {causes}"
+            )
+        if "tentative" in self.causes:
+            told.append(UNSEEN_BECAUSE["tentative"])
+        return tuple(told)
 
     def cause_at(self, px: tuple[float, float]) -> str | None:
         """Return the cause at a pixel u, v of the image; None where motion could be noticed."""

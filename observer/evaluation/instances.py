@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from observer.truth.contract import Box, TrueBody
 
 @dataclass(frozen=True, eq=False)
 class Instance:
-    """A confirmed, moving obstacle of one line, in the truth's world.
+    """A moving obstacle of one line, in the truth's world.
 
     Attributes:
         identity: segment and id. position: (3,) metres. velocity: (3,) m/s, at ``velocity_time``.
@@ -29,8 +30,10 @@ class Instance:
     box_px: Box | None
 
 
-def instances_of(line: Line, world: Pose) -> list[Instance]:
-    """Return the instances of a line, of which ``world`` is ``T_truth_world``."""
+def instances_of(
+    line: Line, world: Pose, state: Literal["confirmed", "coasting"] = "confirmed"
+) -> list[Instance]:
+    """Return the instances of a line in one state, of which ``world`` is ``T_truth_world``."""
     R = world.rotation
     return [
         Instance(
@@ -45,7 +48,7 @@ def instances_of(line: Line, world: Pose) -> list[Instance]:
             box_px=entry.box_px,
         )
         for entry in line.obstacles
-        if entry.state == "confirmed"
+        if entry.state == state
         and entry.motion == "moving"
         and entry.position is not None
         and entry.velocity is not None

@@ -13,8 +13,9 @@ The definitions, the same for every method:
   total distance.
 * An instance is **false** if no moving true obstacle, visible or not, lies within the gate.
 * A second instance on one obstacle is not false but a **surplus box**; MOTA counts both.
-* A miss is **told** if the line says that it is lost, or if it is degraded and motion could not be
-  noticed in at least half of the box in which the obstacle is seen.
+* A miss is **told** if the line says that it is lost, if a coasting instance belongs to it, or if
+  the line is degraded and motion could not be noticed in at least half of the box in which the
+  obstacle is seen.
 """
 
 from __future__ import annotations
@@ -253,6 +254,11 @@ class _Comparison:
             elif j not in taken and all(b.id in counted for b in near):
                 self._tally.surplus_boxes += 1
 
+    def _coasts(self, line: Line, body: TrueBody) -> bool:
+        """Return whether a body is told to be out of sight about where it is."""
+        coasting = instances_of(line, self._worlds[line.segment], "coasting")
+        return any(axis_distance(body, each) <= self._gate for each in coasting)
+
     def _camera_position(self, line: Line, world: Pose) -> Float64Array:
         true_pose = self._truth.camera_pose(line.time)
         if true_pose is not None:
@@ -319,7 +325,7 @@ class _Comparison:
     ) -> None:
         common = (float(np.linalg.norm(body.position - camera)), body.speed, _radial(body, camera))
         if instance is None:
-            told = _told(line, body)
+            told = _told(line, body) or self._coasts(line, body)
             self._tally.samples.append(Sample(*common, matched=False, kind=body.kind, told=told))
             return
         before = self._identity.get(body.id)

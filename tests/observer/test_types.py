@@ -131,6 +131,18 @@ def test_what_could_not_be_noticed_is_a_reason_only_where_it_hides_a_person() ->
     assert replace(UNSEEN, hides_person=False).reasons == ()
 
 
+def test_what_may_have_begun_to_move_is_a_reason_of_its_own() -> None:
+    causes = {"plain": 0.25, "dark": 0.25, "tentative": 0.25}
+    unseen = replace(UNSEEN, causes=causes, rows=("pt", ".d"))
+    assert unseen.cause_at((20.0, 4.0)) == "tentative"
+    assert unseen.reasons == (
+        *UNSEEN.reasons,
+        "something may have begun to move, which is not certain yet",
+    )
+    (reason,) = replace(unseen, hides_person=False).reasons
+    assert reason.startswith("something may have begun to move")
+
+
 def test_a_json_line_tells_where_motion_could_not_be_noticed_as_evaluation_reads_it() -> None:
     seen = Observation(0, 0.0, 0.0, 0, Status.DEGRADED, UNSEEN.reasons, 0, None, (), unseen=UNSEEN)
     line = json.loads(json.dumps(observation_line(seen)))

@@ -45,6 +45,9 @@ from observer.vision.view import StereoRows, View
 
 # The noise learnt from the background follows the newest frame by this share.
 _NOISE_GAIN = 0.3
+# Standard deviations of its velocity from which on something seems to move.
+_SEEMING_SIGMAS = 2.0
+_SEEMING_POINTS = 6
 
 
 class RigidMethod:
@@ -130,8 +133,11 @@ class RigidMethod:
         obstacles = self._described(now)
         with timer("unseen"):
             told = [o.box_px for o in obstacles if o.state is TrackState.CONFIRMED]
+            tentative = [o.box_px for o in obstacles if _may_move(o)]
             if due:
-                self._told_unseen = self._unseen.look(view, scene, points, told, p.stereo)
+                self._told_unseen = self._unseen.look(
+                    view, scene, points, told, p.stereo, tentative
+                )
             elif p.dense.rate_hz == 0:
                 self._told_unseen = None
         trace.keep("unseen", self._told_unseen)
@@ -253,3 +259,10 @@ class RigidMethod:
             for track in self._tracker.tracks
         ]
         return while_lost(last, time - before, p.obstacles.coast_s)
+
+
+def _may_move(obstacle: Obstacle) -> bool:
+    """Return whether something seems to move, but not surely enough to be reported."""
+    if obstacle.state is not TrackState.TENTATIVE or obstacle.significance < _SEEMING_SIGMAS:
+        return False
+    return obstacle.silhouette is not None or obstacle.points >= _SEEMING_POINTS

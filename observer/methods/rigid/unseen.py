@@ -7,6 +7,8 @@ known around it is ground or was there before. Of what remains, the status is de
 person would fit in: where a window of a person's size is unseen by half or more.
 
 A mover of the very tone of a plain background shows no outline; only the share tells of it.
+
+Where something seems to move but is not certain enough to be reported yet, that is told as well.
 """
 
 from __future__ import annotations
@@ -56,7 +58,7 @@ _NEAR_REACH = 2.3
 _NEAR_BLOCK, _NEAR_UNIQUENESS_PERCENT, _NEAR_TEXTURE = 9, 15, 200
 # What matches by chance is smaller; of what is known on this share of a cell the depth is right.
 _NEAR_LEAST, _SOLID_SHARE = np.ones((3, 3), np.uint8), 0.9
-_CAUSES = ("plain", "dark", "near", "fast", "unmatched")
+_CAUSES = ("plain", "dark", "near", "fast", "unmatched", "tentative")
 
 
 class UnseenRegions:
@@ -73,6 +75,7 @@ class UnseenRegions:
         points: TrackedPoints,
         boxes_px: Sequence[Box],
         parameters: StereoParameters,
+        tentative_px: Sequence[Box] = (),
     ) -> Unseen:
         """Tell where motion could not be noticed in a view.
 
@@ -80,6 +83,7 @@ class UnseenRegions:
             scene: of this frame; None while the camera is too fast for it.
             points: as tracked in this frame.
             boxes_px: u0 v0 u1 v1 around the obstacles that are reported of it.
+            tentative_px: around those of which it is not certain yet whether they move.
         """
         grid = self._grid
         small = grid.reduced(view.left) if scene is None else scene.left
@@ -98,6 +102,7 @@ class UnseenRegions:
         background = _background(cause == "p", stands, moves, self._fits)
         hidden = (cause != ".") & ~background & ~reported
         hides = _fills(hidden, self._fits, _HIDING_SHARE)
+        cause[_within(tentative_px, grid, plain.shape) & ~reported] = "t"
         return _told(cause, _SIDE * grid.reduction, hides=hides)
 
 
@@ -105,7 +110,7 @@ def _told(cause: NDArray[np.str_], cell_px: int, *, hides: bool) -> Unseen:
     shares = {name: float(np.mean(cause == name[0])) for name in _CAUSES}
     ordered = sorted(_CAUSES, key=lambda name: -shares[name])
     return Unseen(
-        share=float(np.mean(cause != ".")),
+        share=float(np.mean((cause != ".") & (cause != "t"))),
         causes={name: shares[name] for name in ordered if shares[name] > 0},
         cell_px=cell_px,
         rows=tuple("".join(row) for row in cause.tolist()),

@@ -117,6 +117,19 @@ def test_a_miss_without_a_known_box_is_told_by_a_lost_line_alone() -> None:
     assert evaluate([line(k, [], status="lost") for k in range(20)], truth).missed_told == 14
 
 
+def test_a_miss_is_told_by_a_coasting_obstacle_where_it_is() -> None:
+    truth = BoxedTruth()
+    lines = perfect(truth, 20)
+    for each in lines:
+        each["obstacles"][0]["state"] = "coasting"
+    result = evaluate(lines, truth)
+    assert (result.missed, result.missed_told) == (14, 14)
+    for each in lines:
+        x, y, z = each["obstacles"][0]["position"]
+        each["obstacles"][0]["position"] = [x + 1.0, y, z]
+    assert evaluate(lines, truth).missed_told == 0
+
+
 def test_no_misses_no_share() -> None:
     truth = BoxedTruth()
     result = evaluate(perfect(truth, 20), truth)

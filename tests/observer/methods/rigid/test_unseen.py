@@ -163,6 +163,19 @@ def test_what_is_nearer_than_stereo_searches_is_told_as_near(disparity: int) -> 
     assert "too near" in unseen.reasons[0]
 
 
+def test_what_seems_to_move_but_is_not_reported_yet_is_told() -> None:
+    regions, now = UnseenRegions(CAMERA), view(0, nothing)
+    boxes = [(320.0, 180.0, 351.0, 243.0)], [(64.0, 64.0, 95.0, 95.0), (320.0, 180.0, 351.0, 243.0)]
+    reported, tentative = boxes
+    scene = DenseVision(CAMERA, MOUNT).look(now, step_to(dt=0.4), P, 0.0)
+    unseen = regions.look(now, scene, TrackedPoints.none(), reported, P, tentative)
+    assert unseen.cause_at((70.0, 70.0)) == "tentative"
+    assert unseen.cause_at((330.0, 200.0)) != "tentative"
+    assert unseen.share < 0.03
+    (reason,) = unseen.reasons
+    assert "begun to move" in reason
+
+
 def test_at_speed_only_points_tell() -> None:
     regions = UnseenRegions(CAMERA)
     now = view(0, nothing)
