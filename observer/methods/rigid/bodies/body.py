@@ -22,6 +22,7 @@ from observer.methods.rigid.bodies.filter import (
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.recent_motion import RecentMotion
 from observer.methods.rigid.bodies.shape import BodyShape, Box
+from observer.methods.rigid.bodies.steady_drive import SteadyDrive
 from observer.types import MotionState, TrackState
 
 # Seconds out of sight after which nothing is known of how a body moves.
@@ -52,6 +53,7 @@ class BodyTrack:
         rigid: False once its limbs were seen to move by themselves, or before any point is known
             to move along. rigidity: recent share of its points that move along.
         by_points: its points measured it in this frame.
+        drive: for how long points on it have moved steadily as one.
         changes: when something on it looked another than a moment before.
         part_moves: it began as the whole person of whom a part was seen to move.
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
@@ -79,6 +81,7 @@ class BodyTrack:
     rigid: bool = True
     rigidity: float = 1.0
     by_points: bool = False
+    drive: SteadyDrive = field(default_factory=SteadyDrive)
     changes: Changes = field(default_factory=Changes)
     part_moves: bool = False
     merged_s: float = 0.0

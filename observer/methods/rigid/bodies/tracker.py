@@ -18,6 +18,7 @@ from observer.methods.rigid.bodies.filter import (
     yaw_matrix,
 )
 from observer.methods.rigid.bodies.lifecycle import is_over, judge
+from observer.methods.rigid.bodies.limbs import may_be_rigid, moves_as_one
 from observer.methods.rigid.bodies.measurement import Members, expected_pose, measure_body
 from observer.methods.rigid.bodies.membership import (
     Group,
@@ -290,7 +291,7 @@ class BodyTracker:
             radius_m: of a place (3,) m, world, how near there points count as neighbours, metres.
         """
         # Points on a body's outline are its own, though none is known to move with it yet.
-        stiff = [t.id for t in self.tracks if t.outline and not (t.rigid or t.outline.upright)]
+        stiff = [t.id for t in self.tracks if may_be_rigid(t)]
         free = (points.obstacle == NO_OBSTACLE) & (points.tenure >= 0)
         free &= (points.within == NO_OBSTACLE) | np.isin(points.within, stiff)
         groups = group_dynamic(motion, free, parameters.min_points)
@@ -306,6 +307,8 @@ class BodyTracker:
             members = group.members
             track = self._outlined(points.within[members], stiff)
             if track is not None:
+                if not moves_as_one(track, group.velocity, len(members)):
+                    continue
                 track.stiffen(_begun(group))
             else:
                 track = body_of(group, self.tracks)
@@ -328,7 +331,7 @@ class BodyTracker:
         return self._placed(points, obstacle)
 
     def _outlined(self, within: NDArray[np.int64], stiff: list[int]) -> BodyTrack | None:
-        """Return the stiff body on whose outline most points of a group (K,) lie; None if none."""
+        """Return the body on whose outline most points of a group (K,) lie; None if none."""
         for track in [t for t in self.tracks if t.id in stiff]:
             if np.count_nonzero(within == track.id) > len(within) / 2:
                 return track

@@ -12,6 +12,8 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import YAW_RATE
 from observer.methods.rigid.bodies.limbs import (
     judge_rigidity,
+    may_be_rigid,
+    moves_as_one,
     points_show_whole,
 )
 from observer.methods.rigid.bodies.outline import Outline
@@ -64,6 +66,38 @@ def test_an_upright_body_whose_points_move_by_themselves_has_limbs(upright: Body
     assert judged(upright, 1, APART).rigid
     assert not judged(upright, 4, APART).rigid
     assert upright.yaw_rate == 0.0
+
+
+@pytest.mark.parametrize(("points", "steady_s", "rigid"), [(12, 0.5, True), (11, 0.5, False),
+                                                           (12, 0.4, False)])  # fmt: skip
+def test_many_points_that_drive_steadily_are_of_no_limb(
+    upright: BodyTrack, points: int, steady_s: float, rigid: bool
+) -> None:
+    """A robot's base, below a mast of which a few wrong points are all that is followed."""
+    upright.by_points, upright.points, upright.steady_s = True, points, steady_s
+    assert judged(upright, 20, APART).rigid is rigid
+
+
+def test_who_stands_upright_is_rigid_only_after_points_drove_steadily(upright: BodyTrack) -> None:
+    """And what lies as soon as a group of points on it moves."""
+    velocity = np.array([0.3, 0.0, 0.0])
+    assert not may_be_rigid(upright), "it is already"
+    upright.loosen()
+    assert may_be_rigid(upright)
+    told = []
+    for upright.age_s in (0.0, 0.3, 0.6):
+        told.append(moves_as_one(upright, velocity, 12))
+    assert told == [False, False, True]
+    assert upright.outline is not None
+    upright.outline.depths.tell = True
+    assert not may_be_rigid(upright), "points on its trunk tell how it moves"
+
+
+def test_what_lies_is_rigid_once_a_group_of_points_on_it_moves(make_track: MakeTrack) -> None:
+    track = with_outline(make_track(), size=(0.8, 0.4, 0.1))
+    track.loosen()
+    assert may_be_rigid(track)
+    assert moves_as_one(track, np.array([0.3, 0.0, 0.0]), 3)
 
 
 def test_who_has_limbs_keeps_them(upright: BodyTrack) -> None:

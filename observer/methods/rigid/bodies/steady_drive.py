@@ -1,0 +1,43 @@
+"""Tells by a group of points that what looks like a body with limbs drives: limbs swing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from observer.geometry import Float64Array
+
+# A group of fewer points may be of a foot.
+_LEAST_POINTS = 8
+# Seconds for which it must move steadily, and for which it may be out of sight meanwhile.
+_STEADY_S, _GAP_S = 0.5, 0.4
+# Velocities are alike up to so many m/s and this share; the mean follows the newest by a share.
+_ALIKE_MPS, _ALIKE_SHARE = 0.03, 0.15
+_GAIN = 0.2
+
+
+@dataclass(eq=False)
+class SteadyDrive:
+    """For how long a group of points on a body has moved as one.
+
+    Attributes:
+        velocity: (3,) m/s, world. since_s, until_s: ages of the body, seconds.
+    """
+
+    velocity: Float64Array = field(default_factory=lambda: np.zeros(3))
+    since_s: float = 0.0
+    until_s: float = -np.inf
+
+    def note(self, velocity: Float64Array, points: int, age_s: float) -> bool:
+        """Note how a group of points moves (3,) m/s; returns whether it has done so for long."""
+        change = float(np.linalg.norm(velocity - self.velocity))
+        like_before = change < _ALIKE_MPS + _ALIKE_SHARE * float(np.linalg.norm(velocity))
+        goes_on = like_before and age_s - self.until_s <= _GAP_S
+        if points < _LEAST_POINTS and not goes_on:
+            return False
+        if not goes_on:
+            self.velocity, self.since_s = velocity, age_s
+        self.velocity = self.velocity + _GAIN * (velocity - self.velocity)
+        self.until_s = age_s
+        return points >= _LEAST_POINTS and age_s - self.since_s >= _STEADY_S

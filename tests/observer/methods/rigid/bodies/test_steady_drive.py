@@ -1,0 +1,60 @@
+"""Points that drive as one for a while are told from limbs that swing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from observer.methods.rigid.bodies.steady_drive import SteadyDrive
+
+DT = 1 / 15
+Speed = Callable[[float], float]
+
+
+def told_after(speed: Speed, points: int = 12, seconds: float = 2.0, every: int = 1) -> float:
+    """Seconds until a group at such a speed is told to drive; infinite if it never is."""
+    drive = SteadyDrive()
+    for k in range(0, int(seconds / DT), every):
+        if drive.note(np.array([speed(k * DT), 0.0, 0.0]), points, k * DT):
+            return k * DT
+    return float("inf")
+
+
+def test_what_drives_steadily_is_told_after_half_a_second() -> None:
+    assert told_after(lambda _: 0.3) == pytest.approx(0.5, abs=DT)
+    assert told_after(lambda t: 0.3 + 0.05 * np.sin(9 * t)) == pytest.approx(0.5, abs=DT)
+
+
+def test_legs_that_swing_are_not_told() -> None:
+    """Twice as fast as who walks and at rest in turn, as a mean over a third of a second."""
+    times = np.arange(0, 3, 0.01)
+    steps = np.abs(2 * np.sin(np.pi * times)) * 0.9
+
+    def leg(t: float) -> float:
+        return float(steps[(times > t) & (times <= t + 0.33)].mean())
+
+    assert told_after(leg, seconds=2.5) == float("inf")
+
+
+def test_a_few_points_begin_nothing_and_decide_nothing_but_bridge_gaps() -> None:
+    assert told_after(lambda _: 0.3, points=5) == float("inf")
+    drive = SteadyDrive()
+    velocity = np.array([0.3, 0.0, 0.0])
+    for points, at in ((12, 0.0), (4, 0.3), (4, 0.6)):
+        assert not drive.note(velocity, points, at)
+    assert drive.note(velocity, 12, 0.9)
+
+
+def test_who_was_out_of_sight_for_long_begins_anew() -> None:
+    drive = SteadyDrive()
+    velocity = np.array([0.0, 0.0, -0.3])
+    for before, at in pairwise((0.0, 0.5, 1.0, 1.5)):
+        assert not drive.note(velocity, 12, before)
+        assert not drive.note(velocity, 12, at)
+
+
+def test_one_that_turns_back_begins_anew() -> None:
+    assert told_after(lambda t: 0.3 if t < 0.3 else -0.3) == pytest.approx(0.8, abs=2 * DT)
