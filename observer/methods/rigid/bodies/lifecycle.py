@@ -113,12 +113,13 @@ def _shown_by_many(track: BodyTrack) -> bool:
 
 
 def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:
-    """Return whether a body that is seen where it was before hardly moves.
+    """Return whether a body hardly moves that is seen where something was before.
 
     Light that changes, and reflections, move points a little; what goes on will leave its place.
     """
     outline = track.outline
-    if outline is None or not outline.seen or outline.segment.static < _UNMOVED_SHARE:
+    moved = outline is not None and outline.seen and outline.segment.static < _UNMOVED_SHARE
+    if moved or (outline is None and track.merged_s == 0):
         return False
     speed = float(np.linalg.norm(track.mean[VELOCITY]))
     return speed < _CREEPING * parameters.stopped_below_mps

@@ -160,7 +160,8 @@ def _spread(
 def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
     """The track that a group belongs to, the nearest where there are several; None if none."""
     best, best_distance = None, np.inf
-    for track in tracks:
+    # Who was seen whole and then was lost for long comes back whole, not as a few points.
+    for track in [t for t in tracks if not (t.forgotten and t.outline)]:
         cov = track.filter.covariance[POSITION, POSITION]
         size = _FIRST_EXTENT_M
         if track.box is not None:

@@ -37,8 +37,8 @@ _OWN_SHARE = 0.5
 # Share of a body's members at or beside whose cells the disparity must be known to tell what is
 # there.
 _KNOWN_SHARE = 0.5
-# And that must stand out of the ground.
-_STANDING_SHARE = 0.5
+# And that may lie on the ground, as shadows do.
+_LYING_SHARE = 0.5
 # m/s, one standard deviation of how fast a body that was just found may be, and may rise.
 _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
 # A segment is a body out of sight within this squared length of its place, which may have changed
@@ -210,7 +210,8 @@ def _by_members(
     known = widened(np.isfinite(scene.disparity), 1)[rows, columns].mean() > _KNOWN_SHARE
     # Until a segment of its own is found, it is one with what is around it.
     track.merged_s = track.merged_s + dt if known else max(0.0, track.merged_s - dt)
-    track.stands = float(scene.standing[rows, columns].mean()) > _STANDING_SHARE
+    lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.standing[rows, columns]
+    track.stands = float(lies.mean()) <= _LYING_SHARE
     mask = np.zeros(scene.grid.shape, np.bool_)
     mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
     return Expected(mask, float(np.median(points.disparity[members])))

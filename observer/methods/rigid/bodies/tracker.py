@@ -307,6 +307,9 @@ class BodyTracker:
             members = group.members
             track = self._outlined(points.within[members], stiff)
             if track is not None:
+                if not track.contains(group.centre[None], track.room(parameters.margin))[0]:
+                    # At another depth than the body that they are seen on.
+                    continue
                 if not moves_as_one(track, group.velocity, len(members)):
                     continue
                 track.stiffen(_begun(group))
