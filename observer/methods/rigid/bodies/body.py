@@ -144,11 +144,15 @@ class BodyTrack:
     def stiffen(self, motion: BodyFilter) -> None:
         """Count it as a rigid body, which moves as points on it were found to."""
         self.rigid, self.rigidity = True, 1.0
+        self.restart(motion)
+
+    def restart(self, motion: BodyFilter) -> None:
+        """Forget how it moved and where points on it were; it keeps its name and its size."""
+        if self.outline is not None:
+            self.outline.move_origin(motion.mean[POSITION] - self.mean[POSITION])
         self.filter = motion
         self.shape.forget()
         self.recent.forget()
-        if self.outline is not None:
-            self.outline.offsets.clear()
 
     def carry_box(self, T_camera_world: Pose, camera: StereoCamera) -> None:
         """Move the box of a body that is not seen to where it is expected in this frame."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import cv2
@@ -63,11 +63,11 @@ _HALF_DEPTH, _MOST_DEPTH_M = 0.25, 0.6
 
 @dataclass(frozen=True, eq=False)
 class _Silhouette:
-    """A mask, and where the body's origin was in it: px (2,) and disparity, px."""
+    """A mask, where the body's origin (3,) m, world, was at that time, and the pose."""
 
     segment: Segment
-    px: Float64Array
-    disparity: float
+    origin: Float64Array
+    T_camera_world: Pose
 
 
 @dataclass(eq=False)
@@ -145,11 +145,12 @@ class Outline:
         """
         assert self._silhouette is not None
         before = self._silhouette
-        px, d = grid.camera.project(T_camera_world.apply(origin[None]))
-        scale = float(d[0]) / before.disparity
+        then, now = before.T_camera_world.apply(before.origin), T_camera_world.apply(origin)
+        px, d = grid.camera.project(np.stack([then, now]))
+        scale = float(d[1] / d[0])
         if not (np.isfinite(px).all() and _SCALES[0] < scale < _SCALES[1]):
             return None
-        (u0, v0), (u1, v1) = grid.to_cells(before.px), grid.to_cells(px[0])
+        (u0, v0), (u1, v1) = grid.to_cells(px)
         move = np.array([[scale, 0.0, u1 - scale * u0], [0.0, scale, v1 - scale * v0]])
         mask = before.segment.mask.view(np.uint8)
         moved = cv2.warpAffine(mask, move, (grid.width, grid.height), flags=cv2.INTER_NEAREST)
@@ -201,8 +202,14 @@ class Outline:
         self.box_px = box_px(scene.grid, self.segment)
         if self._silhouette is not None and anchor_of(self.segment) == "middle":
             before = self._silhouette
-            self._silhouette = _Silhouette(self.segment, before.px, before.disparity)
+            self._silhouette = replace(before, segment=self.segment)
         return True
+
+    def move_origin(self, offset: Float64Array) -> None:
+        """Follow another point of the body as its origin, (3,) m, world, away from the old one."""
+        self.offsets.clear()
+        if self._silhouette is not None:
+            self._silhouette = replace(self._silhouette, origin=self._silhouette.origin + offset)
 
     def idles(self, tentative: bool, *, may_stand: bool = False) -> int:
         """Count the frames in a row in which it is no thing of its own, or grows over what stands.
@@ -229,8 +236,7 @@ class Outline:
         """A body that is cut off is expected whole for a while: it will come out again."""
         whole = anchor_of(self.segment) == "middle" and not self._lost_parts()
         if self._silhouette is None or whole or age_s - self._silhouette_s > _WHOLE_S:
-            px, d = scene.grid.camera.project(scene.T_camera_world.apply(origin[None]))
-            self._silhouette = _Silhouette(self.segment, px[0], float(d[0]))
+            self._silhouette = _Silhouette(self.segment, origin, scene.T_camera_world)
             self._silhouette_s = age_s
 
 

@@ -324,9 +324,7 @@ class BodyTracker:
                 # Lost for a moment, of a body with limbs they would rather be those of an arm.
                 # It keeps its name and its size; where its points were is of no use any more.
                 obstacle[obstacle == track.id] = NO_OBSTACLE
-                track.filter = _begun(group)
-                track.shape.forget()
-                track.recent.forget()
+                track.restart(_begun(group))
             elif track.box is not None:
                 room = track.room(parameters.margin)
                 members = members[track.contains(group.places, 2 * room)]

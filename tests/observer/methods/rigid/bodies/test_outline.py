@@ -103,6 +103,19 @@ def test_it_is_expected_at_its_new_place_after_body_and_camera_moved(
     assert where.disparity == pytest.approx(truth, rel=0.02)
 
 
+def test_it_is_expected_at_its_place_after_another_point_became_the_origin() -> None:
+    """Points at its side, say."""
+    outline, _ = outlined(0.1, 4.0)
+    outline.offsets["middle"] = np.zeros(3)
+    offset = np.array([0.2, 0.1, -0.1])
+    outline.move_origin(offset)
+    assert not outline.offsets
+    where = outline.expected(np.array([0.4, 0.0, 3.8]) + offset, HERE, GRID)
+    assert where is not None
+    moved = body(0.4, 3.8)
+    assert overlap(where.mask, cells_of(moved, [moved], HERE)) > 0.85
+
+
 @pytest.mark.parametrize(
     "place",
     [
