@@ -1,4 +1,4 @@
-"""Two people who walk below a camera that hangs over a yard, in low, hard light: recorded frames."""
+"""Two people who walk below a camera over a yard, in low, hard light: recorded frames."""
 
 from __future__ import annotations
 
