@@ -26,7 +26,7 @@ from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import StereoParameters
-from observer.types import Image, Unseen
+from observer.types import UNSEEN_BECAUSE, Image, Unseen
 from observer.vision.view import View
 
 Mask = NDArray[np.bool_]
@@ -58,7 +58,6 @@ _NEAR_REACH = 2.3
 _NEAR_BLOCK, _NEAR_UNIQUENESS_PERCENT, _NEAR_TEXTURE = 9, 15, 200
 # What matches by chance is smaller; of what is known on this share of a cell the depth is right.
 _NEAR_LEAST, _SOLID_SHARE = np.ones((3, 3), np.uint8), 0.9
-_CAUSES = ("plain", "dark", "near", "fast", "unmatched", "tentative")
 
 
 class UnseenRegions:
@@ -107,8 +106,8 @@ class UnseenRegions:
 
 
 def _told(cause: NDArray[np.str_], cell_px: int, *, hides: bool) -> Unseen:
-    shares = {name: float(np.mean(cause == name[0])) for name in _CAUSES}
-    ordered = sorted(_CAUSES, key=lambda name: -shares[name])
+    shares = {name: float(np.mean(cause == name[0])) for name in UNSEEN_BECAUSE}
+    ordered = sorted(shares, key=lambda name: -shares[name])
     return Unseen(
         share=float(np.mean((cause != ".") & (cause != "t"))),
         causes={name: shares[name] for name in ordered if shares[name] > 0},

@@ -77,8 +77,8 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
         may_stand = track.part_moves or moves
         if outline.idles(unmoved, may_stand=may_stand) > _IDLE_FRAMES:
             return True
-    moves = track.motion is MotionState.MOVING
-    hopeless |= track.merged_s > _MERGED_S and not (moves and _shown_by_many(track))
+    drives = track.motion is MotionState.MOVING and _shown_by_many(track)
+    hopeless |= track.merged_s > _MERGED_S and not drives
     coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
     return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
 

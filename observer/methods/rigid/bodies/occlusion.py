@@ -19,13 +19,13 @@ def without_hidden(
 
     Their patches stick to the edge of what hides them, and would hold the body back.
     """
-    rigid = [t.id for t in tracks if t.rigid]
-    members = np.flatnonzero(np.isin(points.obstacle, rigid))
+    rigid = [t for t in tracks if t.rigid]
+    members = np.flatnonzero(np.isin(points.obstacle, [t.id for t in rigid]))
     if len(members) == 0:
         return points
     obstacle, tenure = points.obstacle.copy(), points.tenure.copy()
     beside = _nearest_beside(scene, points.px[members])
-    for track in [t for t in tracks if t.rigid]:
+    for track in rigid:
         mine = obstacle[members] == track.id
         if not mine.any():
             continue

@@ -201,8 +201,7 @@ class Outline:
         self.segment = with_limb(scene, self.segment, limb)
         self.box_px = box_px(scene.grid, self.segment)
         if self._silhouette is not None and anchor_of(self.segment) == "middle":
-            before = self._silhouette
-            self._silhouette = replace(before, segment=self.segment)
+            self._silhouette = replace(self._silhouette, segment=self.segment)
         return True
 
     def move_origin(self, offset: Float64Array) -> None:

@@ -34,9 +34,9 @@ class SteadyDrive:
         change = float(np.linalg.norm(velocity - self.velocity))
         like_before = change < _ALIKE_MPS + _ALIKE_SHARE * float(np.linalg.norm(velocity))
         goes_on = like_before and age_s - self.until_s <= _GAP_S
-        if points < _LEAST_POINTS and not goes_on:
-            return False
         if not goes_on:
+            if points < _LEAST_POINTS:
+                return False
             self.velocity, self.since_s = velocity, age_s
         self.velocity = self.velocity + _GAIN * (velocity - self.velocity)
         self.until_s = age_s
