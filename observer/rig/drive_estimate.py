@@ -24,6 +24,7 @@ from observer.geometry import Float64Array, rotation_matrix
 from observer.mount import CameraMount
 from observer.rig.drive_stretches import DriveSample, Stretch, WheelPaths, drive_stretches
 from observer.rig.estimates import Estimated, Refused
+from observer.robust import MAD_TO_SIGMA
 
 # Noise of a stretch to begin with, metres and radians; then the residuals tell the real one,
 # within these factors.
@@ -211,7 +212,7 @@ def _first_pan(stretches: Sequence[Stretch]) -> float:
 
 
 def _factor(residual: Float64Array) -> float:
-    return float(np.clip(1.4826 * np.median(np.abs(residual)), *_NOISE_FACTOR))
+    return float(np.clip(MAD_TO_SIGMA * np.median(np.abs(residual)), *_NOISE_FACTOR))
 
 
 def _rotation(angles: Float64Array) -> Float64Array:

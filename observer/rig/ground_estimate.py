@@ -15,6 +15,7 @@ from observer.geometry import Float64Array
 from observer.mount import CameraMount
 from observer.rig.estimates import Estimated, Refused
 from observer.rig.ground_planes import DisparityPoints, LevelPlane, level_planes, stand_of
+from observer.robust import MAD_TO_SIGMA
 
 # Noise of disparities, one standard deviation. Of a single one; what a calibration leaves at the
 # image's edge, the same for all points, and rising and falling over the image; and what it leaves
@@ -196,7 +197,7 @@ def _combined(
     fb = camera.fx * camera.baseline
     stands = np.array([stand_of(view.coefficients, fb) for view in found])
     middle = np.median(stands, axis=0)
-    spread = 1.4826 * np.median(np.abs(stands - middle), axis=0)
+    spread = MAD_TO_SIGMA * np.median(np.abs(stands - middle), axis=0)
     # Of the coefficients, by what the calibration leaves: offset and slopes.
     edge = np.array([camera.width / 2 / camera.fx, camera.height / 2 / camera.fy, 1.0])
     bias = np.diag((_BIAS_PX / edge) ** 2)

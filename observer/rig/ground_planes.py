@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.mount import CameraMount
+from observer.robust import MAD_TO_SIGMA
 
 Mask = NDArray[np.bool_]
 
@@ -179,7 +180,7 @@ def _refined(
         A = points.ray[near] * np.sqrt(weight)[:, None]
         b = points.disparity[near] * np.sqrt(weight)
         coefficients = np.asarray(np.linalg.lstsq(A, b, rcond=None)[0], np.float64)
-        robust = 1.4826 * np.median(np.abs(residual[near]))
+        robust = MAD_TO_SIGMA * np.median(np.abs(residual[near]))
         sigma = float(np.clip(robust, 0.3 * noise_px, 1.5 * noise_px))
     members = _near(points, coefficients, _GATE * sigma)
     # Beyond its horizon a plane is not seen, and where it is nearer than stereo searches, what is

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
+from observer.robust import MAD_TO_SIGMA
 
 _LEAST_POINTS = 30
 _LEAST_DISPARITY_PX = 1.0
@@ -150,7 +151,7 @@ def _robust_first(design: Float64Array, values: Float64Array) -> tuple[float, fl
         inverse = np.linalg.inv(weighted @ scaled.T + 1e-9 * len(values) * np.eye(4))
         found = inverse @ (weighted @ values)
         residual = np.abs(values - found @ scaled)
-        scatter = max(_LEAST_SCATTER_PX, 1.4826 * float(np.median(residual)))
+        scatter = max(_LEAST_SCATTER_PX, MAD_TO_SIGMA * float(np.median(residual)))
         weight = np.clip(1 - (residual / (_TUKEY_SIGMAS * scatter)) ** 2, 0.0, None) ** 2
     size = float(np.abs(design[0]).max())
     return float(found[0]) / size, scatter * math.sqrt(inverse[0, 0]) / size

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
+from observer.robust import MAD_TO_SIGMA
 from observer.types import Image
 
 # Brightness is judged on about so many samples on a grid, whatever the size of the picture; each
@@ -125,9 +126,7 @@ _MIN_ROW_POINTS = 20
 _FIT_ROUNDS = 4
 # Tukey's weight is 0 beyond this many standard deviations and keeps 95 % of the information.
 _TUKEY_SIGMAS = 4.7
-# From the median absolute deviation to a standard deviation; Lucas-Kanade finds rows to 0.05 px
-# at best, so that perfect data do not make everything an outlier.
-_MAD = 1.4826
+# Lucas-Kanade finds rows to 0.05 px at best; perfect data shall not make everything an outlier.
 _MIN_SIGMA_PX = 0.05
 _SURE_SIGMAS = 3.0
 
@@ -158,7 +157,7 @@ def vertical_error(
     sigma = _MIN_SIGMA_PX
     for _ in range(_FIT_ROUNDS):
         residual = y - A @ plane
-        sigma = max(_MIN_SIGMA_PX, _MAD * float(np.median(np.abs(residual))))
+        sigma = max(_MIN_SIGMA_PX, MAD_TO_SIGMA * float(np.median(np.abs(residual))))
         weight = np.clip(1 - (residual / (_TUKEY_SIGMAS * sigma)) ** 2, 0, None) ** 2
         # One part in a million of a prior keeps points on one line from making a slope of nothing.
         information = (A * weight[:, None]).T @ A + np.diag([0.0, 1e-6, 1e-6]) * len(y)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints
-from observer.types import Image
+from observer.types import Image, MotionState, Obstacle, TrackState
 
 LAB = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 ROAD = StereoCamera(1242, 375, 707.0, 707.0, 601.0, 183.0, 0.54)
@@ -131,3 +133,16 @@ def watched(
     return points.but(
         sightings=np.full(count, frames, np.int64), age=np.full(count, (frames - 1) * dt)
     )
+
+
+def an_obstacle(**changes: Any) -> Obstacle:
+    """A confirmed obstacle at 3 m that moves at 0.5 m/s, nothing else known; with changes."""
+    values: dict[str, Any] = {
+        "id": 1, "state": TrackState.CONFIRMED, "motion": MotionState.MOVING,
+        "position_camera": np.array([0.0, 0.0, 3.0]), "velocity_camera": np.zeros(3),
+        "position": None, "velocity": None, "position_cov": None, "velocity_cov": None,
+        "velocity_time": 0.5, "speed": 0.5, "speed_std": None,
+        "size": np.ones(3), "orientation_wxyz": None, "closing_speed": None,
+        "points": 5, "significance": 6.0, "box_px": (0.0, 0.0, 1.0, 1.0), "reason": "it moves",
+    }  # fmt: skip
+    return Obstacle(**{**values, **changes})

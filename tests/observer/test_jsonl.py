@@ -10,35 +10,16 @@ import numpy as np
 from observer.drawing import silhouette_mask
 from observer.evaluation.lines import checked_lines
 from observer.jsonl import observation_line
-from observer.types import MotionState, Observation, Obstacle, Status, TrackState
+from observer.types import Observation, Obstacle, Status
+
+from .builders import an_obstacle
 
 PART = np.array([[3.0, 2.0], [20.0, 2.0], [20.0, 30.0], [3.0, 31.0]])
 OTHER = np.array([[40.0, 5.0], [44.0, 5.0], [42.0, 9.0]])
 
 
 def obstacle() -> Obstacle:
-    return Obstacle(
-        id=4,
-        state=TrackState.CONFIRMED,
-        motion=MotionState.MOVING,
-        position_camera=np.array([0.1, 0.2, 3.0]),
-        velocity_camera=np.zeros(3),
-        position=np.array([0.1, 0.2, 3.0]),
-        velocity=np.zeros(3),
-        position_cov=np.eye(3),
-        velocity_cov=None,
-        velocity_time=0.5,
-        speed=0.0,
-        speed_std=None,
-        size=np.ones(3),
-        orientation_wxyz=None,
-        closing_speed=None,
-        points=5,
-        significance=3.0,
-        box_px=(3.0, 2.0, 44.0, 31.0),
-        reason="it moves",
-        silhouette=(PART, OTHER),
-    )
+    return an_obstacle(box_px=(3.0, 2.0, 44.0, 31.0), silhouette=(PART, OTHER))
 
 
 def observed(*obstacles: Obstacle) -> Observation:

@@ -13,7 +13,6 @@ from observer.jsonl import observation_line
 from observer.methods.planar.results import ResidualFlow
 from observer.types import (
     FullTrace,
-    MotionState,
     NoTrace,
     Observation,
     Obstacle,
@@ -22,6 +21,8 @@ from observer.types import (
     TrackState,
     Unseen,
 )
+
+from .builders import an_obstacle
 
 GREY = np.zeros((4, 6), np.uint8)
 COLOUR = np.zeros((4, 6, 3), np.uint8)
@@ -52,27 +53,7 @@ def test_bad_frames_are_refused(
 
 
 def obstacle(state: TrackState, position: tuple[float, float, float] = (0, 0, 2)) -> Obstacle:
-    return Obstacle(
-        id=1,
-        state=state,
-        motion=MotionState.MOVING,
-        position_camera=np.array(position, float),
-        velocity_camera=np.zeros(3),
-        position=None,
-        velocity=None,
-        position_cov=None,
-        velocity_cov=None,
-        velocity_time=0.0,
-        speed=0.0,
-        speed_std=None,
-        size=np.ones(3),
-        orientation_wxyz=None,
-        closing_speed=None,
-        points=4,
-        significance=3.0,
-        box_px=(0.0, 0.0, 1.0, 1.0),
-        reason="",
-    )
+    return an_obstacle(state=state, position_camera=np.array(position, float))
 
 
 def test_range_and_bearing() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
+from observer.robust import MAD_TO_SIGMA
 from observer.vision.image_checks import VerticalError, vertical_error
 
 # Rows further apart than this are warned of; the warning ends below the second.
@@ -199,7 +200,7 @@ def _median(rows: list[_Rows]) -> _Rows:
     values = np.array([(r.time_s, r.pitch_px, r.roll_px, r.std_px) for r in rows])
     time_s, pitch, roll, std = np.median(values, axis=0).tolist()
     apart = np.hypot(values[:, 1] - pitch, values[:, 2] - roll)
-    scatter = 1.4826 * float(np.median(apart)) / math.sqrt(len(rows))
+    scatter = MAD_TO_SIGMA * float(np.median(apart)) / math.sqrt(len(rows))
     return _Rows(time_s, pitch, roll, math.hypot(max(std, scatter), _SCENE_PX))
 
 

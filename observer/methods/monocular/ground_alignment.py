@@ -18,6 +18,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, cross_matrix
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.pose import held_above_ground, moved_by
+from observer.robust import MAD_TO_SIGMA
 from observer.types import Image
 
 _Float32Array = NDArray[np.float32]
@@ -179,7 +180,7 @@ class GroundMark:
             cv2.remap(each, *at, cv2.INTER_LINEAR)[0].astype(np.float64) for each in maps
         )
         r = value - band
-        noise = max(1.4826 * float(np.median(np.abs(r))), _LEAST_NOISE)
+        noise = max(MAD_TO_SIGMA * float(np.median(np.abs(r))), _LEAST_NOISE)
         variance = noise**2 + _EDGE_SIGMA_PX**2 * (along_u**2 + along_v**2)
         squared = r**2 / variance
         # Smoothed pixels are wrong together with as many others as the filter is wide.

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from observer.geometry import Float64Array
 from observer.methods.planar.results import Detection, PointMotions
 from observer.parameters import ClusteringParameters, MotionParameters
+from observer.robust import MAD_TO_SIGMA
 
 # Two measurements of one surface differ along the ray by less than this many standard deviations.
 _DEPTH_SIGMAS = 2.0
@@ -143,6 +144,6 @@ def _agree(velocity: Float64Array, covariance: Float64Array) -> NDArray[np.bool_
     """(K,) which points move as the middle one does, within the noise of each."""
     gap = velocity - np.median(velocity, axis=0)
     # At least the scatter that is there, so that half of the points always agree.
-    scatter = 1.4826 * np.median(np.abs(gap), axis=0)
+    scatter = MAD_TO_SIGMA * np.median(np.abs(gap), axis=0)
     sigma = np.maximum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), scatter)
     return np.asarray((np.abs(gap) <= _OUTLIER_SIGMAS * sigma).all(axis=1), dtype=np.bool_)

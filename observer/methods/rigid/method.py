@@ -34,7 +34,7 @@ from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.methods.rigid.unseen import UnseenRegions
 from observer.mount import CameraMount
 from observer.parameters import Parameters
-from observer.types import Obstacle, Trace, TrackState, Unseen
+from observer.types import Obstacle, Trace, Unseen
 from observer.vision.camera_rate import CameraRate
 from observer.vision.keypoints import density_weights, has_corner
 from observer.vision.klt_tracking import FIRST_LEVELS, LEVELS
@@ -45,9 +45,6 @@ from observer.vision.view import StereoRows, View
 
 # The noise learnt from the background follows the newest frame by this share.
 _NOISE_GAIN = 0.3
-# Standard deviations of its velocity from which on something seems to move.
-_SEEMING_SIGMAS = 2.0
-_SEEMING_POINTS = 6
 
 
 class RigidMethod:
@@ -132,12 +129,8 @@ class RigidMethod:
             notes = self._follow_drift(given, before.take(seen.found), rows, p, trace)
         obstacles = self._described(now)
         with timer("unseen"):
-            told = [o.box_px for o in obstacles if o.state is TrackState.CONFIRMED]
-            tentative = [o.box_px for o in obstacles if _may_move(o)]
             if due:
-                self._told_unseen = self._unseen.look(
-                    view, scene, points, told, p.stereo, tentative
-                )
+                self._told_unseen = self._unseen.look(view, scene, points, obstacles, p.stereo)
             elif p.dense.rate_hz == 0:
                 self._told_unseen = None
         trace.keep("unseen", self._told_unseen)
@@ -259,10 +252,3 @@ class RigidMethod:
             for track in self._tracker.tracks
         ]
         return while_lost(last, time - before, p.obstacles.coast_s)
-
-
-def _may_move(obstacle: Obstacle) -> bool:
-    """Return whether something seems to move, but not surely enough to be reported."""
-    if obstacle.state is not TrackState.TENTATIVE or obstacle.significance < _SEEMING_SIGMAS:
-        return False
-    return obstacle.silhouette is not None or obstacle.points >= _SEEMING_POINTS

@@ -26,13 +26,14 @@ from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import StereoParameters
-from observer.types import UNSEEN_BECAUSE, Image, Unseen
+from observer.types import UNSEEN_BECAUSE, Image, Obstacle, TrackState, Unseen
 from observer.vision.view import View
 
 Mask = NDArray[np.bool_]
 Weights = NDArray[np.float32]
-Box = tuple[float, float, float, float]
 
+# Standard deviations of its velocity and number of points from which on something seems to move.
+_SEEMING_SIGMAS, _SEEMING_POINTS = 2.0, 6
 # Side of a cell, in cells of the dense grid; and the share of it that must have depth.
 _SIDE = 8
 _SEEN_SHARE = 0.25
@@ -72,17 +73,16 @@ class UnseenRegions:
         view: View,
         scene: DenseScene | None,
         points: TrackedPoints,
-        boxes_px: Sequence[Box],
+        obstacles: Sequence[Obstacle],
         parameters: StereoParameters,
-        tentative_px: Sequence[Box] = (),
     ) -> Unseen:
         """Tell where motion could not be noticed in a view.
 
         Args:
             scene: of this frame; None while the camera is too fast for it.
             points: as tracked in this frame.
-            boxes_px: u0 v0 u1 v1 around the obstacles that are reported of it.
-            tentative_px: around those of which it is not certain yet whether they move.
+            obstacles: of this frame. That the confirmed ones move is told already; of tentative
+                ones that may move it is told that this is not certain yet.
         """
         grid = self._grid
         small = grid.reduced(view.left) if scene is None else scene.left
@@ -96,12 +96,14 @@ class UnseenRegions:
         cause[known >= _SEEN_SHARE] = "."
         if _fills(cause == "u", self._fits, _UNMATCHED_SHARE):
             cause[_near(view, parameters.max_disparity_px, known)] = "n"
-        reported = _within(boxes_px, grid, plain.shape)
+        confirmed = [o for o in obstacles if o.state is TrackState.CONFIRMED]
+        reported = _within(confirmed, grid, plain.shape)
         moves[reported] = 0
         background = _background(cause == "p", stands, moves, self._fits)
         hidden = (cause != ".") & ~background & ~reported
         hides = _fills(hidden, self._fits, _HIDING_SHARE)
-        cause[_within(tentative_px, grid, plain.shape) & ~reported] = "t"
+        uncertain = _within([o for o in obstacles if _may_move(o)], grid, plain.shape)
+        cause[uncertain & ~reported] = "t"
         return _told(cause, _SIDE * grid.reduction, hides=hides)
 
 
@@ -154,12 +156,19 @@ def _known(
     return known, stands, np.where(moving, known, moves)
 
 
-def _within(boxes_px: Sequence[Box], grid: Grid, shape: tuple[int, ...]) -> Mask:
-    """Cells (rows, columns) in boxes of what is reported: that it moves is told already."""
+def _may_move(obstacle: Obstacle) -> bool:
+    """Return whether something seems to move, but not surely enough to be reported."""
+    if obstacle.state is not TrackState.TENTATIVE or obstacle.significance < _SEEMING_SIGMAS:
+        return False
+    return obstacle.silhouette is not None or obstacle.points >= _SEEMING_POINTS
+
+
+def _within(obstacles: Sequence[Obstacle], grid: Grid, shape: tuple[int, ...]) -> Mask:
+    """Cells (rows, columns) in the obstacles' boxes."""
     inside = np.zeros(shape, np.bool_)
     side = _SIDE * grid.reduction
-    for box in boxes_px:
-        u0, v0, u1, v1 = (max(0, int(edge // side)) for edge in box)
+    for obstacle in obstacles:
+        u0, v0, u1, v1 = (max(0, int(edge // side)) for edge in obstacle.box_px)
         inside[v0 : v1 + 1, u0 : u1 + 1] = True
     return inside
 

@@ -8,6 +8,7 @@ import numpy as np
 import scipy
 
 from observer.geometry import Float64Array
+from observer.robust import MAD_TO_SIGMA
 from observer.truth.alignment.curves import SpeedCurve
 
 # Two crystals usually differ by less; without a bound the drift would fit noise.
@@ -61,7 +62,7 @@ class OffsetFit:
             for k, error in enumerate(self._residuals(start)):
                 if len(error) < 3:
                     continue
-                spread = 1.4826 * float(np.median(np.abs(error)))
+                spread = MAD_TO_SIGMA * float(np.median(np.abs(error)))
                 # Correlated errors count for less than the number of their samples.
                 lags = _correlated_samples(self._parts[k][0])
                 like = _correlation_time(np.clip(error, -3, 3), lags)

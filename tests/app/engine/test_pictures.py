@@ -26,14 +26,14 @@ from observer.simulation.world import World
 from observer.types import (
     Image,
     Matches,
-    MotionState,
     Observation,
     Obstacle,
     Status,
     StereoFrame,
-    TrackState,
     Unseen,
 )
+
+from ...observer.builders import an_obstacle
 
 WIDTH, HEIGHT = 320, 200
 CAMERA = StereoCamera(WIDTH, HEIGHT, 200.0, 200.0, 160.0, 100.0, 0.1)
@@ -51,26 +51,9 @@ def scene(width: int = WIDTH, height: int = HEIGHT, seed: int = 0) -> np.ndarray
 
 
 def obstacle() -> Obstacle:
-    return Obstacle(
+    return an_obstacle(
         id=12,
-        state=TrackState.CONFIRMED,
-        motion=MotionState.MOVING,
-        position_camera=np.array([0, 0, 3.0]),
-        velocity_camera=np.zeros(3),
-        position=np.array([0, 0, 3.0]),
-        velocity=np.zeros(3),
-        position_cov=None,
-        velocity_cov=None,
-        velocity_time=0.0,
-        speed=0.42,
-        speed_std=None,
-        size=np.ones(3),
-        orientation_wxyz=None,
-        closing_speed=None,
-        points=5,
-        significance=3.0,
         box_px=(200.0, 60.0, 280.0, 150.0),
-        reason="it moves",
         silhouette=(np.array([[220.0, 70.0], [260.0, 70.0], [260.0, 140.0], [220.0, 140.0]]),),
     )
 

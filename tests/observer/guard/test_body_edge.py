@@ -16,8 +16,9 @@ from observer.guard.separation import approach
 from observer.guard.sight import SeenObstacle
 from observer.methods.rigid.bodies.reporting import describe_body
 from observer.robots.contract import RobotPhase, RobotReport
-from observer.types import MotionState, Observation, Obstacle, Status, TrackState
+from observer.types import Observation, Obstacle, Status, TrackState
 
+from ..builders import an_obstacle
 from ..methods.rigid.solid_worlds import CAMERA, HERE, MOUNT, ROOM, Solid, SolidView, on_floor
 
 # Across, height, along the line of sight; metres.
@@ -32,17 +33,12 @@ def person(z: float, x: float = 0.0) -> Solid:
 def obstacle(x: float, y: float, **changes: object) -> Obstacle:
     """One that stands at a place (x, y) m of the robot's base, whose size and place are known."""
     position = MOUNT.T_base_camera.inverse().apply(np.array([x, y, 0.85]))
-    values: dict[str, object] = {
-        "id": 1, "state": TrackState.CONFIRMED, "motion": MotionState.MOVING,
-        "position_camera": position, "velocity_camera": np.zeros(3),
-        "position": position, "velocity": np.zeros(3),
+    given = {
+        "position_camera": position, "position": position, "velocity": np.zeros(3),
         "position_cov": np.zeros((3, 3)), "velocity_cov": np.zeros((3, 3)),
-        "velocity_time": 1.0, "speed": 0.0, "speed_std": None,
         "size": np.array(PERSON), "orientation_wxyz": np.array([1.0, 0.0, 0.0, 0.0]),
-        "closing_speed": None, "points": 5, "significance": 6.0,
-        "box_px": (0.0, 0.0, 1.0, 1.0), "reason": "",
     }  # fmt: skip
-    return Obstacle(**{**values, **changes})  # type: ignore[arg-type]
+    return an_obstacle(**{**given, **changes})
 
 
 def observation(*obstacles: Obstacle) -> Observation:

@@ -14,22 +14,20 @@ from observer.guard.seeing import seen_obstacles, sight_of_observation
 from observer.mount import CameraMount
 from observer.types import MotionState, Observation, Obstacle, Status, TrackState, Unseen
 
+from ..builders import an_obstacle
+
 CAMERA = StereoCamera(640, 400, 500.0, 500.0, 319.5, 199.5, 0.12)
 MOUNT = CameraMount(0.4, math.radians(5), 0.05, 0.06)
 
 
 def obstacle(**changes: Any) -> Obstacle:
-    values: dict[str, Any] = {
-        "id": 1, "state": TrackState.CONFIRMED, "motion": MotionState.MOVING,
+    given = {
         "position_camera": MOUNT.T_base_camera.inverse().apply(np.array([2.0, -0.5, 0.1])),
         "velocity_camera": MOUNT.R_base_camera.T @ np.array([0.1, 0.4, 0.0]),
-        "position": None, "velocity": None,
         "position_cov": np.diag([0.01, 0.0025, 0.04]), "velocity_cov": np.diag([0.01] * 3),
-        "velocity_time": 1.0, "speed": 0.4, "speed_std": None,
-        "size": np.array([0.6, 0.9, 0.8]), "orientation_wxyz": None, "closing_speed": None,
-        "points": 5, "significance": 6.0, "box_px": (0, 0, 1, 1), "reason": "",
+        "size": np.array([0.6, 0.9, 0.8]),
     }  # fmt: skip
-    return Obstacle(**{**values, **changes})
+    return an_obstacle(**{**given, **changes})
 
 
 def observation(*obstacles: Obstacle) -> Observation:

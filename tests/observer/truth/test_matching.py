@@ -8,7 +8,9 @@ import pytest
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody
 from observer.truth.matching import TrueBodyEntry, TruthMatcher
-from observer.types import MotionState, Observation, Obstacle, Status, TrackState
+from observer.types import Observation, Obstacle, Status, TrackState
+
+from ..builders import an_obstacle
 
 
 class Bodies:
@@ -34,27 +36,7 @@ def obstacle(
     number: int, position: list[float] | None, state: TrackState = TrackState.CONFIRMED
 ) -> Obstacle:
     at = None if position is None else np.array(position)
-    return Obstacle(
-        id=number,
-        state=state,
-        motion=MotionState.MOVING,
-        position_camera=np.zeros(3),
-        velocity_camera=np.zeros(3),
-        position=at,
-        velocity=at,
-        position_cov=None,
-        velocity_cov=None,
-        velocity_time=0.0,
-        speed=0.5,
-        speed_std=None,
-        size=np.ones(3),
-        orientation_wxyz=None,
-        closing_speed=None,
-        points=5,
-        significance=3.0,
-        box_px=(0.0, 0.0, 1.0, 1.0),
-        reason="it moves",
-    )
+    return an_obstacle(id=number, state=state, position=at, velocity=at)
 
 
 def observation(*obstacles: Obstacle, pose: Pose | None = None, segment: int = 0) -> Observation:

@@ -16,6 +16,7 @@ from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import ObstacleParameters
+from observer.robust import MAD_TO_SIGMA
 from observer.types import MotionState, TrackState
 from observer.vision.chi_square import quantile
 
@@ -305,6 +306,6 @@ def _together(position: Float64Array, reach: float) -> NDArray[np.bool_]:
     The spread of a few points says little; nearer than ``reach`` metres none is a stray.
     """
     apart = np.abs(position - np.median(position, axis=0))
-    spread = 1.4826 * np.median(apart, axis=0)
+    spread = MAD_TO_SIGMA * np.median(apart, axis=0)
     allowed = np.maximum(_STRAY * spread, reach)
     return np.asarray((apart <= allowed).all(axis=1), dtype=np.bool_)

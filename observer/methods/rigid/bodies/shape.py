@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.filter import yaw_matrix
+from observer.robust import MAD_TO_SIGMA
 
 # Places further from the middle than so many times the largest spread are none of the body's, if
 # they are also further than this many metres.
@@ -202,7 +203,7 @@ def _near_most(places: Float64Array) -> NDArray[np.bool_]:
     """
     half = len(places) // 2
     apart = np.abs(places - np.partition(places, half, axis=0)[half])
-    spread = 1.4826 * float(np.partition(apart, half, axis=0)[half].max())
+    spread = MAD_TO_SIGMA * float(np.partition(apart, half, axis=0)[half].max())
     return np.asarray((apart <= _STRAY * spread + _LEAST_SPREAD_M).all(axis=1))
 
 

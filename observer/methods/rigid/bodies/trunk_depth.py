@@ -16,6 +16,7 @@ from observer.geometry import Float64Array, inverse_3x3
 from observer.methods.rigid.bodies.filter import POSITION, BodyFilter
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
+from observer.robust import MAD_TO_SIGMA
 
 # Fewer points may all be on an arm.
 _LEAST_POINTS = 3
@@ -26,7 +27,6 @@ _MEMORY_S = 1.0
 # Robust mean: weights fall from so many deviations on, and a point that is farther off has another
 # place from now on. The noise of points on one body is alike by this share.
 _FULL_SIGMAS, _LEAVE_SIGMAS = 2.0, 4.0
-_MEDIAN_TO_SIGMA = 1 / 0.6745
 _STEPS = 3
 # Most of a sighting's error the same point repeats in the next frame: two differ by less.
 _LEAST_SCALE = 0.3
@@ -95,7 +95,7 @@ def _robust_mean(
     mean = float(np.median(moved))
     for _ in range(_STEPS):
         length = np.abs(moved - mean) / np.sqrt(variance)
-        scale = max(_LEAST_SCALE, float(np.median(length)) * _MEDIAN_TO_SIGMA)
+        scale = max(_LEAST_SCALE, float(np.median(length)) * MAD_TO_SIGMA)
         fits = length <= _LEAVE_SIGMAS * scale
         weight = np.minimum(1.0, _FULL_SIGMAS * scale / np.maximum(length, 1e-9)) * fits / variance
         mean = float(weight @ moved / weight.sum())

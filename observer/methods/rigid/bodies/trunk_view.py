@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment
+from observer.robust import MAD_TO_SIGMA
 from observer.types import Image
 
 # Head and shoulders are in this upper share of the rows: arms swing below it.
@@ -31,7 +32,6 @@ _LEAST_NOISE, _FULL_SIGMAS = 1.0, 2.0
 _MOST_DIFFERENCE = 20.0
 # It is found beside where it was expected only if it differs by this factor less.
 _CLEARLY_LESS = 0.8
-_MAD_TO_SIGMA = 1 / 0.6745
 # The Sobel operator sums its step eight times, and its noise over twelve squared weights.
 _SOBEL_SCALE = 1 / 8
 _GRADIENT_NOISE = 12 * _SOBEL_SCALE**2
@@ -101,7 +101,7 @@ class TrunkView:
         light = _median(difference[inside])
         for _ in range(_STEPS):
             residual = difference - light
-            noise = max(_LEAST_NOISE, _MAD_TO_SIGMA * _median(np.abs(residual[inside])))
+            noise = max(_LEAST_NOISE, MAD_TO_SIGMA * _median(np.abs(residual[inside])))
             weight = inside / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2)
             weighted = J * weight[:, None]
             information = weighted.T @ J + np.eye(3) * _RIDGE

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from observer.methods.rigid.dense.grid import Grid
 from observer.parameters import StereoParameters
+from observer.robust import MAD_TO_SIGMA
 from observer.types import Image
 
 _BLOCK = 3
@@ -24,7 +25,6 @@ _TEXTURE_SIGMAS = 4.0
 _SUPPORT_CELLS = 10
 # The Sobel operator sums its step four times, and its noise over twelve squared weights.
 _SOBEL_STEP, _SOBEL_NOISE = 4.0, 12.0**0.5
-_MAD_TO_SIGMA = 1 / 0.6745
 
 
 def depth_image(
@@ -86,4 +86,4 @@ def noise_of(image: Image) -> float:
     top, bottom = levels[:-1:2], levels[1::2]
     mixed = (top[:, :-1:2] - top[:, 1::2]) - (bottom[:, :-1:2] - bottom[:, 1::2])
     # The sum of four independent values has twice their deviation.
-    return float(np.median(np.abs(mixed))) * _MAD_TO_SIGMA / 2
+    return float(np.median(np.abs(mixed))) * MAD_TO_SIGMA / 2

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from observer.methods.rigid.dense.free_space import DepthFrame, slack_px
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.reprojection import reproject
+from observer.robust import MAD_TO_SIGMA
 from observer.types import Image
 
 # Seconds back of the frame that is compared, and by how many it may be another: long enough for
@@ -19,8 +20,6 @@ from observer.types import Image
 _LAG_S, _LAG_SLACK_S = 0.13, 0.07
 # A difference that is no noise: standard deviations, and grey values at least.
 _SIGMAS, _LEAST_GREY = 4.0, 4.0
-# From the median of absolute differences to a standard deviation.
-_MAD_TO_SIGMA = 1 / 0.6745
 _LEAST_CELLS = 100
 
 
@@ -89,6 +88,6 @@ class GreyChange:
         usual, before_usual = (float(np.median(values[visible])) for values in (now, then))
         gain = np.float32(max(1.0, usual) / max(1.0, before_usual))
         difference = now - gain * then
-        noise = _MAD_TO_SIGMA * float(np.median(np.abs(difference[visible])))
+        noise = MAD_TO_SIGMA * float(np.median(np.abs(difference[visible])))
         limit = max(_SIGMAS * noise, _LEAST_GREY)
         return visible & ((now - gain * high > limit) | (gain * low - now > limit))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,10 +13,10 @@ from observer.methods.rigid.position_velocity_filter import PositionVelocityFilt
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.methods.rigid.unseen import UnseenRegions
 from observer.parameters import StereoParameters
-from observer.types import Image, Unseen
+from observer.types import Image, Obstacle, TrackState, Unseen
 from observer.vision.view import View
 
-from ...builders import Texture, as_image
+from ...builders import Texture, an_obstacle, as_image
 from .solid_worlds import CAMERA, MOUNT, step_to
 
 P = StereoParameters()
@@ -82,7 +83,8 @@ def told(*paints: Paint, boxes: Sequence[tuple[float, float, float, float]] = ()
     for index, paint in enumerate(paints):
         now = view(index, paint)
         scene = vision.look(now, step_to(dt=0.4), P, 0.0)
-    return regions.look(now, scene, TrackedPoints.none(), boxes, P)
+    obstacles = [an_obstacle(box_px=box) for box in boxes]
+    return regions.look(now, scene, TrackedPoints.none(), obstacles, P)
 
 
 def letters(unseen: Unseen) -> np.ndarray:
@@ -163,17 +165,37 @@ def test_what_is_nearer_than_stereo_searches_is_told_as_near(disparity: int) -> 
     assert "too near" in unseen.reasons[0]
 
 
-def test_what_seems_to_move_but_is_not_reported_yet_is_told() -> None:
-    regions, now = UnseenRegions(CAMERA), view(0, nothing)
-    boxes = [(320.0, 180.0, 351.0, 243.0)], [(64.0, 64.0, 95.0, 95.0), (320.0, 180.0, 351.0, 243.0)]
-    reported, tentative = boxes
-    scene = DenseVision(CAMERA, MOUNT).look(now, step_to(dt=0.4), P, 0.0)
-    unseen = regions.look(now, scene, TrackedPoints.none(), reported, P, tentative)
-    assert unseen.cause_at((70.0, 70.0)) == "tentative"
-    assert unseen.cause_at((330.0, 200.0)) != "tentative"
+@pytest.mark.parametrize(
+    ("seeming", "told"),
+    [
+        ({"points": 6, "significance": 2.5}, True),
+        ({"points": 3, "significance": 2.5, "silhouette": (np.zeros((3, 2)),)}, True),
+        ({"points": 3, "significance": 2.5}, False),
+        ({"points": 6, "significance": 1.5}, False),
+        ({"points": 6, "significance": 2.5, "state": TrackState.COASTING}, False),
+    ],
+)
+def test_what_seems_to_move_but_is_not_reported_yet_is_told(
+    seeming: dict[str, Any], told: bool
+) -> None:
+    beside = {"state": TrackState.TENTATIVE, "box_px": (64.0, 64.0, 95.0, 95.0), **seeming}
+    unseen = seen_with(an_obstacle(**beside))
+    assert (unseen.cause_at((70.0, 70.0)) == "tentative") == told
+    assert any("begun to move" in reason for reason in unseen.reasons) == told
     assert unseen.share < 0.03
-    (reason,) = unseen.reasons
-    assert "begun to move" in reason
+
+
+def test_what_is_reported_is_not_told_to_seem_to_move() -> None:
+    box = (320.0, 180.0, 351.0, 243.0)
+    seeming = an_obstacle(state=TrackState.TENTATIVE, box_px=box)
+    assert seen_with(an_obstacle(box_px=box), seeming).cause_at((330.0, 200.0)) != "tentative"
+
+
+def seen_with(*obstacles: Obstacle) -> Unseen:
+    """What is told of the textured wall, all of which is seen, and these obstacles."""
+    now = view(0, nothing)
+    scene = DenseVision(CAMERA, MOUNT).look(now, step_to(dt=0.4), P, 0.0)
+    return UnseenRegions(CAMERA).look(now, scene, TrackedPoints.none(), obstacles, P)
 
 
 def test_at_speed_only_points_tell() -> None:
