@@ -5,6 +5,9 @@ relation is the line below all of these points that comes closest to them.
 That line runs through an edge of the lower convex hull, the one above the stamps' mean (Moon,
 Skelly, Towsley: "Estimation and removal of clock skew from network delay measurements", 1999).
 The smallest delay itself cannot be told from the offset; the alignment finds it in the data.
+
+One arrival that is impossibly early, by a wrong stamp, would pull that line; so an arrival that is
+the quickest of its seconds by far, and alone, is left out.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 
@@ -24,6 +28,11 @@ WINDOW_S = 300.0
 _BIN_S = 0.1
 _FEWEST = 10
 _REFIT_S = 1.0
+# In so many bins of arrivals there is a second that is about as quick as the quickest.
+_BINS_TOGETHER = 50
+# It is alone if the second is later than it by more than this, and by more than so many times what
+# half of all are later than the second.
+_ALONE_S, _ALONE_TIMES = 0.001, 3.0
 # Stretches over which the scatter of the fastest arrivals is judged.
 _STRETCHES = 8
 
@@ -129,11 +138,32 @@ def lower_line(x: Float64Array, y: Float64Array) -> tuple[float, float]:
     raise ValueError("a line needs points at two different places at least")
 
 
+def not_alone(late: Float64Array) -> NDArray[np.bool_]:
+    """Mark the arrivals whose lateness others confirm: all but a quickest one that stands alone.
+
+    Args:
+        late: (N,) seconds, of arrivals close to each other in time, any offset.
+
+    Returns:
+        (N,), at most one of them False.
+    """
+    confirmed = np.ones(len(late), np.bool_)
+    if len(late) >= _FEWEST:
+        first, second = np.argpartition(late, 1)[:2]
+        usual = float(np.median(late)) - float(late[second])
+        if late[second] - late[first] > max(_ALONE_S, _ALONE_TIMES * usual):
+            confirmed[first] = False
+    return confirmed
+
+
 def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _fit(stamps: Float64Array, late: Float64Array, samples: int) -> ClockFit | None:
+    parts = np.array_split(late, max(1, len(late) // _BINS_TOGETHER))
+    confirmed = np.concatenate([not_alone(part) for part in parts])
+    stamps, late = stamps[confirmed], late[confirmed]
     if len(stamps) < _FEWEST or np.ptp(stamps) <= 0:
         return None
     span = float(np.ptp(stamps))

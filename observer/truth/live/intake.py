@@ -86,6 +86,9 @@ class Intake:
         """Note that no sender is reached, and why."""
         with self._lock:
             self._connected, self._trouble = False, sentence
+            # What was noticed about a server ends with it.
+            self._notes.clear()
+            self._farthest_m, self._poses = 0.0, 0
 
     def malformed(self) -> None:
         """Count a message that could not be read."""
@@ -185,7 +188,11 @@ class Intake:
             return LiveCaptureReport(
                 state=state,
                 trouble=trouble,
-                notes=tuple(self._notes.values()),
+                notes=tuple(
+                    sentence
+                    for kind, sentence in self._notes.items()
+                    if kind != "clock" or state == "receiving"
+                ),
                 rate_hz=rates,
                 seen=seen,
                 dropped=self._dropped,

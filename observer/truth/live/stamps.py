@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
-from observer.truth.live.clock import lower_line
+from observer.truth.live.clock import lower_line, not_alone
 
 # Long enough to tell seconds from anything else, and to see a new clock's quickest arrival.
 _SECONDS_SPAN_S = 0.5
@@ -35,6 +35,8 @@ _LATE_S = 0.05
 _LATE_FOR_S = 3.0
 # Stamps of several bodies, or of datagrams that overtook each other, may be this much out of order.
 _DISORDER_S = 0.25
+# A clock was set if so many arrivals in a row say so alike; fewer have wrong stamps.
+_AGREEING = 5
 _JUMP_STEPS = 20.0
 _MEMORY_BINS = 10
 
@@ -73,6 +75,8 @@ class StampReader(Generic[_Item]):
         self._quickest: deque[tuple[int, float]] = deque(maxlen=_MEMORY_BINS)
         self._late_since: float | None = None
         self._least_late = 0.0
+        # Arrivals in a row whose stamps do not fit the clock, with how late they count.
+        self._strange: list[tuple[float, float, float, _Item]] = []
         self._last_stamp: float | None = None
         self._stampless = False
         # Of arrivals that stand in for stamps: how late they count.
@@ -86,22 +90,47 @@ class StampReader(Generic[_Item]):
         self._reached_anew = True
 
     def feed(self, stamp: float, received: float, item: _Item) -> list[Timed[_Item]]:
-        """Return what is ready now, in order: nothing, this item, or all that was held back."""
-        if self._unit is not None:
-            jump = self._jumped(stamp, received)
-            if jump is None:
+        """Return what is ready now, in order: nothing, this item, or all that was held back.
+
+        Items whose stamps alone do not fit the clock are left out.
+        """
+        if self._unit is None:
+            return self._hold([(stamp, received, item)])
+        if self._stampless:
+            if self._last_stamp in (None, stamp):
                 return [self._timed(stamp, received, item)]
-            self._jumps += 1
-            times = f" (jump number {self._jumps})" if self._jumps > 1 else ""
-            self._notice("clock", jump + times)
-            self._forget()
-        self._held.append((stamp, received, item))
+            return self._anew("the server's stamps move again", [(stamp, received, item)])
+        late = received - self._time(stamp, received)
+        if self._fits(stamp, late):
+            self._strange.clear()
+            jump = self._late_jump(received, late)
+            if jump is not None:
+                return self._anew(_jump_sentence(jump), [(stamp, received, item)])
+            return [self._timed(stamp, received, item)]
+        self._strange.append((late, stamp, received, item))
+        if not self._is_set():
+            return []
+        jump = self._least_usual - late
+        return self._anew(_jump_sentence(jump), [each[1:] for each in self._strange])
+
+    def _anew(self, sentence: str, items: list[tuple[float, float, _Item]]) -> list[Timed[_Item]]:
+        """Begin with another clock, by the items that showed it."""
+        self._jumps += 1
+        times = f" (jump number {self._jumps})" if self._jumps > 1 else ""
+        self._notice("clock", sentence + times)
+        self._forget()
+        return self._hold(items)
+
+    def _hold(self, items: list[tuple[float, float, _Item]]) -> list[Timed[_Item]]:
+        self._held.extend(items)
         return self._release() if self._decide() else []
 
     def _forget(self) -> None:
         self._held.clear()
         self._unit = None
         self._last_stamp = None
+        self._late_since = None
+        self._strange.clear()
 
     def _timed(self, stamp: float, received: float, item: _Item) -> Timed[_Item]:
         time = self._time(stamp, received)
@@ -145,7 +174,7 @@ class StampReader(Generic[_Item]):
             self._standing = min((each[1] for each in self._quickest), default=0.0)
             return True
         self._stampless = False
-        _, slope = lower_line(stamps - stamps[0], received - received[0])
+        slope = _slope(stamps - stamps[0], received - received[0])
         if not self._counts and abs(slope - 1) < _SECONDS_WITHIN:
             self._unit = 1.0
             return True
@@ -161,53 +190,63 @@ class StampReader(Generic[_Item]):
 
     def _release(self) -> list[Timed[_Item]]:
         """Return what was held back; a new clock continues where the one before it was."""
-        if self._quickest and not self._stampless:
-            unit = self._unit or 1.0
-            least = min(each[1] - each[0] * unit for each in self._held)
-            usual = min(each[1] for each in self._quickest)
-            # The same clock as before, only reached anew, needs no second guess.
-            if not -_EARLY_S < least - self._shift - usual < _LATE_S:
-                if self._reached_anew:
-                    self._notice(
-                        "clock",
-                        "after the connection was lost the server's clock was another; it is "
-                        "taken on by arrival",
-                    )
-                self._shift = least - usual
-                self._quickest.clear()
-        self._reached_anew = False
-        ready = [self._timed(*each) for each in self._held]
+        held = list(self._held)
         self._held.clear()
-        return ready
+        if not self._stampless:
+            late = np.array([received - stamp * (self._unit or 1.0) for stamp, received, _ in held])
+            confirmed = not_alone(late)
+            held = [each for each, right in zip(held, confirmed.tolist(), strict=True) if right]
+            if self._quickest:
+                self._continue_at(float(late[confirmed].min()))
+        self._reached_anew = False
+        return [self._timed(*each) for each in held]
+
+    def _continue_at(self, least: float) -> None:
+        """Go on with a clock whose quickest arrival comes so late, without a shift."""
+        usual = self._least_usual
+        # The same clock as before, only reached anew, needs no second guess.
+        if -_EARLY_S < least - self._shift - usual < _LATE_S:
+            return
+        if self._reached_anew:
+            self._notice(
+                "clock",
+                "after the connection was lost the server's clock was another; it is taken on by "
+                "arrival",
+            )
+        self._shift = least - usual
+        self._quickest.clear()
 
     # --- jumps --------------------------------------------------------------------------------
 
-    def _jumped(self, stamp: float, received: float) -> str | None:
-        """Return a sentence if the server's clock has changed."""
-        if self._stampless:
-            if self._last_stamp is not None and stamp != self._last_stamp:
-                return "the server's stamps move again"
-            self._last_stamp = stamp
-            return None
-        time = self._time(stamp, received)
-        usual = min(each[1] for each in self._quickest)
-        late = received - time
-        if late < usual - _EARLY_S:
-            return _jump_sentence(usual - late)
-        if late > usual + _LATE_S:
-            if self._late_since is None:
-                self._late_since, self._least_late = received, late
-            self._least_late = min(self._least_late, late)
-            if received - self._late_since > _LATE_FOR_S:
-                self._late_since = None
-                return _jump_sentence(usual - self._least_late)
-        else:
+    @property
+    def _least_usual(self) -> float:
+        """How late the quickest of the last seconds came."""
+        return min(each[1] for each in self._quickest)
+
+    def _fits(self, stamp: float, late: float) -> bool:
+        """True if a stamp may be of the clock as it is known, rather than of a strange one."""
+        if self._strange and abs(late - self._strange[-1][0]) < abs(late - self._least_usual):
+            return False
+        back = 0.0 if self._last_stamp is None else self._last_stamp - stamp
+        return late >= self._least_usual - _EARLY_S and back * (self._unit or 1.0) <= _DISORDER_S
+
+    def _is_set(self) -> bool:
+        """True if arrivals in a row say alike that the clock is another, or have for long."""
+        lately = [each[0] for each in self._strange[-_AGREEING:]]
+        alike = max(lately) - min(lately) < _LATE_S
+        waited = self._strange[-1][2] - self._strange[0][2]
+        return (len(lately) == _AGREEING and alike) or waited > _LATE_FOR_S
+
+    def _late_jump(self, received: float, late: float) -> float | None:
+        """Return by how much the clock was set back (negative) if all has come late for long."""
+        usual = self._least_usual
+        if late <= usual + _LATE_S:
             self._late_since = None
-        if self._last_stamp is not None and stamp < self._last_stamp:
-            back = (self._last_stamp - stamp) * (self._unit or 1.0)
-            if back > _DISORDER_S:
-                return _jump_sentence(-back)
-        return None
+            return None
+        if self._late_since is None:
+            self._late_since, self._least_late = received, late
+        self._least_late = min(self._least_late, late)
+        return usual - self._least_late if received - self._late_since > _LATE_FOR_S else None
 
 
 def _jump_sentence(seconds: float) -> str:
@@ -216,6 +255,19 @@ def _jump_sentence(seconds: float) -> str:
         f"the server's clock jumped {where} by {abs(seconds):.3g} s and is taken on from there "
         f"by arrival"
     )
+
+
+def _slope(stamps: Float64Array, received: Float64Array) -> float:
+    """Return the seconds of a stamp's unit, whatever one of the stamps says."""
+    half = len(stamps) // 2
+    apart = stamps[half:] - stamps[: len(stamps) - half]
+    waited = received[half:] - received[: len(stamps) - half]
+    moved = apart != 0
+    if not moved.any():
+        return 0.0
+    about = float(np.median(waited[moved] / apart[moved]))
+    confirmed = not_alone(received - about * stamps)
+    return lower_line(stamps[confirmed], received[confirmed])[1]
 
 
 def _jumps(stamps: Float64Array) -> NDArray[np.intp]:

@@ -146,10 +146,10 @@ class VrpnCapture(LiveCapture):
                     for sender in conversation.senders:
                         self._send(connection, speaker.say(PING_TYPE, sender))
                 continue
-            # Taken before anything else is done.
-            received = self._clock()
             data = self._receive(connection)
-            heard = received
+            # Only now: whoever is preempted between a stamp and the reading after it reads data
+            # that were sent later than that.
+            received = heard = self._clock()
 
     def _cookies(self, connection: socket.socket) -> bytes:
         """Read the other side's cookie, and return the bytes behind it."""

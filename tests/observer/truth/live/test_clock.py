@@ -6,7 +6,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.truth.live.clock import ClockFit, ClockFitter, lower_line
@@ -49,6 +49,27 @@ def test_a_planted_drift_is_found_within_20_ppm_over_60_s(
     assert worst_ppm < 20
     assert worst_s < 1e-3
     assert worst_sigma_s < 1e-3
+
+
+@settings(deadline=None)
+@given(
+    st.integers(0, 100),
+    st.sampled_from([2.5, 8.0, 60.0]),
+    st.floats(0, 1),
+    st.floats(1e-3, 1e3),
+    st.floats(-200, 200),
+)
+def test_one_impossible_arrival_does_not_pull_the_clock(
+    seed: int, duration_s: float, where: float, early_s: float, drift_ppm: float
+) -> None:
+    stamps, received = arrivals(seed, duration_s, drift_ppm=drift_ppm)
+    expected = fitted(stamps, received)
+    stamps[int(where * (len(stamps) - 1))] += early_s
+    fit = fitted(stamps, received)
+    for each in (stamps[0], stamps[-2]):
+        assert fit.to_host(each) == pytest.approx(expected.to_host(each), abs=1.5e-3)
+    if duration_s == 60.0:
+        assert fit.sigma_s < 1e-3
 
 
 def test_before_ten_seconds_no_drift_is_claimed() -> None:

@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.truth.live.stamps import StampReader, Timed
@@ -76,6 +76,23 @@ def test_ticks_are_noticed_and_become_seconds(tick_hz: float) -> None:
     assert f"{tick_hz:g} a second" in read.notices[0][1]
     assert len(read.timed) == 2000
     assert np.abs(np.diff(read.times) - np.diff(sent)).max() <= 1 / tick_hz + 1e-9
+
+
+@settings(deadline=None)
+@given(st.integers(0, 999), st.floats(-1e4, 1e4) | st.floats(-1, 1), st.sampled_from([1.0, 1e7]))
+def test_a_single_wrong_stamp_changes_nothing(where: int, wrong_s: float, tick_hz: float) -> None:
+    stamps, received = arrivals(12, 10.0, offset_s=1.7e6)
+    usual, read = Read(), Read()
+    usual.feed(stamps * tick_hz, received)
+    stamps[where] += wrong_s
+    read.feed(stamps * tick_hz, received)
+    assert read.notices == usual.notices
+    times = {each.item: each.time for each in read.timed}
+    # While it is not known yet what the stamps are, those before a wrong one go with it.
+    assert len(times) >= 999 - (where if where < 210 else 0)
+    for each in usual.timed:
+        if each.item in times and each.item != where:
+            assert times[each.item] == pytest.approx(each.time, abs=1e-3)
 
 
 def test_frame_numbers_need_no_notice() -> None:

@@ -135,6 +135,37 @@ def test_the_clock_is_found_over_a_jittering_network() -> None:
         assert fit.to_host(now + planted.offset_s) - now == pytest.approx(0.005, abs=0.004)
 
 
+def test_a_thread_that_is_preempted_believes_in_nothing_from_the_future(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Between being told that there are data and having read them, others have the processor."""
+    read, pauses = (
+        vrpn_client.VrpnCapture._receive,
+        iter(np.random.default_rng(3).exponential(0.02, 10_000).tolist()),
+    )
+
+    def preempted(self: vrpn_client.VrpnCapture, connection: socket.socket) -> bytes:
+        pause = next(pauses)
+        if pause > 0.02:
+            time.sleep(pause)
+        return read(self, connection)
+
+    monkeypatch.setattr(vrpn_client.VrpnCapture, "_receive", preempted)
+    planted = Mishaps(offset_s=1.7e9)
+    with (
+        serving() as server,
+        streaming(server, planted, rate_hz=200.0),
+        capturing(server.port) as capture,
+    ):
+        report = until(capture, lambda r: r.clock and r.clock.span_s > 3.0)
+    assert report.clock is not None
+    now = time.monotonic()
+    late = report.clock.to_host(now + planted.offset_s) - now
+    assert 0 <= late < 0.005
+    assert report.clock.sigma_s < 0.005
+    assert report.notes == ()
+
+
 @pytest.mark.parametrize("fault", ["unseen", "repeat"])
 def test_drop_outs_are_gaps(fault: str) -> None:
     with serving() as server, streaming(server) as mishaps, capturing(server.port) as capture:
