@@ -88,7 +88,7 @@ def gather(
         for row in rows
         if row.role == _OBSTACLE and row.facts.get("state", _DRIVEN[0]) in _DRIVEN
     ]
-    commanded = _robot_curve(recording, rows if driven else (), "sent_speed", "as commanded")
+    commanded = _robot_curve(rows if driven else (), "sent_speed", "as commanded")
     if not commanded:
         # Nobody drove it: the zeros sent to it meanwhile commanded nothing.
         commanded = _commanded_of_truth(matched)
@@ -99,7 +99,7 @@ def gather(
         seen=seen,
         unmatched=unmatched,
         commanded=commanded,
-        encoder=_robot_curve(recording, rows, "encoder_speed", "by its encoders"),
+        encoder=_robot_curve(rows, "encoder_speed", "by its encoders"),
         truth_words=words,
         alignment=alignment,
     )
@@ -195,29 +195,19 @@ def _directions(body: MatchedBody | None, pose: Pose | None) -> tuple[str, str]:
     return ("right" if velocity @ pose.rotation[:, 0] > 0 else "left"), way
 
 
-def _robot_curve(
-    recording: Recording, rows: Sequence[RobotRow], field: str, label: str
-) -> tuple[Curve, ...]:
-    """Return the speeds of the obstacle's robot, absolute, on the source's clock."""
-    frames = recording.frames
-    received = np.array([frame.received for frame in frames])
-    times = np.array([frame.time for frame in frames])
-    rising = np.r_[True, np.diff(received) > 0] & np.r_[True, np.diff(times) > 0]
-    if rising.sum() < 2:
-        return ()
+def _robot_curve(rows: Sequence[RobotRow], field: str, label: str) -> tuple[Curve, ...]:
+    """Return the speeds of the obstacle's robot, absolute, where the source's clock is known."""
     found = [
-        (row.received, np.nan if row.time is None else row.time, getattr(row, field))
+        (row.time, getattr(row, field))
         for row in rows
-        if row.role == _OBSTACLE and getattr(row, field) is not None
+        if row.role == _OBSTACLE and row.time is not None and getattr(row, field) is not None
     ]
     if not found:
         return ()
-    host, stamped, speeds = np.array(found, dtype=np.float64).T
-    # Where a robot reports no time of the source's, the frames relate both clocks.
-    on_source = np.interp(host, received[rising], times[rising], left=np.nan, right=np.nan)
-    at = np.where(np.isfinite(stamped), stamped, on_source)
-    known = np.isfinite(at)
-    return (Curve(label, at[known], np.abs(speeds[known])),) if known.any() else ()
+    times, speeds = np.array(found, dtype=np.float64).T
+    # Older recordings may hold times that went back.
+    later = times > np.maximum.accumulate(np.r_[-np.inf, times[:-1]])
+    return (Curve(label, times[later], np.abs(speeds[later])),)
 
 
 def _commanded_of_truth(matched: Iterable[MatchedTruth]) -> tuple[Curve, ...]:

@@ -78,7 +78,7 @@ class Server:
             guard=lambda: self.parameters.group("guard"),
             changed=self.followers.robots_changed,
             run=lambda: self.runs.running,
-            newest=lambda: self.source.latest,
+            source_time=self.source.time,
             circumstances=self._circumstances,
             check_folder=check_folder,
             clock=clock,

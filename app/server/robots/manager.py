@@ -25,7 +25,7 @@ from app.contract.drive import (
     ToDrive,
     WheelSpeedEvent,
 )
-from app.contract.events import ObservationEvent, StateEvent
+from app.contract.events import StateEvent
 from app.contract.robots import DriveFacts, DriveProcess, RobotNow, RobotPortNow, Robots, RobotsNow
 from app.runtime.errors import ProcessUnavailable
 from app.runtime.supervisor import ProcessHealth
@@ -39,6 +39,7 @@ from app.server.robots.connecting import Connecting
 from app.server.robots.incidents import IncidentKeeper, Incidents
 from app.server.robots.operators import Operators
 from app.server.robots.wheels import WheelLog, WheelSample
+from app.server.source_time import SourceTime
 from observer.rig.rig import ROLES, Rig, Role
 from observer.robots.ports import shown_port
 
@@ -57,7 +58,7 @@ class RunKeeper(IncidentKeeper, Protocol):
 
     def measured(self, sample: WheelSample) -> None: ...
 
-    def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
+    def heard(self, robots: Robots, source: SourceTime) -> None:
         """Take each robot's state from ``DriveState.facts``."""
         ...
 
@@ -80,7 +81,7 @@ class RobotManager:
         guard: Callable[[], dict[str, Any]],
         changed: Callable[[], None],
         run: Callable[[], RunKeeper | None],
-        newest: Callable[[], ObservationEvent | None],
+        source_time: SourceTime,
         circumstances: Callable[[], Circumstances],
         check_folder: Path | None,
         clock: Callable[[], float],
@@ -90,8 +91,7 @@ class RobotManager:
         Args:
             rig: returns the rig in force. guard: returns the guard's parameters, by dotted name.
             changed: called when ``facts`` change. run: returns the run being recorded.
-            newest: returns the newest observation of the open source, which gives speeds their
-                time.
+            source_time: the clock of the open source, on which speeds are.
             circumstances: returns the circumstances of a check. check_folder: folder of its
                 records, if any.
             clock: the host's monotonic clock.
@@ -100,7 +100,7 @@ class RobotManager:
         self._rig = rig
         self._changed = changed
         self._run = run
-        self._newest = newest
+        self._source_time = source_time
         self._clock = clock
         self._background = Background()
         self._unsubscribe: Callable[[], None] = lambda: None
@@ -168,10 +168,10 @@ class RobotManager:
                 self.checks.drive_said(self._facts.robots)
                 self._connecting.stopped = self._facts.stopped
                 if (keeper := self._run()) is not None:
-                    keeper.heard(self._facts.robots, self._newest())
+                    keeper.heard(self._facts.robots, self._source_time)
                 self._changed()
             case WheelSpeedEvent():
-                sample, run = self.wheels.take(event, self._newest()), self._run()
+                sample, run = self._measured(event), self._run()
                 if sample is not None and run is not None:
                     run.measured(sample)
             case IncidentEvent():
@@ -185,6 +185,9 @@ class RobotManager:
                 self._started(event.generation)
             case DriveLostEvent():
                 self._lost(event)
+
+    def _measured(self, event: WheelSpeedEvent) -> WheelSample | None:
+        return self.wheels.take(event, self._source_time.at(event.time))
 
     def _started(self, generation: int) -> None:
         if generation <= self._generation:

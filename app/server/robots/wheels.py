@@ -7,8 +7,8 @@ from collections import deque
 from dataclasses import dataclass
 
 from app.contract.drive import WheelSpeedEvent
-from app.contract.events import ObservationEvent
 from app.contract.robots import WheelSpeed
+from app.server.source_time import RisingTimes, SourceInstant
 
 # Two robots at ten samples a second: ten seconds.
 _KEPT = 200
@@ -19,7 +19,7 @@ class WheelSample(WheelSpeed):
     """Measured wheel speed.
 
     Attributes:
-        number: counted from 1, without gaps. segment: that of the newest observation.
+        number: counted from 1, without gaps. segment: that of the frame before it.
     """
 
     number: int
@@ -31,6 +31,7 @@ class WheelLog:
 
     def __init__(self) -> None:
         self._samples: deque[WheelSample] = deque(maxlen=_KEPT)
+        self._rising = RisingTimes()
         self._numbered = 0
 
     @property
@@ -38,23 +39,27 @@ class WheelLog:
         """Return the number of the newest sample; 0 before the first."""
         return self._numbered
 
-    def take(self, event: WheelSpeedEvent, newest: ObservationEvent | None) -> WheelSample | None:
+    def take(self, event: WheelSpeedEvent, at: SourceInstant | None) -> WheelSample | None:
         """Store a measurement.
 
-        Returns None if the event has no measurement, and while the source's clock is unknown.
+        Returns None if the event has no measurement, if it is not later than the role's last one,
+        and while the source's clock is unknown.
 
         Args:
-            newest: observation of the open source; its reception and time relate both clocks.
+            at: the event's time on the source's clock, where known.
         """
-        if newest is None or not (math.isfinite(event.time) and math.isfinite(event.sent_mps)):
+        if not (math.isfinite(event.time) and math.isfinite(event.sent_mps)):
+            return None
+        instant = self._rising.of(event.role, at)
+        if instant is None:
             return None
         encoder = event.encoder_mps
         self._numbered += 1
         sample = WheelSample(
             number=self._numbered,
             role=event.role,
-            time=float(newest.line["time"]) + event.time - newest.received,
-            segment=int(newest.line["segment"]),
+            time=instant.time,
+            segment=instant.segment,
             sent_mps=event.sent_mps,
             encoder_mps=encoder if encoder is not None and math.isfinite(encoder) else None,
         )

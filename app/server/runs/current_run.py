@@ -16,6 +16,7 @@ from app.server.robots.incidents import Incident
 from app.server.robots.wheels import WheelSample
 from app.server.runs.pending_rows import PendingRows
 from app.server.runs.recording import RobotFeed
+from app.server.source_time import SourceTime
 from app.server.writer import Writer
 from app.storage import (
     IncidentRecord,
@@ -86,10 +87,10 @@ class CurrentRun:
         if self.frames:
             self._collect(wheel_rows(self.id, sample))
 
-    def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
+    def heard(self, robots: Robots, source: SourceTime) -> None:
         """Record the robots' states; see ``RobotFeed.heard``."""
         if self.record.record is not None:
-            self.robots.heard(robots, newest if self.frames else None)
+            self.robots.heard(robots, source if self.frames else None)
 
     def _collect(self, rows: Iterable[SpeedRow]) -> None:
         self._rows.add(rows)

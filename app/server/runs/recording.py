@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections import deque
 
 import structlog
 
 from app.contract.commands import RecordOrder, RecordRobots
-from app.contract.events import ObservationEvent
 from app.contract.robots import RobotNow, Robots
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.robots.incidents import Incident
+from app.server.source_time import RisingTimes, SourceInstant, SourceTime
 from app.storage import DataFolder, RunRecord
 from observer.errors import DynamicObserverError
 from observer.recording import payloads
@@ -48,23 +49,25 @@ class RobotFeed:
         self._rows: deque[RobotRow] = deque(maxlen=_MOST_ROWS)
         self._incidents: deque[payloads.Incident] = deque(maxlen=_MOST_INCIDENTS)
         self._newest: dict[str, float] = {}
+        self._rising = RisingTimes()
 
-    def heard(self, robots: Robots, newest: ObservationEvent | None) -> None:
-        """Store each robot's state if it is new.
+    def heard(self, robots: Robots, source: SourceTime | None) -> None:
+        """Store each robot's state if it is newer than the last one.
 
         Args:
             robots: as in ``DriveState.facts``, by role.
-            newest: observation of the open source; its reception and time relate both clocks.
+            source: the clock of the open source; None if it is not that of the run yet.
         """
         for role in ROLES:
             robot = robots.get(role)
             if robot is None:
                 continue
             received = robot.report.received
-            if received is None or self._newest.get(role) == received:
+            if received is None or received <= self._newest.get(role, -math.inf):
                 continue
             self._newest[role] = received
-            self._rows.append(_row(role, robot, newest))
+            at = None if source is None else self._rising.of(role, source.at(received))
+            self._rows.append(_row(role, robot, at))
 
     def happened(self, incident: Incident) -> None:
         """Store an incident that stopped a robot."""
@@ -108,15 +111,14 @@ def complete_recording(folder: DataFolder, run_id: str) -> None:
         log.warning("recording_not_completed", run=run_id, reason=str(error))
 
 
-def _row(role: str, robot: RobotNow, newest: ObservationEvent | None) -> RobotRow:
+def _row(role: str, robot: RobotNow, at: SourceInstant | None) -> RobotRow:
     report, sent = robot.report, robot.sent
     received, odometry = report.received, report.odometry
     assert received is not None
-    time = None if newest is None else float(newest.line["time"]) + received - newest.received
     return RobotRow(
         role=role,
         received=received,
-        time=time,
+        time=None if at is None else at.time,
         sent_speed=sent.speed_mps,
         sent_turn_rate=sent.turn_rate_radps,
         encoder_speed=report.speed_mps,

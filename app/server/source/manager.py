@@ -17,6 +17,7 @@ from app.server.shared import Shared
 from app.server.source.camera_match import calibration_of_cameras
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.opening import Opening, make_opening
+from app.server.source_time import SourceTime
 from observer.opening import shown_spec
 
 # Indexing a large data set takes a while.
@@ -29,6 +30,7 @@ class SourceManager:
     Attributes:
         wanted: the source that is open or should be.
         state: the engine's last reported state. latest: the newest observation.
+        time: the open source's clock.
         generation: number of the present engine process.
         restoring: whether a new engine still has to open the lost one's source.
         fruitless_losses: engines lost since the last observation or the last change of source.
@@ -50,6 +52,7 @@ class SourceManager:
         self.wanted = Opening(source, None)
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
+        self.time = SourceTime()
         self.generation = 0
         self.restoring = False
         self.fruitless_losses = 0
@@ -134,6 +137,7 @@ class SourceManager:
         )
         self._shared.telemetry.new_source()
         self.latest = None
+        self.time.begin()
         return str(reply.calibration_yaml)
 
     def _rate(self, opening: Opening, run_id: str | None) -> float:
@@ -175,6 +179,7 @@ class SourceManager:
     def observed(self, event: ObservationEvent) -> None:
         """Store the observation of a frame."""
         self.latest = event
+        self.time.observed(event)
         self.fruitless_losses = 0
 
     def state_changed(self, event: StateEvent) -> bool:
@@ -183,6 +188,7 @@ class SourceManager:
             # A new engine has no source open yet; until it has, the lost state is shown.
             return False
         self.state = event
+        self.time.live = event.source is not None and event.source.live
         return True
 
     def engine_started(self, generation: int) -> bool:

@@ -77,7 +77,11 @@ def record(
             bodies, pose = opened.truth.bodies(frame.time), opened.truth.camera_pose(frame.time)
             writer.truth(TruthSample(frame.index, frame.time, bodies, pose), received)
             row = RobotRow(
-                role="obstacle", received=received, sent_speed=sent[0], facts={"state": sent[1]}
+                role="obstacle",
+                received=received,
+                time=frame.time,
+                sent_speed=sent[0],
+                facts={"state": sent[1]},
             )
             writer.robot(row)
     writer.incident(Incident(kind="stop", sentence="A <guard> stop.", received=received))
