@@ -9,6 +9,7 @@ import io
 import logging
 import socket
 import sys
+import time
 from collections.abc import Iterator
 from typing import TextIO, cast
 
@@ -16,6 +17,7 @@ import structlog
 import uvicorn
 from fastapi import FastAPI
 
+from app.http.gate.strangers import GuardedListener, Strangers, guarded_protocol
 from app.http.gate.token import load_token
 from app.http.server import create_app
 from app.runtime.heap import keep_for_good
@@ -28,6 +30,8 @@ _EXIT_FAILED = 1
 _LARGEST_MESSAGE = 1024 * 1024
 _SHUTDOWN_S = 2
 _BACKLOG = 128
+# Viewers, each with several sockets, on top of files and strangers.
+_DESCRIPTORS = 16_384
 
 
 def run(settings: Settings) -> int:
@@ -43,20 +47,25 @@ def run(settings: Settings) -> int:
     with contextlib.closing(listener), occupied(settings.data, settings.database):
         token = load_token(settings.token_file)
         app = create_app(settings, token)
-        server = _Server(server_config(app, settings))
+        server = _Server(server_config(app, settings, listener.strangers))
+        _use_all_descriptors()
         keep_for_good()
         _announce(_link(settings, listener.getsockname()[1], token))
         asyncio.run(serve(app, server, listener))
         return 0 if server.started else _EXIT_FAILED
 
 
-async def serve(app: FastAPI, server: uvicorn.Server, listener: socket.socket) -> None:
+async def serve(app: FastAPI, server: uvicorn.Server, listener: GuardedListener) -> None:
     """Start what the application owns, serve, and shut it all down.
 
     uvicorn's own startup would turn a one-sentence error into a traceback.
     """
     async with app.router.lifespan_context(app):
-        await server.serve(sockets=[listener])
+        watching = asyncio.create_task(listener.strangers.watch())
+        try:
+            await server.serve(sockets=[listener])
+        finally:
+            watching.cancel()
 
 
 class _Server(uvicorn.Server):
@@ -70,7 +79,7 @@ class _Server(uvicorn.Server):
             self._captured_signals.clear()
 
 
-def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
+def server_config(app: FastAPI, settings: Settings, strangers: Strangers) -> uvicorn.Config:
     """Return uvicorn's configuration for the application.
 
     Raises:
@@ -79,6 +88,8 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
     try:
         config = uvicorn.Config(
             app,
+            http=guarded_protocol(strangers),
+            backlog=_BACKLOG,
             ws="websockets-sansio",
             # With compression, five viewers of 50000 points use 85 % of a core; without it 2 %.
             ws_per_message_deflate=False,
@@ -108,10 +119,21 @@ def server_config(app: FastAPI, settings: Settings) -> uvicorn.Config:
     return config
 
 
-def _bind(settings: Settings) -> socket.socket:
+def _use_all_descriptors() -> None:
+    """Raise the limit on open files where the system allows it."""
+    with contextlib.suppress(ImportError, OSError, ValueError):
+        import resource
+
+        now, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+        if now < _DESCRIPTORS:
+            enough = _DESCRIPTORS if most == resource.RLIM_INFINITY else min(most, _DESCRIPTORS)
+            resource.setrlimit(resource.RLIMIT_NOFILE, (enough, most))
+
+
+def _bind(settings: Settings) -> GuardedListener:
     """Return the listening socket, bound before anything is started."""
     try:
-        family, kind, protocol, _, address = socket.getaddrinfo(
+        family, _, _, _, address = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
         )[0]
     except socket.gaierror as error:
@@ -119,7 +141,7 @@ def _bind(settings: Settings) -> socket.socket:
             f"there is no address {settings.host} to listen on ({error.strerror}); --host takes "
             f"an address of this machine"
         ) from error
-    listener = socket.socket(family, kind, protocol)
+    listener = GuardedListener(Strangers(time.monotonic), family)
     try:
         if sys.platform != "win32":
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from copy import deepcopy
 from functools import cache
 from typing import Any, Self
@@ -13,6 +13,9 @@ from pydantic import ValidationError
 from observer.errors import InputError, ParameterError
 from observer.parameters.fields import ParameterValue, Stage, helps
 from observer.parameters.renamed import new_name, new_value
+
+# Of so many unknown names it is guessed which was meant, about a millisecond each.
+_MOST_GUESSES = 5
 
 
 class ParameterSet(Stage):
@@ -37,7 +40,11 @@ class ParameterSet(Stage):
                 and that is not installed; nothing is changed.
         """
         known = self.flat()
-        problems = {name: _unknown(name, known) for name in changes if name not in known}
+        unknown = [name for name in changes if name not in known]
+        problems = {
+            name: _unknown(name, known if count < _MOST_GUESSES else ())
+            for count, name in enumerate(unknown)
+        }
         nested: dict[str, dict[str, Any]] = self.model_dump()
         for dotted, value in changes.items():
             if dotted in known:
@@ -135,7 +142,8 @@ def _declared(parameters: type[ParameterSet]) -> list[dict[str, Any]]:
     return entries
 
 
-def _unknown(name: str, known: Mapping[str, Any]) -> str:
+def _unknown(name: str, known: Collection[str]) -> str:
+    """Return what is wrong with a name; one of the known ones may have been meant."""
     if (now := new_name(name)) != name:
         return f"is named {now} now"
     near = difflib.get_close_matches(name, known, n=1)

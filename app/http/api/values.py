@@ -24,7 +24,11 @@ Text = Annotated[str, Field(strict=True, max_length=20_000, pattern=r"^[^\x00]*$
 # Generous to callers who send no body at all.
 Identifier = Annotated[str, Field(strict=True, min_length=1, max_length=100)]
 Spec = Annotated[str, Field(strict=True, min_length=1, max_length=1000)]
-Changes = dict[Annotated[str, Field(max_length=100)], Value]
+# More than there are parameters.
+MOST_CHANGES = 300
+Changes = Annotated[
+    dict[Annotated[str, Field(max_length=100)], Value], Field(max_length=MOST_CHANGES)
+]
 
 
 def notes_on(changes: Iterable[str], values: Mapping[str, Any]) -> list[str]:

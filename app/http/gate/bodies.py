@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
+
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 JSON_KIND = "application/json"
 FORM_KIND = "application/x-www-form-urlencoded"
 UPLOAD_KIND = "multipart/form-data"
+
+# Time and bytes for which a sender is still read whose body nobody wants.
+_LINGER_S = 1.0
+_LINGER_BYTES = 8 * 1024 * 1024
 
 # A cross-site page can send forms and plain text without a preflight request, so no route accepts
 # these unless it is listed here.
@@ -35,18 +42,26 @@ class LimitedBody:
 
     Use ``receive`` and ``send`` in place of the connection's own: once the limit is passed, the
     application fails to read and its reply is dropped, so that the caller can refuse the request.
+    A connection with a body that the application left unread serves no other request; it is closed
+    after a moment, for at once a client that is still sending would never see the reply.
+
+    Args:
+        comes: whether the request has a body at all.
     """
 
-    def __init__(self, receive: Receive, send: Send, most_bytes: int) -> None:
+    def __init__(self, receive: Receive, send: Send, most_bytes: int, *, comes: bool) -> None:
         self._receive = receive
         self._send = send
         self._left = most_bytes
+        self._comes = comes
         self._started = False
+        self._closes = False
         self.exceeded = False
 
     async def receive(self) -> Message:
         message = await self._receive()
         if message["type"] == "http.request":
+            self._comes = bool(message.get("more_body", False))
             self._left -= len(message.get("body", b""))
             if self._left < 0:
                 self.exceeded = True
@@ -56,6 +71,15 @@ class LimitedBody:
     async def send(self, message: Message) -> None:
         if self.exceeded and not self._started:
             return
+        if message["type"] == "http.response.start":
+            self._closes = self._comes
+            if self._closes:
+                headers = [*message.get("headers", ()), (b"connection", b"close")]
+                message = {**message, "headers": headers}
+        elif self._closes and not message.get("more_body", False):
+            await self._send({**message, "more_body": True})
+            await self._linger()
+            message = {"type": "http.response.body", "body": b""}
         self._started = True
         await self._send(message)
 
@@ -67,3 +91,14 @@ class LimitedBody:
             if self._started:
                 raise
         return self.exceeded and not self._started
+
+    async def _linger(self) -> None:
+        """Read on for a moment, so that the sender of a body receives the reply."""
+        left = _LINGER_BYTES
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(_LINGER_S):
+                while left > 0:
+                    message = await self._receive()
+                    if message["type"] != "http.request" or not message.get("more_body", False):
+                        return
+                    left -= len(message.get("body", b""))

@@ -7,8 +7,6 @@ size (413).
 
 from __future__ import annotations
 
-import asyncio
-import contextlib
 import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -19,6 +17,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.http.gate.bodies import LimitedBody, accepts_kind
 from app.http.gate.headers import RawHeaders, page_policy, secured
 from app.http.gate.origins import Names, NetworkName, parse_host
+from app.http.gate.strangers import SIGNED_IN
 from app.http.gate.token import COOKIE_NAME, TokenGuard, Verdict
 
 PUBLIC_PATHS = frozenset({"/healthz", "/readyz", "/sign-in"})
@@ -29,9 +28,6 @@ _UPLOAD_OVERHEAD = 16 * 1024
 _MOST_CANDIDATES = 4
 _COOKIE_SECONDS = 30 * 24 * 3600
 _QUOTED = 80
-# Time and bytes for which a refused sender is still read, so that it receives the reply.
-_LINGER_S = 1.0
-_LINGER_BYTES = 8 * 1024 * 1024
 
 _SIGN_IN_FIRST = (
     "sign in first: open the link that the server printed at its start, or send the header "
@@ -73,6 +69,7 @@ class Policy:
         client = scope.get("client")
         verdict = self.guard.check(client[0] if client else None, candidates[:_MOST_CANDIDATES])
         if verdict is Verdict.RIGHT:
+            scope.setdefault("state", {})[SIGNED_IN] = True
             return None
         if verdict is Verdict.LIMITED:
             return Refusal(429, _TOO_MANY, ((b"retry-after", b"60"),))
@@ -135,7 +132,7 @@ class Gate:
             await _refuse(scope, receive, send, refusal)
             return
         most_bytes = self._most_bytes(path)
-        body = LimitedBody(receive, send, most_bytes)
+        body = LimitedBody(receive, send, most_bytes, comes=_has_body(scope))
         if await body.run(self._app, scope):
             await _refuse(scope, receive, send, _too_large(most_bytes))
 
@@ -254,25 +251,8 @@ def _with_security_headers(send: Send) -> Send:
 async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) -> None:
     body = json.dumps({"detail": refusal.detail}).encode()
     headers = [(b"content-type", b"application/json"), *refusal.headers]
-    if not _has_body(scope):
-        await _answer_raw(send, refusal.status, headers, body)
-        return
-    # The body is unwanted, so the connection serves no other request. Closing at once would discard
-    # the reply for a client that is still sending: wait a moment for it.
-    headers.append((b"connection", b"close"))
-    await _answer_raw(send, refusal.status, headers, body, more=True)
-    with contextlib.suppress(TimeoutError):
-        async with asyncio.timeout(_LINGER_S):
-            await _discard(receive, _LINGER_BYTES)
-    await send({"type": "http.response.body", "body": b""})
-
-
-async def _discard(receive: Receive, most_bytes: int) -> None:
-    while most_bytes > 0:
-        message = await receive()
-        if message["type"] != "http.request" or not message.get("more_body", False):
-            return
-        most_bytes -= len(message.get("body", b""))
+    unwanted = LimitedBody(receive, send, 0, comes=_has_body(scope))
+    await _answer_raw(unwanted.send, refusal.status, headers, body)
 
 
 async def _send_page(send: Send, refusal: Refusal, page: str) -> None:
@@ -292,12 +272,11 @@ async def _answer_raw(
     headers: RawHeaders,
     body: bytes,
     *,
-    more: bool = False,
     kind: str = "http.response",
 ) -> None:
     headers = [*headers, (b"content-length", str(len(body)).encode())]
     await send({"type": f"{kind}.start", "status": status, "headers": headers})
-    await send({"type": f"{kind}.body", "body": body, "more_body": more})
+    await send({"type": f"{kind}.body", "body": body})
 
 
 async def _deny(scope: Scope, refusal: Refusal, send: Send) -> None:

@@ -16,6 +16,7 @@ import uvicorn
 from fastapi import FastAPI, HTTPException, Request, WebSocket
 from starlette.websockets import WebSocketDisconnect
 
+from app.http.gate.strangers import Strangers
 from app.http.run_server import server_config
 from app.settings import Settings
 from observer.motion_profiles.playing import duration_s, velocity_at
@@ -242,7 +243,7 @@ class ScriptedServer:
 
 @contextmanager
 def running(script: ScriptedServer) -> Iterator[ScriptedServer]:
-    config = server_config(script.app, Settings())
+    config = server_config(script.app, Settings(), Strangers(time.monotonic))
     server = uvicorn.Server(config)
     server.install_signal_handlers = lambda: None  # type: ignore[attr-defined]
     with socket.socket() as listener:

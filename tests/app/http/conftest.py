@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import socket
+import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from dataclasses import dataclass
@@ -18,6 +18,7 @@ from websockets.asyncio.client import ClientConnection, connect
 
 from app.contract.events import EngineState
 from app.http import run_server
+from app.http.gate.strangers import GuardedListener, Strangers
 from app.http.run_server import server_config
 from app.http.server import create_app
 from app.server import Server
@@ -43,6 +44,7 @@ class Served:
     server: Server
     port: int
     http: httpx.AsyncClient
+    strangers: Strangers
 
     @property
     def url(self) -> str:
@@ -75,12 +77,11 @@ ServedFactory = Callable[..., AbstractAsyncContextManager[Served]]
 
 @asynccontextmanager
 async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
-    # As run_server makes it: only with its protocol named does asyncio switch delays off.
-    with socket.socket(proto=socket.IPPROTO_TCP) as listener:
+    with GuardedListener(Strangers(time.monotonic)) as listener:
         listener.bind(("127.0.0.1", 0))
         listener.listen()
         port = listener.getsockname()[1]
-        server = _Server(server_config(app, settings))
+        server = _Server(server_config(app, settings, listener.strangers))
         task = asyncio.create_task(run_server.serve(app, server, listener))
         while not server.started:
             if task.done():
@@ -96,7 +97,7 @@ async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
                 # The first source is opened behind the start.
                 while app.state.server.source.state.state is EngineState.IDLE:
                     await asyncio.sleep(0.01)
-                yield Served(app, app.state.server, port, client)
+                yield Served(app, app.state.server, port, client, listener.strangers)
         finally:
             server.should_exit = True
             await task

@@ -82,6 +82,8 @@ async def test_a_loop_that_stands_and_a_page_that_goes_stop_the_robot_in_time(
         await until(lambda: driving.health.alive, "the drive process")
         # By which speeds get their time.
         peer.observe()
+        # The only frame; a live source's clock goes on without any.
+        served.server.source.time.live = True
         page.start()
         try:
             await until(lambda: page.lease, "a lease")

@@ -94,7 +94,7 @@ async def test_robots_are_told_of_in_the_recording(
     time = served.server.source.latest.line["time"]
     report = RobotReport(
         RobotPhase.CONNECTED,
-        received=received + 0.5,
+        received=received + 0.2,
         odometry=Odometry(1.0, 2.0, 0.5),
         speed_mps=0.2,
         turn_rate_radps=0.1,
@@ -119,7 +119,7 @@ async def test_robots_are_told_of_in_the_recording(
     row = command.rows[0]
     assert (row.role, row.sent_speed, row.encoder_speed) == ("observer", 0.3, 0.2)
     assert (row.x, row.y, row.yaw) == (1.0, 2.0, 0.5)
-    assert abs(row.time - time - 0.5) < 1e-6
+    assert abs(row.time - time - 0.2) < 1e-6
     assert [(i.kind, i.received) for i in command.incidents] == [("guard", 7.0)]
 
 

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import json
 import sys
+import time
 from typing import Any
 
 import pytest
@@ -11,6 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from app.contract.commands import SetParameters
+from app.http.api.values import MOST_CHANGES
+from observer.guard.parameters import AllParameters
 
 from ..wire import JSON
 
@@ -64,6 +69,54 @@ async def test_a_missing_extra_is_told_and_the_old_parameters_stay(
         started = await served.http.post("/api/runs", json={"parameters": change})
         assert started.status_code == 422
         assert not any(isinstance(command, SetParameters) for command in peer.commands)
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "wrap"),
+    [
+        ("PATCH", "/api/parameters", lambda changes: changes),
+        ("POST", "/api/runs", lambda changes: {"parameters": changes}),
+    ],
+)
+@pytest.mark.parametrize("count", [7000, MOST_CHANGES])
+async def test_any_number_of_unknown_parameters_is_refused_at_once(
+    http: Any, method: str, path: str, wrap: Any, count: int
+) -> None:
+    changes = {f"flow.window_pixels_{number}": 1 for number in range(count)}
+    begun = time.monotonic()
+    asking = asyncio.create_task(http.request(method, path, json=wrap(changes)))
+    stopping = http.post("/api/robots/stop")
+    assert (await stopping).status_code == 200
+    stopped = time.monotonic()
+    assert (await asking).status_code == 422
+    assert stopped - begun < 1.0
+
+
+def test_all_parameters_may_be_changed_at_once() -> None:
+    assert len(AllParameters().flat()) <= MOST_CHANGES
+
+
+async def test_a_body_that_no_route_reads_ends_with_its_answer(served: Any) -> None:
+    reader, writer = await asyncio.open_connection("127.0.0.1", served.port)
+    token = served.http.headers["Authorization"]
+    head = (
+        f"POST /api/parameters HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: {token}\r\n"
+        "Content-Type: application/json\r\nTransfer-Encoding: chunked\r\n\r\n"
+    )
+    writer.write(head.encode())
+    chunk, sent = b"10000\r\n" + b"x" * 0x10000 + b"\r\n", 0
+    async with asyncio.timeout(10.0):
+        writer.write(chunk)
+        answer = (await reader.readuntil(b"\r\n\r\n")).decode()
+        with contextlib.suppress(ConnectionError):
+            while sent < 200 * 2**20:
+                writer.write(chunk)
+                await writer.drain()
+                sent += len(chunk)
+    writer.close()
+    assert answer.startswith("HTTP/1.1 405")
+    assert "connection: close" in answer.lower()
+    assert sent < 100 * 2**20
 
 
 BAD_VALUES = [
