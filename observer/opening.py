@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
 # A scheme, even a mistyped one; a Windows drive letter is one character and stays a path.
 _SCHEME = re.compile(r"^([a-z_]{2,}):", re.IGNORECASE)
+# Of what is refused at most this much is repeated.
+_QUOTED = 80
 _NETWORK_KINDS = ("rtsp", "rtsps", "http", "https", "sbs", "sbs_swapped")
 
 
@@ -53,6 +55,16 @@ def open_source(spec: str) -> OpenedSource:
         SourceError: one sentence that says what is wrong and what would be right.
         ScenarioError: the scenario is unknown or inconsistent.
     """
+    try:
+        return _opened(spec)
+    except OSError as error:
+        # Of a name that is too long, say, or of a folder that may not be read.
+        raise SourceError(
+            f"{shown_spec(spec)[:_QUOTED]} cannot be opened: {error.strerror or error}"
+        ) from error
+
+
+def _opened(spec: str) -> OpenedSource:
     kind, rest = _split(spec)
     if kind == "simulated":
         return _open_simulated(rest)

@@ -93,11 +93,11 @@ def add_pages(app: FastAPI, server: Server, policy: Policy, folder: Path) -> Non
             return SafeJSON({"detail": refusal.detail}, refusal.status, headers)
         return RedirectResponse("/", 303, headers={"Set-Cookie": policy.cookie()})
 
-    @router.get("/healthz", name="alive")
+    @router.api_route("/healthz", methods=["GET", "HEAD"], name="alive")
     async def alive() -> Response:
         return SafeJSON({"status": "ok"})
 
-    @router.get("/readyz", name="ready")
+    @router.api_route("/readyz", methods=["GET", "HEAD"], name="ready")
     async def ready() -> Response:
         if server.engine.health.alive:
             return SafeJSON({"status": "ready"})

@@ -7,10 +7,11 @@ import contextlib
 import errno
 import io
 import logging
+import os
 import socket
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import TextIO, cast
 
 import structlog
@@ -19,6 +20,7 @@ from fastapi import FastAPI
 
 from app.http.gate.strangers import GuardedListener, Strangers, guarded_protocol
 from app.http.gate.token import load_token
+from app.http.library_log import LibraryLog
 from app.http.server import create_app
 from app.runtime.heap import keep_for_good
 from app.settings import Settings
@@ -42,6 +44,8 @@ def run(settings: Settings) -> int:
             uses the data folder; one sentence.
         StorageError, ProcessUnavailable: the database or the engine cannot be used.
     """
+    # What runs hold is its owner's.
+    os.umask(0o077)
     _configure_logging(settings.log_level)
     listener = _bind(settings)
     with contextlib.closing(listener), occupied(settings.data, settings.database):
@@ -50,17 +54,27 @@ def run(settings: Settings) -> int:
         server = _Server(server_config(app, settings, listener.strangers))
         _use_all_descriptors()
         keep_for_good()
-        _announce(_link(settings, listener.getsockname()[1], token))
-        asyncio.run(serve(app, server, listener))
+        link = _link(settings, listener.getsockname()[1], token)
+        asyncio.run(serve(app, server, listener, ready=lambda: _announce(link)))
         return 0 if server.started else _EXIT_FAILED
 
 
-async def serve(app: FastAPI, server: uvicorn.Server, listener: GuardedListener) -> None:
+async def serve(
+    app: FastAPI,
+    server: uvicorn.Server,
+    listener: GuardedListener,
+    *,
+    ready: Callable[[], None] = lambda: None,
+) -> None:
     """Start what the application owns, serve, and shut it all down.
+
+    Args:
+        ready: called once all that the application owns has started.
 
     uvicorn's own startup would turn a one-sentence error into a traceback.
     """
     async with app.router.lifespan_context(app):
+        ready()
         watching = asyncio.create_task(listener.strangers.watch())
         try:
             await server.serve(sockets=[listener])
@@ -196,6 +210,8 @@ def _configure_logging(level: str) -> None:
     """Log one line per event to stderr, for our code and for libraries."""
     number = logging.getLevelNamesMapping()[level.upper()]
     logging.basicConfig(level=number, format="%(levelname)s %(name)s: %(message)s")
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(LibraryLog(time.monotonic))
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,

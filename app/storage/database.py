@@ -20,6 +20,7 @@ from app.storage.errors import StorageBusy, StorageError, storage_error
 from app.storage.folder import DataFolder
 from app.storage.integrity import move_aside_if_damaged
 from app.storage.migration import upgrade
+from observer.recording.run_folder import RUNS
 
 log = structlog.get_logger(__name__)
 
@@ -87,6 +88,7 @@ class Database:
             return self
         if self.file is not None:
             self._prepare_file(self.file)
+            self._tell_of_lost_runs(self.file)
         engine = make_engine(self._url, self._busy_timeout_s)
         try:
             with self._translated():
@@ -98,6 +100,20 @@ class Database:
             raise
         self._engine = engine
         return self
+
+    def _tell_of_lost_runs(self, file: Path) -> None:
+        """Warn if there are runs' files, but a database that knows of none."""
+        if file.exists() and file.stat().st_size > 0:
+            return
+        runs = self.folder.path / RUNS
+        count = sum(1 for each in runs.iterdir() if each.is_dir()) if runs.is_dir() else 0
+        if count:
+            sentence = (
+                f"the database {file} is empty, though {runs} holds files of runs ({count}): "
+                "they are not listed; restore a backup, or play their recordings by path"
+            )
+            log.warning("database_empty", file=str(file), runs=count)
+            self.warnings = (*self.warnings, sentence)
 
     def close(self) -> None:
         """Close all connections. Idempotent; waits for a write in progress."""

@@ -9,9 +9,10 @@ from __future__ import annotations
 import contextlib
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import structlog
@@ -22,8 +23,6 @@ from app.server import Server
 from app.viewer.picture import make_picture, read_cloud
 
 if TYPE_CHECKING:
-    import viser
-
     from app.viewer.scene import Scene
 
 log = structlog.get_logger(__name__)
@@ -38,6 +37,7 @@ class NullViewer:
     """Placeholder for a missing ``ViserViewer``, with the reason."""
 
     port: int | None = None
+    headers: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, trouble: str) -> None:
         self.trouble: str | None = trouble
@@ -61,24 +61,27 @@ class ViserViewer:
         rate_hz: maximum updates per second.
 
     Attributes:
-        port: of viser on 127.0.0.1; None where there is no viewer.
+        port: of viser on 127.0.0.1; None where there is no viewer. headers: without which its
+            WebSocket admits nobody.
         trouble: the reason why there is none, one sentence.
     """
 
     trouble: str | None = None
 
     def __init__(self, server: Server, *, points: int, rate_hz: float) -> None:
+        from app.viewer.private_viser import PrivateViser
         from app.viewer.scene import Scene
 
         self._server = server
         self._interval = 1.0 / rate_hz
-        self._viser = _quiet_server()
+        self._viser = PrivateViser()
         try:
-            self._scene: Scene = Scene(self._viser, points)
+            self._scene: Scene = Scene(self._viser.server, points)
         except BaseException:
             self._viser.stop()
             raise
-        self.port: int | None = self._viser.get_port()
+        self.port: int | None = self._viser.port
+        self.headers: Mapping[str, str] = self._viser.headers
         self._lookers = 0
         self._leave: Callable[[], None] = lambda: None
         self._stopping = threading.Event()
@@ -115,8 +118,7 @@ class ViserViewer:
             return
         self._stopping.set()
         self._thread.join(_STOP_TIMEOUT_S)
-        with _quiet():
-            self._viser.stop()
+        self._viser.stop()
 
     def _run(self) -> None:
         due = time.monotonic()
@@ -168,30 +170,3 @@ def start_viewer(server: Server, *, points: int, rate_hz: float) -> Viewer:
     except Exception as error:
         log.exception("viewer_not_started")
         return NullViewer(f"the 3D viewer could not be started: {error}")
-
-
-def _quiet_server() -> viser.ViserServer:
-    import viser
-
-    with _quiet():
-        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    # Otherwise any client could have a public tunnel to this machine opened.
-    server.request_share_url = _refuse_sharing  # type: ignore[method-assign]
-    return server
-
-
-def _refuse_sharing(*_: object, **__: object) -> None:
-    log.warning("share_request_refused")
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Silence viser's announcement on rich's shared console, which is for our own output."""
-    import rich
-
-    console = rich.get_console()
-    before, console.quiet = console.quiet, True
-    try:
-        yield
-    finally:
-        console.quiet = before

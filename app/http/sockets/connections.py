@@ -15,6 +15,8 @@ GOING_AWAY = 1001
 TRY_LATER = 1013
 
 _LONGEST_JSON = 1000
+# In what uvicorn raises for a message behind the end of the connection.
+_SENT_TOO_LATE = "after sending 'websocket.close'"
 
 
 class BadMessage(Exception):
@@ -71,10 +73,16 @@ async def until_one_ends(socket: WebSocket, *jobs: Coroutine[Any, Any, None]) ->
     for result in results:
         if isinstance(result, BadMessage):
             await close(socket, INVALID_DATA, str(result))
-        elif isinstance(result, BaseException) and not isinstance(
-            result, (asyncio.CancelledError, WebSocketDisconnect)
-        ):
+        elif isinstance(result, BaseException) and not _is_ordinary(result):
             raise result
+
+
+def _is_ordinary(end: BaseException) -> bool:
+    """Return whether a socket's job ended so because its client left, or was sent away."""
+    if isinstance(end, RuntimeError):
+        # The server closed it for what the client sent, before it told us.
+        return _SENT_TOO_LATE in str(end)
+    return isinstance(end, (asyncio.CancelledError, WebSocketDisconnect))
 
 
 async def close(socket: WebSocket, code: int, reason: str = "") -> None:

@@ -1,12 +1,13 @@
 """Proxy for viser: its page, and its WebSocket, filtered.
 
-viser authenticates nobody and listens on loopback only; this is the one way to it. Of a browser's
-messages only the camera pose goes through: our scene needs nothing else, and some other messages
-would open the machine to the outside.
+viser authenticates nobody and listens on loopback only, where it admits nobody but us. Of what
+browsers send only the camera pose goes through: our scene needs nothing else, and some other
+messages would open the machine to the outside.
 """
 
 from __future__ import annotations
 
+import asyncio
 import gzip
 import hashlib
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ log = structlog.get_logger(__name__)
 router = APIRouter(include_in_schema=False)
 
 _OPEN_TIMEOUT_S = 5.0
+# The client's page sends its camera fifty times a second at most.
+_CAMERA_GAP_S = 0.01
 # "No status" and "lost" exist only as reports, never on the wire.
 _NEVER_SENT = (1005, 1006, 1015)
 _LONGEST_SUBPROTOCOL = 100
@@ -136,6 +139,7 @@ async def viewer_socket(socket: WebSocket, door: Door) -> None:
         upstream = await connect(
             f"ws://127.0.0.1:{viewer.port}/",
             subprotocols=wanted or None,
+            additional_headers=viewer.headers,
             compression=None,
             # Slow browsers must slow viser down here, not fill a queue.
             max_queue=1,
@@ -181,6 +185,8 @@ async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
                 await upstream.send(data)
             except ConnectionClosed:
                 return
+            # Whoever sends more waits, rather than everybody else.
+            await asyncio.sleep(_CAMERA_GAP_S)
 
 
 def passes(data: bytes) -> bool:

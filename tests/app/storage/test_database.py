@@ -104,6 +104,18 @@ def test_a_damaged_database_is_moved_aside(file: Path, damage: Callable[[Path], 
         assert storage.warnings == ()
 
 
+@pytest.mark.parametrize("empty", [True, False])
+def test_a_database_without_the_runs_of_its_folder_is_told(tmp_path: Path, empty: bool) -> None:
+    (tmp_path / "runs" / "20260101-120000-abcdef").mkdir(parents=True)
+    if empty:
+        (tmp_path / "observer.sqlite").touch()
+    with Storage(tmp_path / "observer.sqlite") as storage:
+        (warning,) = storage.warnings
+        assert "files of runs (1)" in warning
+    with Storage(tmp_path / "observer.sqlite") as storage:
+        assert storage.warnings == ()
+
+
 def test_the_log_of_a_damaged_database_does_not_reach_the_new_one(file: Path) -> None:
     storage = Storage(file).open()
     storage.set_setting("old", 1)

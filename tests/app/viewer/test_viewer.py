@@ -345,7 +345,7 @@ async def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
 ) -> None:
     async def watch(viewer: ViserViewer) -> None:
         scene = viewer._scene
-        handles = dict(viewer._viser.scene._handle_from_node_name)
+        handles = dict(viewer._viser.server.scene._handle_from_node_name)
         with viewer.connected():
             while "cloud" not in peer.watched:
                 await asyncio.sleep(0.005)
@@ -386,7 +386,7 @@ async def test_the_scene_reuses_its_nodes_and_greys_what_is_old(
                 if peer.opened is not None:
                     peer.observe()
                 await asyncio.sleep(0.03)
-        assert viewer._viser.scene._handle_from_node_name == handles
+        assert viewer._viser.server.scene._handle_from_node_name == handles
 
     server = Server(peer, storage, source="simulated:lab", drive=drive)
     viewer = None

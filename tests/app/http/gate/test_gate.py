@@ -21,7 +21,10 @@ from app.settings import Settings
 from ..wire import UPLOAD_HEAD
 
 FORM = "application/x-www-form-urlencoded"
-PUBLIC = {("GET", "/healthz"), ("GET", "/readyz"), ("GET", "/sign-in")}
+PUBLIC = {
+    *((method, path) for method in ("GET", "HEAD") for path in ("/healthz", "/readyz")),
+    ("GET", "/sign-in"),
+}
 
 
 def concrete(path: str) -> str:

@@ -7,15 +7,17 @@ import time
 from collections.abc import AsyncIterator
 from typing import Any
 
+import httpx
 import msgspec
 import pytest
 import viser
+from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.typing import Subprotocol
 
 from app.http.sockets.connections import BadMessage
 from app.http.sockets.viewer_proxy import passes
-from app.viewer import ViserViewer
-from app.viewer import viewer as viewer_module
+from app.viewer import ViserViewer, start_viewer
 
 from ..wire import read_on
 
@@ -73,7 +75,7 @@ async def test_the_scene_comes_through_and_follows(
             assert isinstance(first, bytes)
             await eventually(lambda: set(peer.watched) == {"cloud", "plain"})
             await socket.send(msgspec.msgpack.encode(CAMERA))
-            await eventually(lambda: len(viewer._viser.get_clients()) == 1)
+            await eventually(lambda: len(viewer._viser.server.get_clients()) == 1)
             received = 0
             for _ in range(10):
                 peer.observe()
@@ -82,7 +84,7 @@ async def test_the_scene_comes_through_and_follows(
             # The cloud of 500 points alone takes 4.5 KB.
             assert received > 4500
         await eventually(lambda: peer.watched == ())
-        await eventually(lambda: not viewer._viser.get_clients())
+        await eventually(lambda: not viewer._viser.server.get_clients())
     assert "viser" not in capsys.readouterr().out
 
 
@@ -94,7 +96,7 @@ async def test_nobody_reaches_viser_or_the_world_through_it(
 
     async with serve(viewer=real_viewer) as served:
         viewer = await started(served)
-        assert viewer._viser.get_host() == "127.0.0.1"
+        assert viewer._viser.server.get_host() == "127.0.0.1"
         async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
             await socket.recv()
             await socket.send(msgspec.msgpack.encode({"type": "ShareUrlRequest"}))
@@ -102,8 +104,47 @@ async def test_nobody_reaches_viser_or_the_world_through_it(
             async with asyncio.timeout(5):
                 assert await socket.recv()
         # Also past the proxy, should a message ever get there.
-        assert await asyncio.to_thread(viewer._viser.request_share_url) is None
+        assert await asyncio.to_thread(viewer._viser.server.request_share_url) is None
         assert tunnels == []
+
+
+@pytest.mark.parametrize("shown", [{}, {"X-Dynamic-Observer-Viewer": "guessed"}])
+async def test_visers_own_port_admits_nobody_but_the_proxy(
+    serve: Any, shown: dict[str, str]
+) -> None:
+    async with serve(viewer=real_viewer) as served:
+        viewer = await started(served)
+        own = f"127.0.0.1:{viewer.port}"
+        with pytest.raises(InvalidStatus) as refused:
+            await connect(
+                f"ws://{own}/",
+                subprotocols=[Subprotocol(PROTOCOL)],
+                additional_headers=shown,
+                proxy=None,
+            )
+        assert refused.value.response.status_code == 403
+        async with httpx.AsyncClient(headers=shown, trust_env=False) as http:
+            assert (await http.get(f"http://{own}/")).status_code == 403
+
+
+async def test_a_flood_of_camera_poses_delays_nobody_else(serve: Any) -> None:
+    async with serve(viewer=real_viewer) as served:
+        await started(served)
+        async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
+            pose = msgspec.msgpack.encode(CAMERA)
+
+            async def flood() -> None:
+                while True:
+                    await socket.send(pose)
+
+            flooding = asyncio.create_task(flood())
+            try:
+                for _ in range(5):
+                    begun = time.monotonic()
+                    assert (await served.http.post("/api/robots/stop")).status_code == 200
+                    assert time.monotonic() - begun < 0.5
+            finally:
+                flooding.cancel()
 
 
 def test_only_a_sound_camera_pose_goes_through() -> None:
@@ -157,14 +198,12 @@ async def test_a_client_of_another_version_is_told(serve: Any, capsys: Any) -> N
 async def test_without_viewer_everything_else_works(
     serve: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail() -> Any:
+    def fail(**_: Any) -> Any:
         raise OSError("no port is left")
 
-    monkeypatch.setattr(viewer_module, "_quiet_server", fail)
+    monkeypatch.setattr(viser, "ViserServer", fail)
 
-    async with serve(
-        viewer=lambda s: viewer_module.start_viewer(s, points=500, rate_hz=10)
-    ) as served:
+    async with serve(viewer=lambda s: start_viewer(s, points=500, rate_hz=10)) as served:
         door = served.app.state.viewer
         while "no port is left" not in str(door.viewer.trouble):
             await asyncio.sleep(0.01)

@@ -1,0 +1,60 @@
+"""What libraries log of clients: a line each, and not a thousand of them.
+
+Whoever reaches the port can send nonsense as fast as he likes, and tabs are closed in the middle of
+everything; neither is worth a traceback, nor a full disk.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+
+# Errors of a connection that a client causes: what ends it, and text that is none.
+_ORDINARY = (ConnectionError, EOFError, TimeoutError, UnicodeError)
+_WINDOW_S = 10.0
+_MOST_KINDS = 200
+
+
+@dataclass(eq=False)
+class _Kind:
+    since: float
+    left_out: int = 0
+
+
+class LibraryLog(logging.Filter):
+    """Filter of a handler: what repeats within ten seconds is counted, and told with the next one.
+
+    Args:
+        clock: monotonic seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float]) -> None:
+        super().__init__()
+        self._clock = clock
+        self._kinds: dict[tuple[str, str], _Kind] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a record is logged; it is shortened where its cause is ordinary."""
+        _shorten(record)
+        key, now = (record.name, str(record.msg)), self._clock()
+        kind = self._kinds.get(key)
+        if kind is not None and now - kind.since < _WINDOW_S:
+            kind.left_out += 1
+            return False
+        if kind is not None and kind.left_out:
+            record.msg = f"{record.getMessage()} ({kind.left_out} more like it before)"
+            record.args = ()
+        if len(self._kinds) >= _MOST_KINDS:
+            self._kinds.clear()
+        self._kinds[key] = _Kind(now)
+        return True
+
+
+def _shorten(record: logging.LogRecord) -> None:
+    """Put an ordinary error in place of its traceback, and mark what a handshake lacked."""
+    error = record.exc_info[1] if record.exc_info else None
+    if isinstance(error, _ORDINARY):
+        record.msg = f"{record.getMessage()} ({error})"
+        record.args = ()
+        record.exc_info = record.exc_text = None
