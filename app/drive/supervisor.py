@@ -23,7 +23,13 @@ DRIVE_COMMAND = module_command("app.drive")
 # Events come every 0.1 s. A port's own thread sends zero much sooner than a hung loop is detected;
 # a standby would have no robots, so it would be ready no sooner.
 DRIVE_LIMITS = SupervisorLimits(
-    hang_s=0.5, start_s=20.0, standby_delay_s=None, most_backoff_s=5.0, stop_s=4.0, answer_s=1.0
+    hang_s=0.5,
+    starved_s=2.0,
+    start_s=20.0,
+    standby_delay_s=None,
+    most_backoff_s=5.0,
+    stop_s=4.0,
+    answer_s=1.0,
 )
 
 

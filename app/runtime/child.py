@@ -17,10 +17,13 @@ from typing import Any, TypeVar
 from app.runtime.arguments import ProcessArguments
 from app.runtime.environment import program_environment
 from app.runtime.pipe import encode, read_message
+from app.runtime.processor_time import ProcessorTime
 from app.runtime.requests import Reply, Request
 
 # Time for a process to exit after it closed its channel or was killed.
 _GRACE_S = 0.3
+# Silence after which it is looked at what the process is given; it costs a millisecond.
+_LOOK_AFTER_S = 0.3
 
 _Event = TypeVar("_Event")
 
@@ -35,8 +38,8 @@ class ChildProcess:
     Attributes:
         ready: it has sent something, so its loop runs.
         ended: its channel is closed; the process is gone or about to go.
-        silent_s: seconds without any message, counting only time in which this event loop could
-            hear one.
+        silent_s: seconds without any message in which this event loop could hear one, and the
+            process could send one. unheard_s: the same, whatever the process could.
     """
 
     def __init__(
@@ -56,7 +59,8 @@ class ChildProcess:
         self.started = time.monotonic()
         self.ready = False
         self.ended = False
-        self.silent_s = 0.0
+        self.silent_s = self.unheard_s = 0.0
+        self._processor = ProcessorTime(process.pid)
 
     @classmethod
     async def start(
@@ -116,11 +120,20 @@ class ChildProcess:
         event = self._newest.get(kind)
         return event if isinstance(event, kind) else None
 
+    def stay_silent(self, passed_s: float) -> None:
+        """Count time in which nothing was heard of the process."""
+        self.unheard_s += passed_s
+        if self.unheard_s < _LOOK_AFTER_S:
+            self._processor.restart()
+            self.silent_s = self.unheard_s
+        else:
+            self.silent_s += self._processor.could_use(passed_s)
+
     async def _read(self, reader: asyncio.StreamReader) -> None:
         try:
             while (message := await read_message(reader)) is not None:
                 self.ready = True
-                self.silent_s = 0.0
+                self.silent_s = self.unheard_s = 0.0
                 if isinstance(message, Reply):
                     waiting = self._waiting.pop(message.number, None)
                     if waiting is not None and not waiting.done():

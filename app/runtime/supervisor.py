@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,6 +32,8 @@ class SupervisorLimits:
         hang_s: a process silent for this long counts as hung. An engine's heartbeats come every
             0.05 s, and between an observer's stages; the rest of the 2 s is for replacing it.
         start_s: a starting process silent for this long counts as hung.
+        starved_s: for so long a busy machine may keep a process from going on, which then does not
+            count as hung.
         tick_s: interval between checks for silence.
         standby_delay_s: delay from a process's start to the start of its standby; None for no
             standby: replacing then takes as long as a start.
@@ -44,6 +47,7 @@ class SupervisorLimits:
 
     hang_s: float = 1.6
     start_s: float = 30.0
+    starved_s: float = 10.0
     tick_s: float = 0.05
     standby_delay_s: float | None = 3.0
     quick_death_s: float = 5.0
@@ -184,16 +188,18 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             raise ProcessUnavailable("the server is being stopped")
         if child is None:
             raise ProcessUnavailable(self._trouble)
-        what = type(command).__name__
+        what = _in_words(type(command).__name__)
         timeout_s = self._limits.answer_s if timeout_s is None else timeout_s
         try:
             reply = await child.request(command, timeout_s)
         except TimeoutError:
             raise ProcessUnavailable(
-                f"the {self.what} did not answer {what} within {timeout_s:g} s"
+                f"the {self.what} did not answer the request to {what} within {timeout_s:g} s"
             ) from None
         except ChildEnded:
-            raise ProcessUnavailable(f"the {self.what} ended before it answered {what}") from None
+            raise ProcessUnavailable(
+                f"the {self.what} ended before it answered the request to {what}"
+            ) from None
         if reply.refusal is not None:
             raise ProcessRefused(reply.error or f"{what} was refused", reply.refusal)
         return reply.value
@@ -242,7 +248,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             passed, looked = min(now - looked, 2 * self._limits.tick_s), now
             for child in (self._active, self._standby):
                 if child is not None:
-                    child.silent_s += passed
+                    child.stay_silent(passed)
             self._lingering = [child for child in self._lingering if not child.reap()]
             await self._look_after_active()
             if not self._closed:
@@ -314,8 +320,8 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         if child.ended:
             return _ENDED
         limit = self._limits.hang_s if child.ready else self._limits.start_s
-        if child.silent_s > limit:
-            return f"gave no sign of life for {child.silent_s:.1f} s"
+        if child.silent_s > limit or child.unheard_s > max(limit, self._limits.starved_s):
+            return f"gave no sign of life for {child.unheard_s:.1f} s"
         return None
 
     def _count_failure(self, since: float) -> None:
@@ -375,3 +381,8 @@ class ProcessSupervisor(Generic[_Command, _Event]):
 
 
 _ENDED = "ended"
+
+
+def _in_words(name: str) -> str:
+    """Return the name of a command's class, ``BeginCalibration``, as a person says it."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower()

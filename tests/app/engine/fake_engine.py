@@ -1,8 +1,9 @@
 """An engine whose sources misbehave on demand; started by the supervisor's tests as a program.
 
 Sources: ``numbers`` counts, ``exit`` ends the process while it is opened, ``hang`` holds the main
-loop at the third frame, ``bare`` brings no calibration. The first argument may be ``channel-only``:
-then the kernel does not end it with its parent, as on other systems than Linux.
+loop at the third frame, ``busy`` computes for every frame, ``bare`` brings no calibration. The
+first argument may be ``channel-only``: then the kernel does not end it with its parent, as on other
+systems than Linux.
 """
 
 from __future__ import annotations
@@ -39,6 +40,10 @@ class Numbers:
     def read(self) -> StereoFrame:
         if self.info.spec == "hang" and self._at == 3:
             time.sleep(3600)
+        if self.info.spec == "busy":
+            until = time.process_time() + 0.04
+            while time.process_time() < until:
+                pass
         image = np.full((HEIGHT, WIDTH), self._at % 256, dtype=np.uint8)
         frame = StereoFrame(self._at, self._at / RATE, image, image, time.monotonic())
         self._at += 1

@@ -1,0 +1,68 @@
+"""What another process gets of the processor."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import pytest
+
+from app.runtime.processor_time import ProcessorTime
+
+from ..starvation import others_at_work
+
+
+@contextmanager
+def program(text: str) -> Iterator[int]:
+    process = subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE)
+    try:
+        assert process.stdout is not None
+        process.stdout.readline()
+        yield process.pid
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def usable(pid: int, seconds: float, looks: int = 10) -> float:
+    """Seconds for which it could go on, of so many."""
+    processor, found = ProcessorTime(pid), 0.0
+    before = time.monotonic()
+    for _ in range(looks):
+        time.sleep(seconds / looks)
+        now = time.monotonic()
+        found += processor.could_use(now - before)
+        before = now
+    return found
+
+
+SPINS = "print(flush=True)\nwhile True: pass"
+
+
+def test_who_sleeps_could_have_gone_on_all_the_time() -> None:
+    with program("import time; print(flush=True); time.sleep(60)") as pid:
+        assert usable(pid, 1.0) > 0.95
+
+
+def test_who_spins_is_given_its_time() -> None:
+    with program(SPINS) as pid:
+        assert usable(pid, 1.0) > 0.3
+
+
+@pytest.mark.patient
+def test_who_waits_for_a_processor_could_not_go_on() -> None:
+    with program(SPINS) as pid, others_at_work(pid):
+        # The first look has nothing to compare with.
+        assert usable(pid, 3.0, looks=30) < 0.1 + 1.0
+
+
+def test_who_is_gone_counts_as_silent() -> None:
+    with program(SPINS) as pid:
+        processor = ProcessorTime(pid)
+        processor.could_use(0.1)
+    assert processor.could_use(0.5) == 0.5
+    assert os.getpid() != pid
