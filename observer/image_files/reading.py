@@ -9,9 +9,11 @@ from __future__ import annotations
 import re
 import zlib
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.errors import SourceError
 from observer.types import Image
@@ -20,6 +22,9 @@ IMAGE_SUFFIXES = frozenset(
     {".png", ".jpg", ".jpeg", ".bmp", ".pgm", ".ppm", ".tif", ".tiff", ".webp"}
 )
 
+# Depths of cameras' images, which files of 16 bits hold in their lower bits.
+_BITS = (8, 10, 12, 14, 16)
+
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG = b"\xff\xd8"
 # JPEG segments without a length: TEM, RSTn, SOI.
@@ -27,8 +32,27 @@ _JPEG_BARE = frozenset({0x01, *range(0xD0, 0xD9)})
 _JPEG_START_OF_SCAN = 0xDA
 
 
-def read_image(path: Path) -> Image:
-    """The image as stored: (H, W) grey or (H, W, 3) BGR uint8; 16 bit images keep the upper 8.
+class BitDepth:
+    """How many of 16 bits the images of one source use: cameras of 10, 12 and 14 bits fill 16.
+
+    The most that were seen count, so that a dark image in between is no brighter than the others.
+    """
+
+    def __init__(self) -> None:
+        self._bits = 0
+
+    def reduced(self, image: NDArray[np.uint16]) -> Image:
+        """The upper 8 bits of those in use, of an image of any shape."""
+        highest = int(image.max(initial=0))
+        self._bits = max(self._bits, next(bits for bits in _BITS if highest < 1 << bits))
+        return (image >> (self._bits - 8)).astype(np.uint8)
+
+
+def read_image(path: Path, depth: BitDepth | None = None) -> Image:
+    """The image as stored: (H, W) grey or (H, W, 3) BGR uint8; of 16 bits the upper 8 in use.
+
+    Args:
+        depth: of the source that it belongs to; None: it is judged alone.
 
     Raises:
         SourceError: the file is missing, cut off, damaged or no image; names the file.
@@ -39,10 +63,12 @@ def read_image(path: Path) -> Image:
         raise SourceError(f"{_named(path)} is missing") from None
     except OSError as error:
         raise SourceError(f"{_named(path)} cannot be read: {error.strerror}") from None
-    return decoded_image(content, name=_named(path))
+    return decoded_image(content, name=_named(path), depth=depth)
 
 
-def decoded_image(content: bytes, *, name: str, grey: bool = False) -> Image:
+def decoded_image(
+    content: bytes, *, name: str, grey: bool = False, depth: BitDepth | None = None
+) -> Image:
     """The image that a file holds, as ``read_image`` gives it; ``grey`` makes it (H, W).
 
     Raises:
@@ -52,13 +78,21 @@ def decoded_image(content: bytes, *, name: str, grey: bool = False) -> Image:
     if problem:
         raise SourceError(f"{name} {problem}")
     flag = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_ANYCOLOR
-    try:
-        image = cv2.imdecode(np.frombuffer(content, np.uint8), flag)
-    except cv2.error:
-        image = None
+    image = _decoded(content, flag | cv2.IMREAD_ANYDEPTH)
+    if image is not None and image.dtype == np.uint16:
+        return (depth or BitDepth()).reduced(np.asarray(image, np.uint16))
+    if image is not None and image.dtype != np.uint8:
+        image = _decoded(content, flag)
     if image is None:
         raise SourceError(f"{name} is damaged or no image that OpenCV can decode")
     return np.asarray(image, dtype=np.uint8)
+
+
+def _decoded(content: bytes, flag: int) -> NDArray[Any] | None:
+    try:
+        return cv2.imdecode(np.frombuffer(content, np.uint8), flag)
+    except cv2.error:
+        return None
 
 
 def damage(content: bytes) -> str | None:

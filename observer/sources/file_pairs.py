@@ -12,7 +12,7 @@ from pathlib import Path
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, SourceError
 from observer.image_files.listing import FilePair, MissingPair
-from observer.image_files.reading import read_image
+from observer.image_files.reading import BitDepth, read_image
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.types import Image, StereoFrame
 
@@ -69,6 +69,7 @@ class FilePairSource:
             frame_rate=1 / statistics.median(intervals),
             frame_count=len(self._entries),
         )
+        self._depth = BitDepth()
         self._next = 0
 
     def read(self) -> StereoFrame | SkippedFrame | None:
@@ -99,7 +100,7 @@ class FilePairSource:
         """Do nothing: no file is kept open between reads."""
 
     def _image(self, path: Path) -> Image:
-        image = read_image(path)
+        image = read_image(path, self._depth)
         height, width = image.shape[:2]
         if (width, height) != (self.info.width, self.info.height):
             raise SourceError(

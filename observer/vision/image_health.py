@@ -7,8 +7,8 @@ from observer.parameters import StereoParameters
 from observer.vision.image_checks import (
     exposure_reason,
     frozen_reason,
+    mismatch_reason,
     rectification_reason,
-    swapped_reason,
     vertical_error,
 )
 from observer.vision.view import StereoRows, View
@@ -17,9 +17,10 @@ from observer.vision.view import StereoRows, View
 _FROZEN_FRAMES = 2
 # Rows drift slowly; looking now and then is enough, and what was found stays until the next look.
 _ROWS_EVERY = 5
-# Below this share of features with depth it is worth asking whether the cameras are swapped.
-_POOR_STEREO = 0.35
-_SWAPPED_EVERY = 10
+# Below this share of features with depth, or with fewer matches, it is worth asking why; while it
+# lasts again after so many frames.
+_POOR_STEREO, _FEW_MATCHES = 0.35, 40
+_ASK_EVERY = 10
 
 
 class ImageHealth:
@@ -31,7 +32,8 @@ class ImageHealth:
         self._frozen = 0
         self._frames = 0
         self._rows: str | None = None
-        self._swapped: str | None = None
+        self._mismatch: str | None = None
+        self._poor_frames = 0
 
     def look(
         self,
@@ -52,7 +54,7 @@ class ImageHealth:
         if exposure is None and stereo_share is not None:
             self._look_at_stereo(view, parameters, stereo_share, rows)
         self._frames += 1
-        return tuple(r for r in (exposure, frozen, self._swapped, self._rows) if r is not None)
+        return tuple(r for r in (exposure, frozen, self._mismatch, self._rows) if r is not None)
 
     def _look_frozen(self, view: View) -> str | None:
         previous, self._previous = self._previous, view
@@ -69,10 +71,13 @@ class ImageHealth:
         stereo_share: float,
         rows: StereoRows | None,
     ) -> None:
-        if stereo_share >= _POOR_STEREO:
-            self._swapped = None
-        elif self._frames % _SWAPPED_EVERY == 0:
-            self._swapped = swapped_reason(view.left, view.right, parameters.max_disparity_px)
+        poor = stereo_share < _POOR_STEREO or (rows is not None and len(rows.px) < _FEW_MATCHES)
+        if not poor:
+            self._mismatch, self._poor_frames = None, 0
+        else:
+            if self._poor_frames % _ASK_EVERY == 0:
+                self._mismatch = mismatch_reason(view.left, view.right, parameters.max_disparity_px)
+            self._poor_frames += 1
         if rows is not None and self._frames % _ROWS_EVERY == 0:
             error = vertical_error(rows.px, rows.offset_px, self._camera)
             self._rows = None if error is None else rectification_reason(error)

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.errors import SourceError
-from observer.image_files.reading import damage, read_image
+from observer.image_files.reading import BitDepth, damage, decoded_image, read_image
 
 NOISE = np.random.default_rng(0).integers(0, 255, (40, 60), dtype=np.uint8)
 FORMATS = (".png", ".jpg", ".pgm", ".bmp", ".webp")
@@ -22,6 +22,24 @@ def encoded(extension: str, image: np.ndarray = NOISE, options: list[int] | None
     ok, content = cv2.imencode(extension, image, options or [])
     assert ok
     return content.tobytes()
+
+
+@pytest.mark.parametrize("bits", [10, 12, 14, 16])
+@pytest.mark.parametrize("grey", [True, False])
+def test_of_sixteen_bits_those_in_use_count(bits: int, grey: bool) -> None:
+    deep = NOISE.astype(np.uint16) << (bits - 8)
+    deep[0, 0] = (1 << bits) - 1
+    content = cv2.imencode(".png", deep)[1].tobytes()
+    read = decoded_image(content, name="deep.png", grey=grey)
+    assert read.dtype == np.uint8
+    assert np.array_equal(read[1:], NOISE[1:])
+
+
+def test_a_dark_image_is_as_dark_as_the_source_s_others() -> None:
+    depth, bright = BitDepth(), np.full((4, 5), 4000, np.uint16)
+    assert depth.reduced(bright)[0, 0] == 250
+    assert depth.reduced(bright // 16)[0, 0] == 15
+    assert BitDepth().reduced(bright // 16)[0, 0] == 250
 
 
 @pytest.mark.parametrize("extension", [".png", ".pgm", ".bmp"])

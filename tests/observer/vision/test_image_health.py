@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import itertools
+import re
 from collections.abc import Callable
 from pathlib import Path
 
@@ -23,12 +24,14 @@ from observer.vision.image_checks import (
     VerticalError,
     exposure_reason,
     frozen_reason,
+    mismatch_reason,
     rectification_reason,
-    swapped_reason,
     vertical_error,
 )
+from observer.vision.image_health import ImageHealth
 from observer.vision.rectification import Rectification
 from observer.vision.stereo import disparity_map, sample_disparity
+from observer.vision.view import StereoRows, View
 
 Pair = tuple[np.ndarray, np.ndarray]
 MAX_DISPARITY_PX = StereoParameters().max_disparity_px
@@ -64,6 +67,8 @@ def turned(image: np.ndarray, degrees: float) -> np.ndarray:
 
 
 def lowered(image: np.ndarray, rows: int) -> np.ndarray:
+    if rows < 0:
+        return lowered(image[::-1], -rows)[::-1]
     return cv2.copyMakeBorder(image, rows, 0, 0, 0, cv2.BORDER_REFLECT)[: image.shape[0]]
 
 
@@ -99,7 +104,7 @@ def test_no_built_in_scene_raises_an_alarm(name: str) -> None:
     for left, right in pairs:
         # Exposure that settles begins saturated, and that is told.
         assert exposure_reason(left, right) is None or name == "static_settling"
-        assert swapped_reason(left, right, MAX_DISPARITY_PX) is None
+        assert mismatch_reason(left, right, MAX_DISPARITY_PX) is None or name in WRONG_ROWS
         rows = measured_rows((left, right), camera)
         assert rows is not None
         told = rectification_reason(rows)
@@ -111,7 +116,7 @@ def test_no_built_in_scene_raises_an_alarm(name: str) -> None:
 @pytest.mark.parametrize("name", scenario_names())
 def test_every_built_in_scene_is_seen_swapped(name: str) -> None:
     for left, right in scene(name)[1]:
-        assert "swapped" in (swapped_reason(right, left, MAX_DISPARITY_PX) or "")
+        assert "swapped" in (mismatch_reason(right, left, MAX_DISPARITY_PX) or "")
 
 
 @pytest.mark.parametrize("name", KITTI)
@@ -124,8 +129,8 @@ def test_the_road_raises_no_alarm_and_is_seen_swapped(shared_data: Path, name: s
         assert isinstance(frame, StereoFrame)
         left, right = map(as_gray, rectification.apply(frame.left, frame.right))
         assert exposure_reason(left, right) is None
-        assert swapped_reason(left, right, 128) is None
-        assert swapped_reason(right, left, 128) is not None
+        assert mismatch_reason(left, right, 128) is None
+        assert mismatch_reason(right, left, 128) is not None
         assert rectification_reason(measured_rows((left, right), rectification.camera)) is None
 
 
@@ -186,7 +191,7 @@ def test_pictures_of_any_size_can_be_judged() -> None:
     for shape in ((8, 8), (17, 33), (375, 1242), (1024, 1280)):
         image = rng.integers(30, 220, shape).astype(np.uint8)
         assert exposure_reason(image, image) is None
-        assert swapped_reason(image, image, 96) is None
+        assert mismatch_reason(image, image, 96) is None
 
 
 # --- frozen --------------------------------------------------------------------------------
@@ -331,22 +336,56 @@ def test_other_faults_are_not_taken_for_a_swap_nor_hide_it(
     pair: Pair, fault: Callable[[np.ndarray], np.ndarray]
 ) -> None:
     left, right = pair
-    assert swapped_reason(left, fault(right), MAX_DISPARITY_PX) is None
-    assert swapped_reason(fault(right), left, MAX_DISPARITY_PX) is not None
+    assert "swapped" not in (mismatch_reason(left, fault(right), MAX_DISPARITY_PX) or "")
+    assert "swapped" in (mismatch_reason(fault(right), left, MAX_DISPARITY_PX) or "")
+
+
+@pytest.mark.parametrize("rows", [-12, -8, -4, 4, 8, 12])
+def test_rows_that_no_point_can_bridge_are_told(pair: Pair, rows: int) -> None:
+    left, right = pair
+    told = mismatch_reason(left, lowered(right, rows), MAX_DISPARITY_PX) or ""
+    found = re.search(r"about (\d+) px apart", told)
+    assert found is not None, told
+    assert int(found[1]) == abs(rows)
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause"),
+    [
+        (lambda left, right: (right, left), "swapped"),
+        (lambda left, right: (left, lowered(right, 4)), "4 px apart"),
+        (lambda left, right: (left, right), ""),
+    ],
+    ids=["swapped", "4 rows", "none"],
+)
+def test_where_little_matches_the_cause_is_told(
+    pair: Pair, fault: Callable[[np.ndarray, np.ndarray], Pair], cause: str
+) -> None:
+    """Of the few points that match by chance nearly all have a depth."""
+    left, right = fault(*pair)
+    few = StereoRows(np.full((15, 2), 50.0), np.zeros(15), np.full(15, 9.0), np.arange(15))
+    health = ImageHealth(scene("lab")[0])
+    for index in range(3):
+        # Otherwise both cameras would be frozen.
+        grain = np.random.default_rng(index).integers(0, 2, left.shape, dtype=np.uint8)
+        view = View(index, index / 15, None, left // 2 + grain, right // 2 + grain)
+        told = health.look(view, StereoParameters(), 0.9, few)
+    assert cause in " ".join(told)
+    assert bool(told) == bool(cause)
 
 
 @pytest.mark.parametrize("max_disparity_px", [16, 64, 128, 256])
 def test_the_order_is_seen_with_any_largest_disparity(pair: Pair, max_disparity_px: int) -> None:
     left, right = pair
-    assert swapped_reason(left, right, max_disparity_px) is None
+    assert mismatch_reason(left, right, max_disparity_px) is None
     if max_disparity_px >= 64:
-        assert swapped_reason(right, left, max_disparity_px) is not None
+        assert mismatch_reason(right, left, max_disparity_px) is not None
 
 
 def test_without_depth_or_texture_the_order_is_not_judged(pair: Pair) -> None:
     left = pair[0]
     far = left[:, :480]
-    assert swapped_reason(far, far, 96) is None
+    assert mismatch_reason(far, far, 96) is None
     blank = np.full_like(left, 100)
-    assert swapped_reason(blank, blank, 96) is None
-    assert swapped_reason(noisy(blank), noisy(blank.T).T, 96) is None
+    assert mismatch_reason(blank, blank, 96) is None
+    assert mismatch_reason(noisy(blank), noisy(blank.T).T, 96) is None
