@@ -23,6 +23,8 @@ from observer.types import Image
 MAX_PAIRS = 500
 # So few pairs in which a board was found, of all, are of another board that looks like it.
 _CHANCE = 0.1
+# So many pairs are looked at, over all of them, for whether they show a board of another size.
+_LOOKED_AT = 6
 # An image as it came: the content of a file, or decoded already.
 RawImage = bytes | Image
 
@@ -133,6 +135,7 @@ def find_boards(
             the board; the sentence says what they show instead where that can be told.
     """
     report = progress or (lambda _words, _share: None)
+    _refuse_another_size(pairs, board)
     looked: list[tuple[BoardView, tuple[int, int]] | RefusedImage] = []
     with ThreadPoolExecutor(max(1, workers)) as pool:
         for number, each in enumerate(pool.map(lambda pair: _look(pair, board), pairs)):
@@ -188,6 +191,34 @@ def _gray(name: str, raw: RawImage) -> Image:
     if not isinstance(raw, bytes):
         return as_gray(raw)
     return decoded_image(raw, name=name, grey=True)
+
+
+def _refuse_another_size(pairs: Sequence[BoardPair], board: Board) -> None:
+    """Refuse a board that some images show in another size, before all are searched in vain.
+
+    Raises:
+        CalibrationError: no image that was looked at shows the board, and two agree on another.
+    """
+    if board.kind != "chessboard":
+        return
+    agreed: dict[tuple[int, int], str] = {}
+    for pair in pairs[:: max(1, len(pairs) // _LOOKED_AT)][:_LOOKED_AT]:
+        try:
+            image = _gray(pair.left_name, pair.left())
+        except (InputError, OSError):
+            continue
+        if detect_board(image, board, quick=True) is not None:
+            return
+        shown = size_shown(image)
+        if shown is None or shown == (board.columns, board.rows):
+            continue
+        if shown in agreed:
+            raise CalibrationError(
+                f"{agreed[shown]} and {pair.left_name} show a chessboard with "
+                f"{shown[0]}x{shown[1]} inner corners, not {board.columns}x{board.rows}: give the "
+                f"size that it has"
+            )
+        agreed[shown] = pair.left_name
 
 
 def _nothing_found(pairs: Sequence[BoardPair], board: Board, found: int, count: int) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+import time
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -153,3 +156,16 @@ def test_the_published_chessboards() -> None:
     assert fit.pairs >= 11
     assert fit.held_out is not None
     assert fit.held_out.p95_px < 0.5
+
+
+def test_a_wrong_size_is_named_before_all_images_are_searched(shared_data: Path) -> None:
+    folder = shared_data / "chessboards"
+    pairs, _ = read_board_pairs(str(folder / "left*.jpg"), str(folder / "right*.jpg"))
+    # As many as somebody would bring who held the board for a minute.
+    many = [replace(pair, name=f"{number} {pair.name}") for number in range(4) for pair in pairs]
+    begun = time.process_time()
+    with pytest.raises(CalibrationError, match=r"show a chessboard with 9x6 .* not 8x6"):
+        find_boards(many, Board("chessboard", 8, 6, 0.025))
+    spent = time.process_time() - begun
+    sys.stdout.write(f"a wrong size of 52 pairs is named after {spent:.1f} s of processor time\n")
+    assert spent < 15.0
