@@ -83,7 +83,7 @@ def test_the_environment_names_settings(dockerfile: dict[str, list[str]]) -> Non
 
 
 def test_the_image_holds_what_set_up_needs_and_no_more(repository: Path) -> None:
-    lines = (repository / "docker" / "Dockerfile.dockerignore").read_text().splitlines()
+    lines = (repository / ".dockerignore").read_text().splitlines()
     rules = [line for line in lines if line and not line.startswith("#")]
     assert rules[0] == "*"
     taken = {rule[1:] for rule in rules if rule.startswith("!")}
