@@ -15,7 +15,7 @@ from observer.errors import InputError
 if TYPE_CHECKING:
     from observer.recording.reader import Recording
 
-_ENDINGS = (".csv", ".parquet", ".mp4", ".ply", ".zip")
+_ENDINGS = (".csv", ".parquet", ".tum", ".mp4", ".ply", ".zip")
 _Tables = Literal["csv", "parquet"]
 _CloudFrame = Literal["world", "camera"]
 _Storage = Literal["sqlite3", "mcap"]
@@ -26,9 +26,9 @@ def export(
     output: Annotated[
         Path,
         typer.Option(
-            help="What to write; its ending decides: .csv or .parquet a table, .mp4 the left "
-            "image with what was found, .ply the point cloud of a frame, .zip all of it with a "
-            "README of the columns. With --ros2 a folder."
+            help="What to write; its ending decides: .csv or .parquet a table, .tum the camera's "
+            "trajectory, .mp4 the left image with what was found, .ply the point cloud of a frame, "
+            ".zip all of it with a README of the columns. With --ros2 a folder."
         ),
     ],
     table: Annotated[
@@ -38,6 +38,9 @@ def export(
             "or parameters."
         ),
     ] = "obstacles",
+    track: Annotated[
+        int | None, typer.Option(help="Of .tum: an obstacle's trajectory instead of the camera's.")
+    ] = None,
     tables: Annotated[_Tables, typer.Option(help="Format of the tables in a .zip.")] = "csv",
     frame: Annotated[
         int, typer.Option(min=0, help="Of .ply and .zip: which recorded frame, from 0.")
@@ -74,6 +77,8 @@ def export(
             told = _bag(recording, part, storage, progress)
         elif ending in (".csv", ".parquet"):
             told = _table(recording, part, table, ending)
+        elif ending == ".tum":
+            told = _trajectory(recording, part, track)
         elif ending == ".mp4":
             told = _video(recording, part, progress)
         elif ending == ".ply":
@@ -104,6 +109,15 @@ def _table(recording: Recording, part: Path, name: str, ending: str) -> str:
         with part.open("wb") as packed:
             count = write_parquet(table, recording, packed)
     return f"{count} rows of {len(table.columns)} columns, {table.help}"
+
+
+def _trajectory(recording: Recording, part: Path, track: int | None) -> str:
+    from observer.exporting.trajectories import write_tum
+
+    with part.open("w", encoding="utf-8") as text:
+        written = write_tum(recording, text, track)
+    others = f"; {written.others} of other segments are left out" if written.others else ""
+    return f"{written.poses} poses in the world of segment {written.segment}{others}"
 
 
 def _video(recording: Recording, part: Path, progress: ProgressCallback) -> str:
