@@ -135,16 +135,30 @@ def coarseness(camera: StereoCamera, parameters: StereoParameters) -> int:
     return factor
 
 
-def cloud_value(pair: DensePair, dense: DenseStereo) -> tuple[CloudHeader, list[bytes]]:
-    """Return header and payload as the cloud slot carries them; bodies have their own colour."""
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points (N, 3) float32, metres, in the camera's frame, and their RGB colours (N, 3) uint8."""
+
+    points: NDArray[np.float32]
+    colors: NDArray[np.uint8]
+
+
+def cloud_of(pair: DensePair, dense: DenseStereo) -> Cloud:
+    """Return the cloud of a pair; bodies have their own colour."""
     image = _with_bodies(pair.obstacles, dense)
-    points, colors = point_cloud(dense.disparity, image, dense.camera, dense.parameters, MAX_POINTS)
+    return Cloud(*point_cloud(dense.disparity, image, dense.camera, dense.parameters, MAX_POINTS))
+
+
+def cloud_value(
+    pair: DensePair, dense: DenseStereo, cloud: Cloud
+) -> tuple[CloudHeader, list[bytes]]:
+    """Return header and payload as the cloud slot carries them."""
     header: CloudHeader = {
         **pair.instant,
-        "count": len(points),
+        "count": len(cloud.points),
         "coarseness": dense.coarseness,
     }
-    return header, [points.tobytes(), colors.tobytes()]
+    return header, [cloud.points.tobytes(), cloud.colors.tobytes()]
 
 
 def _with_bodies(obstacles: tuple[Obstacle, ...], dense: DenseStereo) -> Image:

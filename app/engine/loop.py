@@ -259,7 +259,9 @@ class Engine:
                 )
         self.beat()
         session.ageing.look(observed)
-        self._publisher.publish(observed)
+        # Without a run it is the last half minute of live cameras, which holds no clouds.
+        kept_by = None if session.run_id is None else recorder
+        self._publisher.publish(observed, None if kept_by is None else kept_by.cloud)
 
     def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:
         """Return the frame with wheel odometry, for live cameras on a robot driven from here."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -9,7 +10,15 @@ from typing import Any
 
 from app.contract.events import DenseStereoEvent
 from app.contract.views import CAMERA_NAMES, CLOUD_NAME, DISPARITY_NAME, VIEW_NAMES, ViewHeader
-from app.engine.dense_stereo import DensePair, DenseStereo, PairKeeper, cloud_value, dense_stereo
+from app.engine.dense_stereo import (
+    Cloud,
+    DensePair,
+    DenseStereo,
+    PairKeeper,
+    cloud_of,
+    cloud_value,
+    dense_stereo,
+)
 from app.engine.latest_worker import LatestWorker
 from app.engine.observed import Observed
 from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
@@ -20,10 +29,13 @@ from observer.types import Image, StereoFrame
 # The scene is drawn ten times a second; a little more, so that a busy machine keeps up the ten.
 DENSE_RATE_HZ = 12.0
 _DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
+# And kept so often in a recording, whoever looks: twenty thousand points take 300 KB.
+CLOUD_KEPT_EVERY_S = 1.0
 
-
-# Pair, and the epoch of its source: a pair from a source closed meanwhile is not shown.
-_DenseJob = tuple[DensePair, int]
+# Keeps a cloud with a run, and the reception of its frame.
+CloudKeeper = Callable[[Cloud, float], None]
+# Pair, the epoch of its source (a pair of one that was closed meanwhile is not shown), and keeper.
+_DenseJob = tuple[DensePair, int, CloudKeeper | None]
 
 
 class Publisher:
@@ -52,6 +64,7 @@ class Publisher:
         self.newest: Observed | None = None
         self._pairs = PairKeeper()
         self._epoch = 0
+        self._keep_from = -math.inf
         self._writing = threading.Lock()
         self._dense = LatestWorker("dense stereo", self._make_dense, rate_hz=DENSE_RATE_HZ)
 
@@ -72,11 +85,20 @@ class Publisher:
         if self.newest is not None:
             self._draw(self.newest, new)
 
-    def publish(self, observed: Observed) -> None:
-        """Draw the watched views of the newest frame."""
+    def publish(self, observed: Observed, keep: CloudKeeper | None = None) -> None:
+        """Draw the watched views of the newest frame.
+
+        Args:
+            keep: takes a cloud now and then, called in the other thread.
+        """
         self.newest = observed
         self._pairs.remember(observed)
-        self._draw(observed, self._watched)
+        received = observed.frame.received
+        if keep is not None and received < self._keep_from:
+            keep = None
+        elif keep is not None:
+            self._keep_from = received + CLOUD_KEPT_EVERY_S
+        self._draw(observed, self._watched, keep)
 
     def show_cameras(self, frame: StereoFrame, draw: Callable[[str], Image]) -> None:
         """Show the cameras' images of a frame as drawn by the caller.
@@ -102,9 +124,11 @@ class Publisher:
         self.forget()
         self._dense.close()
 
-    def _draw(self, observed: Observed, names: frozenset[str]) -> None:
-        if names & _DENSE:
-            self._dense.give((self._pairs.pair(observed), self._epoch))
+    def _draw(
+        self, observed: Observed, names: frozenset[str], keep: CloudKeeper | None = None
+    ) -> None:
+        if names & _DENSE or keep is not None:
+            self._dense.give((self._pairs.pair(observed), self._epoch, keep))
         frame = observed.frame
         if names.intersection(CAMERA_NAMES):
             images = dict(zip(CAMERA_NAMES, (frame.left, frame.right), strict=True))
@@ -117,15 +141,17 @@ class Publisher:
 
     def _make_dense(self, job: _DenseJob) -> None:
         begin, watched = time.monotonic(), self._watched & _DENSE
-        if not watched:
+        (pair, epoch, keep), dense, trouble = job, None, None
+        if not watched and keep is None:
             return
-        (pair, epoch), dense, trouble = job, None, None
         try:
             dense = dense_stereo(pair)
-            self._write_dense(pair, dense, epoch, watched)
+            self._write_dense(pair, dense, epoch, watched, keep)
         except Exception as error:  # noqa: BLE001
             # A failure in display must stop neither the observing nor the next attempt.
             trouble = f"dense stereo failed: {type(error).__name__}: {error}"
+        if not watched and trouble is None:
+            return
         now, instant = time.monotonic(), pair.instant
         self._send(
             DenseStereoEvent(
@@ -139,11 +165,20 @@ class Publisher:
         )
 
     def _write_dense(
-        self, pair: DensePair, dense: DenseStereo | None, epoch: int, watched: frozenset[str]
+        self,
+        pair: DensePair,
+        dense: DenseStereo | None,
+        epoch: int,
+        watched: frozenset[str],
+        keep: CloudKeeper | None,
     ) -> None:
         values: list[tuple[str, Mapping[str, Any], list[bytes]]] = []
-        if CLOUD_NAME in watched and dense is not None:
-            values.append((CLOUD_NAME, *cloud_value(pair, dense)))
+        if dense is not None and (CLOUD_NAME in watched or keep is not None):
+            cloud = cloud_of(pair, dense)
+            if CLOUD_NAME in watched:
+                values.append((CLOUD_NAME, *cloud_value(pair, dense, cloud)))
+            if keep is not None:
+                keep(cloud, pair.instant["received"])
         if DISPARITY_NAME in watched:
             instant = pair.instant
             header = _header(instant["frame"], instant["time"], instant["received"], pair.left)

@@ -19,6 +19,7 @@ from typing import Any
 
 from app.contract.commands import RecordOrder
 from app.contract.status import EgoMotionStatus, RecordingStatus
+from app.engine.dense_stereo import Cloud
 from app.engine.errors import NotNow
 from app.engine.playback import PlayedFrame
 from observer.guard.parameters import AllParameters
@@ -138,6 +139,10 @@ class RunRecorder(threading.Thread):
             writer.observation(line, received, ego_motion=motion, truth=truth)
 
         self._give(write)
+
+    def cloud(self, cloud: Cloud, received: float) -> None:
+        """Record a point cloud and the reception of its frame; any thread may call."""
+        self._give(lambda w: w.cloud(cloud.points, cloud.colors, received))
 
     def truth(self, sample: TruthSample, received: float) -> None:
         """Record the ground truth at a frame, in the truth's own world."""

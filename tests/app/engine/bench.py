@@ -102,7 +102,8 @@ class Publisher:
     def watch(self, names: tuple[str, ...]) -> None:
         self.watched = names
 
-    def publish(self, observed: Any) -> None:
+    def publish(self, observed: Any, keep: Any = None) -> None:
+        del keep
         self.newest = observed
         self.published += 1
 

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from app.contract.views import OBSTACLE_RGB
-from app.engine.dense_stereo import PairKeeper, cloud_value, coarseness, dense_stereo
+from app.engine.dense_stereo import PairKeeper, cloud_of, cloud_value, coarseness, dense_stereo
 from app.engine.observed import Observed
 from observer.camera import StereoCamera
 from observer.geometry import Pose
@@ -96,7 +96,7 @@ def test_the_cloud_lies_on_the_wall_whatever_the_grid(width: int, height: int) -
     pair = keeper(what).pair(what)
     dense = dense_stereo(pair)
     assert dense is not None
-    header, (point_bytes, color_bytes) = cloud_value(pair, dense)
+    header, (point_bytes, color_bytes) = cloud_value(pair, dense, cloud_of(pair, dense))
     assert header["coarseness"] == (2 if width == 1242 else 1)
     points = np.frombuffer(point_bytes, np.float32).reshape(-1, 3)
     assert header["count"] == len(points) > 500
@@ -135,7 +135,7 @@ def test_points_on_a_body_have_its_colour_and_no_others(width: int, height: int)
         dense = dense_stereo(pair)
         assert dense is not None
         before = dense.image.copy()
-        _, (points, colors) = cloud_value(pair, dense)
+        _, (points, colors) = cloud_value(pair, dense, cloud_of(pair, dense))
         assert np.array_equal(dense.image, before)
         return (
             np.frombuffer(points, np.float32).reshape(-1, 3),

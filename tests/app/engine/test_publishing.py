@@ -7,6 +7,7 @@ import queue
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -16,7 +17,7 @@ import pytest
 from app.contract.events import DenseStereoEvent
 from app.contract.views import CLOUD_NAME, VIEW_NAMES
 from app.engine import publishing
-from app.engine.dense_stereo import MAX_POINTS, DensePair, DenseStereo, dense_stereo
+from app.engine.dense_stereo import MAX_POINTS, Cloud, DensePair, DenseStereo, dense_stereo
 from app.engine.observed import Observed
 from app.engine.publishing import Publisher
 from app.runtime.latest import Latest, LatestReader, LatestWriter, create_slot
@@ -114,6 +115,23 @@ def test_a_cloud_is_made_where_the_method_makes_no_disparity(bench: Bench) -> No
     assert (told.frame, told.received, told.coarseness, told.trouble) == (4, 54.0, 1, None)
     assert told.seconds > 0
     assert bench.readers["disparity"].read() is None, "nobody watches it"
+
+
+def test_a_recording_keeps_a_cloud_a_second_though_nobody_looks(bench: Bench) -> None:
+    kept: queue.SimpleQueue[tuple[Cloud, float]] = queue.SimpleQueue()
+    for index in range(4):
+        # A second apart, so that each is due.
+        bench.publisher.publish(observed(index), lambda *given: kept.put(given))
+        cloud, received = kept.get(timeout=PATIENCE_S)
+        assert received == 50.0 + index
+        assert len(cloud.points) == len(cloud.colors) > 1000
+        assert np.median(cloud.points[:, 2]) == pytest.approx(2.5, rel=0.01)
+    soon = replace(observed(4), frame=replace(observed(4).frame, received=53.5))
+    bench.publisher.publish(soon, lambda *given: kept.put(given))
+    with pytest.raises(queue.Empty):
+        kept.get(timeout=0.3)
+    assert bench.readers[CLOUD_NAME].read() is None
+    assert bench.told.empty()
 
 
 def test_a_later_watcher_gets_the_cloud_of_the_known_disparity(bench: Bench) -> None:
