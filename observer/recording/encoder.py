@@ -155,10 +155,12 @@ class Encoder:
         """
         wall = self._wall(received)
         transforms = self._cameras.transforms(line_pose(line), wall)
+        boxes = drawn_obstacles(line)
         messages = [
             self._own(topics.OBSERVATION, line, received),
             self._made(topics.TRANSFORMS, transforms, received),
-            self._made(topics.SCENE, foxglove.scene(drawn_obstacles(line), wall), received),
+            self._made(topics.SCENE, foxglove.scene(boxes, wall), received),
+            self._made(topics.EDGES, foxglove.box_edges(boxes, wall), received),
         ]
         if ego_motion is not None:
             values = EgoMotionPayload(

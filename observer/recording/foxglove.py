@@ -24,6 +24,7 @@ from observer.vision.rectification import Rectification
 
 # Along each edge of a true body's box.
 _DASHES = 5
+_POINTS_PER_EDGE = 16
 LogLevel = Literal["debug", "info", "warning", "error"]
 
 
@@ -112,11 +113,49 @@ def scene(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
     return fox.SceneUpdate(deletions=[gone], entities=entities).encode()
 
 
-def point_cloud(points: NDArray[np.float32], colors: NDArray[np.uint8], wall_ns: int) -> bytes:
-    """Return a ``PointCloud`` in the camera frame.
+def box_edges(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
+    """Return a ``PointCloud`` in the world of points along the edges of the bodies' boxes.
+
+    For tools that show points and no ``SceneUpdate``.
+    """
+    corners = [_edge_points(body) for body in bodies]
+    colors = [
+        np.tile(np.array(body.color[:3]) * 255, (len(points), 1))
+        for body, points in zip(bodies, corners, strict=True)
+    ]
+    return point_cloud(
+        np.concatenate([np.zeros((0, 3)), *corners]).astype(np.float32),
+        np.concatenate([np.zeros((0, 3)), *colors]).astype(np.uint8),
+        wall_ns,
+        frame="world",
+    )
+
+
+def _edge_points(body: DrawnBody) -> Float64Array:
+    """(N, 3) metres, world: points along the twelve edges of a box."""
+    steps = np.linspace(-0.5, 0.5, _POINTS_PER_EDGE)
+    places = [
+        np.insert([first, second], axis, along)
+        for axis in range(3)
+        for first in (-0.5, 0.5)
+        for second in (-0.5, 0.5)
+        for along in steps
+    ]
+    pose = Pose.from_quaternion(body.wxyz, body.position)
+    return pose.apply(np.array(places) * np.asarray(body.size))
+
+
+def point_cloud(
+    points: NDArray[np.float32],
+    colors: NDArray[np.uint8],
+    wall_ns: int,
+    *,
+    frame: Literal["camera", "world"] = "camera",
+) -> bytes:
+    """Return a ``PointCloud``.
 
     Args:
-        points: (N, 3) metres. colors: (N, 3) RGB.
+        points: (N, 3) metres, in ``frame``. colors: (N, 3) RGB.
     """
     packed = np.zeros(len(points), dtype=[("point", "<f4", 3), ("color", "u1", 4)])
     packed["point"] = points
@@ -129,7 +168,7 @@ def point_cloud(points: NDArray[np.float32], colors: NDArray[np.uint8], wall_ns:
     ]
     return fox.PointCloud(
         timestamp=stamp(wall_ns),
-        frame_id="camera",
+        frame_id=frame,
         pose=_pose((0, 0, 0), (1, 0, 0, 0)),
         point_stride=packed.itemsize,
         fields=[fox.PackedElementField(name=n, offset=o, type=t) for n, o, t in fields],

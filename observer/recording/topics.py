@@ -75,6 +75,7 @@ LEFT_CALIBRATION = _foxglove("/camera/left/calibration", "CameraCalibration", la
 RIGHT_CALIBRATION = _foxglove("/camera/right/calibration", "CameraCalibration", latched=True)
 CLOUD = _foxglove("/cloud", "PointCloud", bulk=True)
 SCENE = _foxglove("/scene/obstacles", "SceneUpdate")
+EDGES = _foxglove("/scene/obstacles/edges", "PointCloud")
 TRUE_SCENE = _foxglove("/scene/truth", "SceneUpdate")
 TRANSFORMS = _foxglove("/tf", "FrameTransforms")
 ODOMETRY = _foxglove("/odometry", "Odometry")

@@ -12,7 +12,7 @@ from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.opening import open_source
 from observer.recording import foxglove, topics
-from observer.recording.drawn import drawn_truth
+from observer.recording.drawn import DrawnBody, drawn_truth
 from observer.recording.payloads import MatchedBody
 from observer.recording.topics import Topic
 from observer.vision.rectification import Rectification
@@ -106,3 +106,25 @@ def test_a_dashed_box_has_the_truths_size_and_heads_where_it_drives() -> None:
     # It heads to the right, so its length lies along x.
     np.testing.assert_allclose(np.ptp(points, axis=0), [2.0, 1.0, 0.4], atol=1e-9)
     assert len(points) == 12 * 2 * foxglove._DASHES
+
+
+def test_the_edges_of_a_box_are_points_for_tools_that_show_no_boxes() -> None:
+    size, place, quarter = (0.6, 1.6, 0.4), (1.0, -0.8, 3.0), (0.5**0.5, 0.0, 0.5**0.5, 0.0)
+    body = DrawnBody(
+        "obstacle", 3, "3", place, quarter, size, (0.0, 0.0, 0.0), (1.0, 0.5, 0.0, 0.4), "#3"
+    )
+    told = decoded(topics.EDGES, foxglove.box_edges([body, body], 7))
+    assert told.frame_id == "world"
+    assert [field.name for field in told.fields][:4] == ["x", "y", "z", "red"]
+    packed = np.frombuffer(told.data, dtype=[("at", "<f4", 3), ("rgba", "u1", 4)])
+    assert told.point_stride == packed.itemsize
+    assert (packed["rgba"][:, :3] == (255, 127, 0)).all()
+    one, other = np.array_split(packed["at"].astype(float), 2)
+    np.testing.assert_array_equal(one, other)
+    local = Pose.from_quaternion(quarter, place).inverse().apply(one) / size
+    # On an edge two of three coordinates are at the border.
+    at_border = np.isclose(np.abs(local), 0.5, atol=1e-5)
+    assert (at_border.sum(axis=1) >= 2).all()
+    assert (np.abs(local) < 0.5 + 1e-5).all()
+    np.testing.assert_allclose(local.min(axis=0), -0.5, atol=1e-5)
+    assert not decoded(topics.EDGES, foxglove.box_edges([], 7)).data
