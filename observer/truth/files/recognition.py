@@ -8,6 +8,7 @@ from typing import BinaryIO, Literal
 from observer.errors import TruthError
 from observer.truth.files.angles import AngleReading
 from observer.truth.files.c3d_file import is_c3d, read_c3d
+from observer.truth.files.motive_csv import is_motive, read_motive
 from observer.truth.files.text_lines import UNDERSTOOD, TextLines
 from observer.truth.files.timed_poses import (
     is_own_truth,
@@ -19,12 +20,14 @@ from observer.truth.files.timed_poses import (
 from observer.truth.files.vicon_csv import is_vicon_csv, read_vicon_csv
 from observer.truth.motion_capture import Capture
 
-FileKind = Literal["truth.csv", "vicon csv", "c3d", "plain csv", "tum"]
+FileKind = Literal["truth.csv", "vicon csv", "motive csv", "c3d", "plain csv", "tum"]
 
 # Lines that identify a text; a TUM file's comments may precede them.
 _LOOKED_AT = 8
 _MOST_COMMENTS = 100
 _HEAD_BYTES = 1024
+# How the tables of marker positions begin that OpenSim and others write.
+_TRC = "PathFileType"
 
 
 def file_kind(path: Path | str) -> FileKind:
@@ -69,7 +72,7 @@ def read_capture(
     except (OSError, ValueError) as error:
         raise _unreadable(path, error) from None
     notes = list(capture.notes)
-    if rate_hz is not None and kind in ("plain csv", "tum"):
+    if rate_hz is not None and kind in ("plain csv", "tum", "motive csv"):
         notes.append(f"the rate of {rate_hz:g} Hz is not used, for samples have their own times")
     if lines is not None and not lines.is_utf8:
         notes.append("the text is not UTF-8 and is read as Windows-1252")
@@ -88,6 +91,8 @@ def _read(
         return read_c3d(path, path.name, rate_hz=rate_hz)
     if kind == "vicon csv":
         return read_vicon_csv(lines, rate_hz=rate_hz, angles=angles)
+    if kind == "motive csv":
+        return read_motive(lines)
     if kind == "plain csv":
         return read_plain_csv(lines)
     if kind == "tum":
@@ -118,6 +123,13 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
         raise TruthError(f"{name}: the file holds nothing but empty lines; {UNDERSTOOD}")
     if is_own_truth(first[0]):
         return "truth.csv", lines
+    if first[0].startswith(_TRC):
+        raise TruthError(
+            f"{name}: a TRC file holds single markers, of which nothing tells the bodies; export "
+            f"rigid bodies or segments as CSV"
+        )
+    if is_motive(first[0]):
+        return "motive csv", lines
     if is_vicon_csv(first):
         return "vicon csv", lines
     if is_plain_csv(first[0]):

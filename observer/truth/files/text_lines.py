@@ -77,8 +77,9 @@ class TextLines:
 
 
 UNDERSTOOD = (
-    "understood are CSV files of Vicon Tracker (Objects, Segments) and Nexus (Trajectories), C3D, "
-    "CSV with the header t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres, and TUM"
+    "understood are CSV files of Vicon Tracker (Objects, Segments), Nexus (Trajectories) and "
+    "OptiTrack Motive (rigid bodies), C3D, EuRoC's ground truth, TUM, and CSV with the header "
+    "t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres"
 )
 
 

@@ -1,8 +1,10 @@
-"""Reader of trajectories whose samples have their own times: plain CSV with a header, and TUM.
+"""Reader of trajectories whose samples have their own times: plain CSV, EuRoC's, and TUM.
 
 Plain CSV: columns ``t,x,y,z`` and, if known, ``qx,qy,qz,qw``, in any order, with a header, in
 seconds and metres unless the header names a unit (``x_mm``, ``t [ms]``); a column ``body`` tells
-several bodies apart. TUM: ``t tx ty tz qx qy qz qw`` separated by spaces, without a header.
+several bodies apart. EuRoC's ground truth is such a CSV with titles of its own, ``p_RS_R_x [m]``
+and ``q_RS_w []``, and nanoseconds since 1970, of which 0.1 us are kept. TUM: ``t tx ty tz qx qy qz
+qw`` separated by spaces, without a header.
 """
 
 from __future__ import annotations
@@ -29,6 +31,8 @@ _TURN = ("qx", "qy", "qz", "qw")
 _ALIASES = {"time": "t", "timestamp": "t", "tx": "x", "ty": "y", "tz": "z", "name": "body"}
 # A title, and its unit as in x_mm, x [mm] or x (mm).
 _TITLE = re.compile(r"^([a-z]+)(?:_(mm|cm|m|ms|us|ns|s)|\s*[\[(]\s*([a-z]+)\s*[\])])?$")
+# Titles of EuRoC's ground truth, whose time is in nanoseconds.
+_EUROC_TITLE = re.compile(r"^(?:p_rs_r_([xyz])|q_rs_([wxyz]))\s*(?:\[\s*([a-z]*)\s*\])?$")
 # Name of a body where the file has none.
 _ONLY_BODY = "body"
 # Of the project's own truth.csv, which has x, y, z and t as well.
@@ -64,6 +68,8 @@ def read_plain_csv(lines: TextLines) -> Capture:
     separator = separator_of(first)
     cells = cells_of(lines, first, separator)
     titles = [_understood_title(cell) for cell in cells]
+    if any(_EUROC_TITLE.match(_bare(cell)) for cell in cells):
+        titles = [("t", "ns") if each == ("t", None) else each for each in titles]
     columns = _columns(lines, titles)
     scales = [_scale(lines, titles, index) for index in range(len(titles))]
     labels = [" ".join(cell.split())[:40] or f"column {k}" for k, cell in enumerate(cells, 1)]
@@ -84,7 +90,8 @@ def read_plain_csv(lines: TextLines) -> Capture:
     for number, told in enumerate(rows.names or [_ONLY_BODY]):
         name = names.of(told)
         found[name] = table.trajectory(name, bodies == number)
-    return Capture("plain CSV", None, found, (f"places are read in {length_word(unit)}",))
+    notes = (f"places are read in {length_word(unit)}", *table.notes)
+    return Capture("plain CSV", None, found, notes)
 
 
 def read_tum(lines: TextLines) -> Capture:
@@ -97,33 +104,49 @@ def read_tum(lines: TextLines) -> Capture:
     places, turns = rows.columns((1, 2, 3)), rows.columns((4, 5, 6, 7))
     table = _Table(lines.name, rows, rows.column(0), places, turns)
     body = table.trajectory(_ONLY_BODY, np.ones(rows.count, dtype=np.bool_))
-    return Capture("TUM trajectory", None, {_ONLY_BODY: body}, ("places are read in metres",))
+    notes = ("places are read in metres", *table.notes)
+    return Capture("TUM trajectory", None, {_ONLY_BODY: body}, notes)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class _Table:
-    """Rows of a file: times (N,) s, positions (N, 3) m, quaternions (N, 4) or None."""
+    """Rows of a file: times (N,) s, positions (N, 3) m, quaternions (N, 4) or None.
+
+    Attributes:
+        repeated: samples of the trajectories so far that were left out: at the time before them.
+    """
 
     file: str
     rows: NumberRows
     times: Float64Array
     positions: Float64Array
     turns: Float64Array | None
+    repeated: int = 0
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """One sentence, if samples were left out."""
+        if not self.repeated:
+            return ()
+        samples = "1 sample" if self.repeated == 1 else f"{self.repeated} samples"
+        return (f"left out: {samples} at the very time of the one before",)
 
     def trajectory(self, name: str, its: NDArray[np.bool_]) -> Trajectory:
         """Return the trajectory of one body's rows.
 
         Raises:
-            TruthError: there are none, times do not rise, or numbers are no pose.
+            TruthError: there are none, times go back, or numbers are no pose.
         """
         if not its.any():
             raise TruthError(f"{self.file}: there are no rows of numbers in it")
         at = np.flatnonzero(its)
-        times, positions = self.times[at], self.positions[at]
-        lost = ~(np.abs(times) <= _MOST_SECONDS)
+        lost = ~(np.abs(self.times[at]) <= _MOST_SECONDS)
         self.rows.refuse(at[lost], f"the time must be known, and within {_MOST_SECONDS:g} s")
-        late = np.append(False, np.diff(times) <= 0)
-        self.rows.refuse(at[late], f"the time is not later than that of {name} before it")
+        steps = np.append(np.inf, np.diff(self.times[at]))
+        self.rows.refuse(at[steps < 0], f"the time is earlier than that of {name} before it")
+        self.repeated += int(np.count_nonzero(steps == 0))
+        at = at[steps > 0]
+        times, positions = self.times[at], self.positions[at]
         known = np.isfinite(positions)
         partial = known.any(axis=1) & ~known.all(axis=1)
         self.rows.refuse(at[partial], "x, y and z must all be known, or none of them")
@@ -170,11 +193,18 @@ def _scale(lines: TextLines, titles: Sequence[tuple[str, str | None]], index: in
 
 def _understood_title(cell: str) -> tuple[str, str | None]:
     """Return a column's title and its unit, where it names one."""
-    found = _TITLE.match(cell.strip(" \t\"'#").lower())
+    euroc = _EUROC_TITLE.match(_bare(cell))
+    if euroc is not None:
+        return euroc[1] or f"q{euroc[2]}", euroc[3] or None
+    found = _TITLE.match(_bare(cell))
     if found is None:
         return "", None
     title = found[1]
     return _ALIASES.get(title, title), found[2] or found[3]
+
+
+def _bare(cell: str) -> str:
+    return cell.strip(" \t\"'#").lower()
 
 
 def _is_number(cell: str) -> bool:

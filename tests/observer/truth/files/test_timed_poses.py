@@ -83,7 +83,7 @@ def test_a_rate_is_of_no_use(read: Read) -> None:
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        ("t,x,y,z\n0,1,2,3\n0,1,2,3\n", "upload line 3: the time is not later than that of body"),
+        ("t,x,y,z\n1,1,2,3\n0,1,2,3\n", "upload line 3: the time is earlier than that of body"),
         ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "upload line 3: the time must be known"),
         ("t,x,y,z\n0,1,2\n", "upload line 2: the row has only 3 cells, but there must be 4: t, x"),
         ("t,x,y,z\n0,1,2,3,4\n", "upload line 2: the row has 5 cells, but the header names 4"),
@@ -98,10 +98,34 @@ def test_a_rate_is_of_no_use(read: Read) -> None:
         (f"{HEADER}\n0,1,2,3,0,0,0,2\n", "upload line 2: qx, qy, qz, qw must be a unit quat"),
         ("0 1 2 3 0 0 0 1\n1 2 3\n", "upload line 2: the row has only 3 cells"),
         ("# c\n0 1 2 3 0 0 0 1\n1 1 2 3 0 0 0 w\n", "upload line 3 cell 8: qw must be a number"),
-        ("1 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "upload line 2: the time is not later than"),
+        ("1 1 2 3 0 0 0 1\n0 1 2 3 0 0 0 1\n", "upload line 2: the time is earlier than"),
     ],
 )  # fmt: skip
 def test_names_line_and_cell_of_what_is_wrong(read: Read, content: str, expected: str) -> None:
     with pytest.raises(TruthError) as caught:
         read(content)
     assert expected in str(caught.value)
+
+
+def test_samples_that_repeat_a_time_are_left_out_and_told(read: Read) -> None:
+    capture = read("0 1 2 3 0 0 0 1\n0 9 9 9 0 0 0 1\n1 4 5 6 0 0 0 1\n1 4 5 6 0 0 0 1\n")
+    body = capture.bodies["body"]
+    assert body.times.tolist() == [0.0, 1.0]
+    assert body.positions.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
+    assert any("left out: 2 samples" in note for note in capture.notes)
+
+
+@pytest.mark.parametrize("title", ["#timestamp", "#timestamp [ns]"])
+def test_reads_the_ground_truth_of_euroc(read: Read, title: str) -> None:
+    names = "p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], q_RS_z []"
+    turn = TURNED.as_quat()
+    rows = [
+        f"{round(t * 1e4)}00000," + ",".join(map(repr, map(float, (*p, q[3], *q[:3], 0.5))))
+        for t, p, q in zip(T, P, turn, strict=True)
+    ]
+    text = f"{title}, {names}, v_RS_R_x [m s^-1]\n" + "\n".join(rows)
+    body = read(text).bodies["body"]
+    np.testing.assert_allclose(body.times, T, atol=1e-6)
+    np.testing.assert_array_equal(body.positions, P)
+    assert body.rotations is not None
+    np.testing.assert_allclose(body.rotations, TURNED.as_matrix(), atol=1e-12)
