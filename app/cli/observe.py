@@ -16,6 +16,7 @@ from app.cli.output import whole_file
 from app.cli.progress import ProgressCallback, progress_bar
 from observer.calibration.formats.recognition import named_file, read_any
 from observer.calibration.formats.understanding import Size
+from observer.calibration.formats.units import parse_unit
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, InputError
 from observer.jsonl import observation_line
@@ -40,8 +41,16 @@ def observe(
         typer.Option(
             metavar="FILE[,FILE]",
             help="Calibration used instead of the source's own: OpenCV, ROS, Kalibr, KITTI, "
-            "MATLAB, Middlebury, ZED or EuRoC, recognised by content. Pairs of files are joined "
-            "by a comma, or given one by one.",
+            "MATLAB, Middlebury, ZED, OAK or EuRoC, recognised by content. Pairs of files are "
+            "joined by a comma, or given one by one.",
+        ),
+    ] = None,
+    unit: Annotated[
+        str | None,
+        typer.Option(
+            metavar="UNIT",
+            help="What lengths in --calibration are in, where it is not the format's own: m, cm, "
+            "mm or in; or the length of one unit of the file, as in 25mm for squares of a board.",
         ),
     ] = None,
     assignments: Annotated[
@@ -74,11 +83,15 @@ def observe(
 ) -> None:
     """Observe a source from its first frame to its last and write one JSON line per frame."""
     parameters = chosen_parameters(preset, assignments or [])
+    if unit is not None and not calibration:
+        raise InputError(
+            "--unit says what --calibration FILE is in; name the file, or leave it out"
+        )
     found = open_source(source)
     opened = found.source
     try:
         used = (
-            _read_calibration(calibration, (opened.info.width, opened.info.height))
+            _read_calibration(calibration, (opened.info.width, opened.info.height), unit)
             if calibration
             else opened.calibration
         )
@@ -108,15 +121,23 @@ def observe(
         typer.echo(f"skipped {len(skipped)} frame(s): {shown}{more}", err=True)
 
 
-def _read_calibration(names: list[str], size: Size) -> StereoCalibration:
-    """Read the calibration from these files for images of this size; log decisions to stderr."""
+def _read_calibration(names: list[str], size: Size, unit: str | None) -> StereoCalibration:
+    """Read the calibration from these files for images of this size; log decisions to stderr.
+
+    Args:
+        unit: as ``parse_unit`` takes it, or None for the format's own.
+    """
     # A file name may contain a comma.
     paths = [
         path
         for name in names
         for path in ([name] if Path(name).exists() else filter(None, name.split(",")))
     ]
-    read = read_any([named_file(path) for path in paths], expected_size=size)
+    read = read_any(
+        [named_file(path) for path in paths],
+        unit=None if unit is None else parse_unit(unit),
+        expected_size=size,
+    )
     typer.echo(f"calibration: {'; '.join((read.format, *read.notes))}", err=True)
     return read.calibration
 

@@ -21,10 +21,10 @@ from observer.calibration.formats.understanding import (
     Draft,
     DraftCamera,
     Size,
-    Unit,
     Wanted,
     size_words,
 )
+from observer.calibration.formats.units import LengthUnit, Unit
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
@@ -213,7 +213,7 @@ def _pose(parameters: _Struct, notes: list[str]) -> tuple[Float64Array, Float64A
     return rotation.T, parameters.numbers("TranslationOfCamera2", 3)
 
 
-def _unit(camera: _Struct, wanted: Wanted, notes: list[str]) -> Unit:
+def _unit(camera: _Struct, wanted: Wanted, notes: list[str]) -> LengthUnit:
     if wanted.unit is not None:
         return wanted.unit
     words = camera.fields.get("WorldUnits")

@@ -15,7 +15,9 @@ from observer.calibration.formats.kalibr_file import kalibr_draft
 from observer.calibration.formats.kitti_file import kitti_odometry_draft, kitti_raw_draft
 from observer.calibration.formats.matlab_file import is_matlab, matlab_draft
 from observer.calibration.formats.middlebury_file import middlebury_draft
+from observer.calibration.formats.oak_file import is_oak, oak_draft
 from observer.calibration.formats.opencv_file import is_opencv, opencv_draft
+from observer.calibration.formats.ost_file import ost_draft
 from observer.calibration.formats.plain_data import (
     CALIBRATION,
     NamedData,
@@ -29,16 +31,16 @@ from observer.calibration.formats.understanding import (
     NamedFile,
     Size,
     UnderstoodCalibration,
-    Unit,
     Wanted,
     understood,
 )
+from observer.calibration.formats.units import LengthUnit
 from observer.calibration.formats.zed_file import zed_draft
 from observer.errors import CalibrationError
 from observer.text_files import PlainData, check_length, decoded, read_bytes
 
 _Kind = Literal["opencv", "ros", "kalibr", "euroc", "kitti raw", "kitti odometry", "middlebury",
-                "zed", "matlab", "one camera"]  # fmt: skip
+                "zed", "matlab", "oak", "ost", "one camera"]  # fmt: skip
 _WORDS: dict[_Kind, str] = {
     "opencv": "an OpenCV calibration",
     "ros": "a ROS camera_info",
@@ -49,11 +51,13 @@ _WORDS: dict[_Kind, str] = {
     "middlebury": "a Middlebury calib.txt",
     "zed": "a ZED calibration",
     "matlab": "a MATLAB calibration",
+    "oak": "an OAK calib.json",
+    "ost": "a ROS ost.txt",
     "one camera": "the calibration of one camera",
 }
 _UNDERSTOOD = (
-    "understood are OpenCV (YAML, XML, JSON), ROS camera_info, Kalibr camchain, KITTI, "
-    "MATLAB stereoParameters, Middlebury calib.txt, ZED .conf and EuRoC sensor.yaml"
+    "understood are OpenCV (YAML, XML, JSON), ROS camera_info and ost.txt, Kalibr camchain, KITTI, "
+    "MATLAB stereoParameters, Middlebury calib.txt, ZED .conf, OAK calib.json and EuRoC sensor.yaml"
 )
 # intrinsics.yml and extrinsics.yml, or one file for each camera.
 _MOST_FILES = 2
@@ -64,6 +68,7 @@ _LINES: Mapping[_Kind, str] = {
     "middlebury": r"^\s*cam0\s*=\s*\[",
     "kitti raw": r"^(S|K|D|R|T|S_rect|R_rect|P_rect)_0[0-3]:[ \t]*[-+.\d]",
     "kitti odometry": r"^P[0-3]:[ \t]*[-+.\d]",
+    "ost": r"(?i)^#[ \t]*oST version|^[ \t]*camera matrix[ \t]*$",
 }
 
 
@@ -84,6 +89,7 @@ class _Recognised:
 # The readers of what one file holds for both cameras.
 _OF_ONE_FILE: Mapping[_Kind, Callable[[_Recognised, Wanted], Draft]] = {
     "kalibr": lambda one, _: kalibr_draft(*one.mapping),
+    "oak": lambda one, _: oak_draft(*one.mapping),
     "matlab": lambda one, wanted: matlab_draft(one.file.name, one.file.content, wanted),
     "middlebury": lambda one, _: middlebury_draft(one.file.name, one.text),
     "zed": lambda one, wanted: zed_draft(one.file.name, one.text, wanted),
@@ -108,19 +114,20 @@ def read_any(
     files: Sequence[NamedFile],
     *,
     size: Size | None = None,
-    unit: Unit | None = None,
+    unit: LengthUnit | None = None,
     cameras: Cameras | None = None,
     expected_size: Size | None = None,
 ) -> UnderstoodCalibration:
     """The calibration that one file, or several brought together, hold.
 
     Args:
-        files: one file; or a pair: ROS's left.yaml and right.yaml, EuRoC's two sensor.yaml,
-            OpenCV's intrinsics.yml and extrinsics.yml. Their order does not matter.
+        files: one file; or a pair: ROS's left.yaml and right.yaml (or two ost.txt), EuRoC's two
+            sensor.yaml, OpenCV's intrinsics.yml and extrinsics.yml. Their order does not matter.
         size: width and height, pixels: what the images have whose size a file does not tell
             (OpenCV, KITTI odometry), or which of several sizes to take (ZED, KITTI raw).
-        unit: what lengths in the files are in; None takes the format's own unit. Lengths are
-            never scaled because they would be more plausible so.
+        unit: what lengths in the files are in, or how many metres one unit of theirs is (the
+            square of a board); None takes the format's own. Lengths are never scaled because
+            they would be more plausible so.
         cameras: KITTI's grey or colour pair; None takes grey where it is there.
         expected_size: what the camera's images have; taken for ``size`` where that is not given.
 
@@ -167,6 +174,8 @@ def _draft(files: list[_Recognised], wanted: Wanted) -> Draft:
         )
     if kind == "opencv":
         return opencv_draft([file.mapping for file in files], wanted)
+    if kind == "ost":
+        return ost_draft([(file.file.name, file.text) for file in files])
     if kind in ("ros", "euroc"):
         if len(files) != 2:
             pair = "left.yaml and right.yaml" if kind == "ros" else "those of cam0 and cam1"
@@ -202,6 +211,8 @@ def _recognised(file: NamedFile) -> _Recognised:
 def _kind_of_mapping(name: str, data: dict[str, PlainData]) -> _Kind:
     if any(isinstance(data.get(key), dict) for key in _CHAIN):
         return "kalibr"
+    if is_oak(data):
+        return "oak"
     if "T_BS" in data or ("intrinsics" in data and "resolution" in data):
         return "euroc"
     if "camera_matrix" in data:

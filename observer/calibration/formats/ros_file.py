@@ -99,6 +99,12 @@ def ros_draft(first: NamedData, second: NamedData) -> Draft:
     ]
     if left.is_called("right") or right.is_called("left"):
         notes[0] += ", although the names say otherwise"
+        notes.append(
+            f"P[3], -fx times the baseline of the right camera, is "
+            f"{right.projection_matrix[0, 3]:.5g} in {right.name} and "
+            f"{left.projection_matrix[0, 3]:.5g} in {left.name}: the cameras were exchanged, bring "
+            f"the images of {left.name} as the left ones"
+        )
     # In the rectified frames the right camera stands at x = baseline:
     # R_right X_right = R_left X_left - (baseline, 0, 0).
     baseline = left.offset - right.offset

@@ -14,21 +14,22 @@ from typing import Literal
 
 import numpy as np
 
-from observer.camera import MAX_BASELINE_M, MIN_BASELINE_M, DistortionModel, StereoCalibration
+from observer.calibration.formats.rational_lens import Smooth, without_pole
+from observer.calibration.formats.units import (
+    LengthUnit,
+    implausible,
+    is_plausible,
+    metres,
+    unit_words,
+)
+from observer.calibration.formats.units import Unit as Unit
+from observer.camera import DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
 
-Unit = Literal["m", "mm", "cm", "in"]
 Cameras = Literal["grey", "colour"]
 Size = tuple[int, int]
 
-_METRES: Mapping[Unit, float] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254}
-_UNIT_WORDS: Mapping[Unit, str] = {
-    "m": "metres",
-    "mm": "millimetres",
-    "cm": "centimetres",
-    "in": "inches",
-}
 # A skew that moves no pixel further than this is rounding, px; rectification knows no skew.
 _MAX_SKEW_PX = 0.1
 # Where the principal point of images of the right size lies, as a part of width and height.
@@ -51,12 +52,13 @@ class Wanted:
 
     Attributes:
         size: width and height of the images, pixels.
-        unit: what lengths are in; None takes the format's own.
+        unit: what lengths are in, or how many metres one unit of the file is; None takes the
+            format's own.
         cameras: KITTI's grey cameras (0 and 1) or its colour ones (2 and 3).
     """
 
     size: Size | None = None
-    unit: Unit | None = None
+    unit: LengthUnit | None = None
     cameras: Cameras | None = None
 
 
@@ -159,7 +161,7 @@ class Draft:
     right: DraftCamera
     R: Float64Array
     T: Float64Array
-    unit: Unit = "m"
+    unit: LengthUnit = "m"
     size_was_told: bool = False
     R_key: str = "R"
     T_key: str = "T"
@@ -167,26 +169,36 @@ class Draft:
     notes: tuple[str, ...] = ()
     choices: tuple[Choice, ...] = ()
 
-    def calibration(self, unit: Unit | None = None) -> StereoCalibration:
-        """The calibration, T in metres."""
+    def calibration(self, unit: LengthUnit | None = None) -> StereoCalibration:
+        """The calibration, T in metres; a lens with a pole in its image has ``smooth``'s D.
+
+        Args:
+            unit: what T is in, or how many metres one unit is; None takes the draft's own.
+
+        Raises:
+            CalibrationError: one sentence naming the file, the key and the reason.
+        """
         used, left, right = unit or self.unit, self.left, self.right
         length = float(np.linalg.norm(self.T))
-        if used != "m" and length and not _is_plausible(length * _METRES[used]):
-            hint = "; in metres it would fit" if _is_plausible(length) else ""
-            raise CalibrationError(
-                self.told(
-                    f"T gives a baseline of {length * _METRES[used]:g} m when read in "
-                    f"{_UNIT_WORDS[used]}, which is outside {MIN_BASELINE_M:g} to "
-                    f"{MAX_BASELINE_M:g} m{hint}"
-                )
-            )
+        if length and np.isfinite(length) and not is_plausible(length * metres(used)):
+            raise CalibrationError(self.told(implausible(length, used)))
+        D1, D2 = (
+            camera.D if smooth is None else smooth.D
+            for camera, smooth in ((left, self.smooth(left)), (right, self.smooth(right)))
+        )
         try:
-            T = self.T * _METRES[used]
-            return StereoCalibration(
-                *left.size, left.K, left.D, right.K, right.D, self.R, T, left.model
-            )
+            T = self.T * metres(used)
+            return StereoCalibration(*left.size, left.K, D1, right.K, D2, self.R, T, left.model)
         except CalibrationError as error:
             raise CalibrationError(self.told(str(error))) from None
+
+    def smooth(self, camera: DraftCamera) -> Smooth | None:
+        """Return the lens in place of a rational one whose pole lies within its image."""
+        if self.left.model != "radtan" or camera.D.size not in (8, 12, 14):
+            return None
+        if camera.K.shape != (3, 3) or not camera.K[0, 0] > 0 or not camera.K[1, 1] > 0:
+            return None
+        return without_pole(camera.K, camera.D, self.left.size)
 
     def told(self, sentence: str) -> str:
         """The sentence with the file's name before it and the file's own names of the keys."""
@@ -205,12 +217,13 @@ class Draft:
 
 
 def understood(
-    draft: Draft, *, unit: Unit | None = None, expected_size: Size | None = None
+    draft: Draft, *, unit: LengthUnit | None = None, expected_size: Size | None = None
 ) -> UnderstoodCalibration:
     """The draft, checked as a whole, with the notes of what was made of it.
 
     Args:
-        unit: what lengths are in, where the person knows better than the format.
+        unit: what lengths are in, where the person knows better than the format; a number tells
+            how many metres one unit of the file is.
         expected_size: width and height that the camera's images have.
     """
     notes = list(draft.notes)
@@ -218,6 +231,11 @@ def understood(
     for key in ("K1", "K2"):
         notes += _check_camera_matrix(draft, key, getattr(calibration, key))
     calibration = _without_skew(calibration)
+    notes += [
+        _smooth_note(draft.own_key(key), smooth)
+        for key, camera in (("D1", draft.left), ("D2", draft.right))
+        if (smooth := draft.smooth(camera)) is not None
+    ]
     if draft.size_was_told:
         _check_central(draft, calibration)
     size = draft.left.size
@@ -233,7 +251,7 @@ def understood(
         raise CalibrationError(draft.told(str(error))) from None
     used = unit or draft.unit
     verb = "read in" if used == "m" else "converted from"
-    notes.append(f"{draft.T_key} {verb} {_UNIT_WORDS[used]}: baseline {calibration.baseline:.5g} m")
+    notes.append(f"{draft.T_key} {verb} {unit_words(used)}: baseline {calibration.baseline:.5g} m")
     return UnderstoodCalibration(calibration, draft.format, tuple(notes), draft.choices)
 
 
@@ -242,8 +260,13 @@ def size_words(size: Size) -> str:
     return f"{size[0]}x{size[1]}"
 
 
-def _is_plausible(baseline_m: float) -> bool:
-    return MIN_BASELINE_M <= baseline_m <= MAX_BASELINE_M
+def _smooth_note(key: str, smooth: Smooth) -> str:
+    return (
+        f"{key} is a rational lens that folds over {smooth.fold_px:.0f} px from the middle, within "
+        f"the image (numerator and denominator nearly cancel there); replaced by a polynomial that "
+        f"differs by at most {smooth.largest_px:.1f} px up to {smooth.within_px:.0f} px from the "
+        f"middle and is extrapolated further out; a new calibration would be better"
+    )
 
 
 def _check_camera_matrix(draft: Draft, key: str, K: Float64Array) -> list[str]:

@@ -11,7 +11,7 @@ import pytest
 from app.cli.observe import observe
 from observer.calibration.formats.exporting import ExportKind, export_calibration
 from observer.camera import StereoCalibration
-from observer.errors import CalibrationError
+from observer.errors import CalibrationError, InputError
 
 
 @pytest.fixture(scope="module")
@@ -38,6 +38,15 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "wrong.yaml").write_bytes(
         (folder / "opencv.yaml").read_bytes().replace(b"image_width: 160", b"image_width: 320")
     )
+    for name, factor in (("millimetres.yaml", 1000), ("squares.yaml", 40)):
+        changed = (
+            (folder / "opencv.yaml")
+            .read_text()
+            .replace(
+                "data: [ -0.1, 0.001, 0.0 ]", f"data: [ {-0.1 * factor}, {0.001 * factor}, 0.0 ]"
+            )
+        )
+        (folder / name).write_text(changed)
     return folder
 
 
@@ -80,3 +89,28 @@ def test_refuses(
     monkeypatch.chdir(folder)
     with pytest.raises(CalibrationError, match=expected):
         observe("images", calibration=calibration)
+
+
+@pytest.mark.parametrize(("name", "unit"), [("millimetres", "mm"), ("squares", "25mm")])
+def test_the_unit_is_asked_for_and_said(
+    folder: Path,
+    name: str,
+    unit: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(folder)
+    with pytest.raises(CalibrationError, match=rf"{name}\.yaml: T gives .* --unit {unit}"):
+        observe("images", calibration=[f"{name}.yaml"])
+    observe("images", calibration=[f"{name}.yaml"], unit=unit)
+    assert "baseline 0.1 m" in capsys.readouterr().err
+
+
+def test_a_unit_without_a_file_and_an_unknown_one_are_refused(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    with pytest.raises(InputError, match="--unit says what --calibration FILE is in"):
+        observe("images", unit="mm")
+    with pytest.raises(CalibrationError, match="the unit 'feet' is not understood"):
+        observe("images", calibration=["opencv.yaml"], unit="feet")

@@ -101,7 +101,10 @@ def test_refuses(old: str, new: str, expected: str) -> None:
     [
         (chain(R=1.5 * R), "cam1.T_cn_cnm1 must hold a rotation"),
         (chain(T=0 * T), "cam1.T_cn_cnm1 must not be zero"),
-        (chain(T=1000 * T), "cam1.T_cn_cnm1 gives a baseline of 120.054 m, which is outside"),
+        (
+            chain(T=1000 * T),
+            "cam1.T_cn_cnm1 gives a baseline of 120.054 m when read in metres, which is outside",
+        ),
         (chain(T=np.array([0, -0.12, 0])), "cam1.T_cn_cnm1 places the right camera"),
         (chain().replace("radtan", "equidistant", 1), "cam1.distortion_model is radtan, but cam0"),
     ],

@@ -122,6 +122,16 @@ def test_an_object_is_read_by_mat_io(tmp_path: Path) -> None:
     assert_is_the_rig(read(saved_object(tmp_path, parameters(), "stereoParameters", "v7")))
 
 
+def test_objects_that_keep_their_fields_beside_a_version(tmp_path: Path) -> None:
+    version = {"Name": "Computer Vision System Toolbox", "Release": "(R2017a)"}
+    cameras = {
+        f"CameraParameters{i}": {"Version": version, "any": camera(K)}
+        for i, K in ((1, K1), (2, K2))
+    }
+    kept = {"Version": version, "any": parameters(**cameras)}
+    assert_is_the_rig(read(saved_object(tmp_path, kept, "stereoParameters", "v7")))
+
+
 def test_objects_that_matlab_wrote(shared_data: Path) -> None:
     folder = shared_data / "wild" / "calibrations"
     for letter, baseline, focal in (("a", 0.0728, 825), ("b", 0.0714, 828)):
@@ -187,7 +197,7 @@ def test_an_empty_image_size_must_be_told() -> None:
         ({"RotationOfCamera2": R[:2]}, "RotationOfCamera2 must hold 9 numbers, not 6"),
         ({"TranslationOfCamera2": np.zeros((1, 3))}, "T must not be zero"),
         ({"TranslationOfCamera2": np.array([[120.0, 0, 0]])}, "swap left and right"),
-        ({"TranslationOfCamera2": np.array([[-0.12, 0, 0]])}, "in metres it would fit"),
+        ({"TranslationOfCamera2": np.array([[-0.12, 0, 0]])}, "in metres (120 mm), say --unit m"),
         ({"TranslationOfCamera2": np.array([[np.nan, 0, 0]])}, "hold finite numbers only"),
         ({"TranslationOfCamera2": "left"}, "TranslationOfCamera2 must hold numbers"),
         ({"CameraParameters1": camera(K1, WorldUnits="furlongs")}, "WorldUnits is 'furlongs'"),

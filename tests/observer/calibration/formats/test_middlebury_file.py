@@ -47,7 +47,11 @@ def test_depth_is_what_the_page_says() -> None:
         ("cam1=", "cam2=", "cam1 is missing"),
         ("doffs=124.343", "doffs=12.4", "doffs is 12.4, but the principal points of cam0 and cam1"),
         ("baseline=193.001", "baseline=0", "baseline must not be zero"),
-        ("baseline=193.001", "baseline=0.193", "outside 0.001 to 2 m; in metres it would fit"),
+        (
+            "baseline=193.001",
+            "baseline=0.193",
+            r"outside 0.001 to 2 m; .*in metres \(193 mm\)",
+        ),
         ("baseline=193.001", "baseline=-193", "must be negative.*swap left and right"),
         ("baseline=193.001", "baseline=wide", "baseline must hold numbers only, not 'wide'"),
         ("width=2964", "width=29.5", "width must be a whole number"),

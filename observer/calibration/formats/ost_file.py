@@ -1,0 +1,124 @@
+"""ROS ``ost.txt``, as camera_calibration prints it and camera_calibration_parsers reads it (INI).
+
+Each camera begins with ``[image]``; its name in brackets and its matrices follow, a title each and
+rows of numbers. A pair is two such files, or both in one.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+from observer.calibration.formats.plain_data import NamedData
+from observer.calibration.formats.ros_file import ros_draft
+from observer.calibration.formats.understanding import Draft
+from observer.errors import CalibrationError
+from observer.text_files import PlainData
+
+# What a camera's titles are in camera_info, and how many numbers they hold in a row.
+_KEYS = {
+    "width": "image_width",
+    "height": "image_height",
+    "camera matrix": "camera_matrix",
+    "distortion": "distortion_coefficients",
+    "rectification": "rectification_matrix",
+    "projection": "projection_matrix",
+}
+_SINGLE = ("width", "height")
+_SECTION = re.compile(r"\s*\[([^\]]*)\]\s*")
+_NUMBERS = re.compile(r"\s*([-+.\d]|nan\b|inf\b)", re.IGNORECASE)
+# The models that camera_calibration writes so, by their number of coefficients.
+_MODELS = {5: "plumb_bob", 8: "rational_polynomial"}
+
+
+@dataclass
+class _Camera:
+    """What one camera's part says.
+
+    Attributes:
+        source: what messages call it. title: its name in brackets. numbers: by title.
+    """
+
+    source: str
+    title: str = ""
+    numbers: dict[str, list[PlainData]] = field(default_factory=dict)
+
+    def camera_info(self) -> NamedData:
+        """What messages call it, and the mapping that camera_info's YAML would hold.
+
+        Raises:
+            CalibrationError: a part is missing or the lens is of an unknown model.
+        """
+        source = f"{self.source} [{self.title}]" if self.title else self.source
+        for title in _KEYS:
+            if not self.numbers.get(title):
+                raise CalibrationError(
+                    f"{source}: {title} is missing; an ost.txt has {', '.join(_KEYS)} of each "
+                    f"camera"
+                )
+        count = len(self.numbers["distortion"])
+        if count not in _MODELS:
+            raise CalibrationError(
+                f"{source}: distortion must hold 5 or 8 numbers, not {count}; ost.txt does not "
+                f"tell other lens models, bring camera_calibration's left.yaml and right.yaml"
+            )
+        data: dict[str, PlainData] = {
+            key: self.numbers[title][0]
+            if title in _SINGLE and len(self.numbers[title]) == 1
+            else self.numbers[title]
+            for title, key in _KEYS.items()
+        }
+        return source, data | {"distortion_model": _MODELS[count], "camera_name": self.title}
+
+
+def ost_draft(files: Sequence[tuple[str, str]]) -> Draft:
+    """The calibration of two cameras in one ``ost.txt``, or of one in each of two.
+
+    The baseline in the projections tells which camera is right, as in ``ros_draft``; T in metres.
+
+    Args:
+        files: name and text of one file or two.
+
+    Raises:
+        CalibrationError: there are not two cameras, or one is not told whole.
+        InputError: a number is malformed.
+    """
+    cameras = [camera for name, text in files for camera in _cameras(name, text)]
+    source = " and ".join(name for name, _ in files)
+    if len(cameras) != 2:
+        holds = "one camera" if len(cameras) == 1 else f"{len(cameras)} cameras"
+        raise CalibrationError(
+            f"{source}: a ROS ost.txt of a stereo pair holds two cameras, but this holds {holds}; "
+            f"bring that of the left and that of the right camera"
+        )
+    draft = ros_draft(*(camera.camera_info() for camera in cameras))
+    return replace(draft, format="ROS ost.txt of two cameras")
+
+
+def _cameras(name: str, text: str) -> list[_Camera]:
+    """Return the cameras of a file."""
+    cameras: list[_Camera] = []
+    title = ""
+    for line in text.splitlines():
+        if not line.strip() or line.lstrip().startswith(("#", ";")):
+            continue
+        if found := _SECTION.fullmatch(line):
+            section, title = found[1].strip()[:60], ""
+            if section.lower() == "image" or not cameras:
+                cameras.append(_Camera(name))
+            if section.lower() != "image":
+                cameras[-1].title = section
+            continue
+        if not cameras:
+            cameras.append(_Camera(name))
+        numbers = cameras[-1].numbers
+        if _NUMBERS.match(line):
+            numbers.setdefault(title, []).extend(line.split())
+            continue
+        title = " ".join(line.lower().split())
+        if numbers.get(title):
+            raise CalibrationError(
+                f"{name}: {title[:60]} stands twice for one camera; each camera begins with [image]"
+            )
+    return cameras

@@ -1,0 +1,90 @@
+"""Units of the lengths in calibration files; said by people, never guessed from a size."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Literal, TypeAlias
+
+from observer.camera import MAX_BASELINE_M, MIN_BASELINE_M
+from observer.errors import CalibrationError
+
+Unit = Literal["m", "mm", "cm", "in"]
+# A unit by name, or how many metres one unit of the file is: the square of a board.
+LengthUnit: TypeAlias = "Unit | float"
+
+_METRES: Mapping[Unit, float] = {"m": 1.0, "mm": 1e-3, "cm": 1e-2, "in": 0.0254}
+_WORDS: Mapping[Unit, str] = {
+    "m": "metres",
+    "mm": "millimetres",
+    "cm": "centimetres",
+    "in": "inches",
+}
+_SAID = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})?\s*(m|mm|cm|in)\s*", re.ASCII)
+# A square of a board is a few centimetres, and a baseline seldom longer than 50 of them.
+_MOST_SQUARES = 50.0
+
+
+def parse_unit(text: str) -> LengthUnit:
+    """Return the unit that somebody said: ``mm``, or ``25mm`` where one of the file's is 25 mm.
+
+    Raises:
+        CalibrationError: it is neither.
+    """
+    found = _SAID.fullmatch(text)
+    if found is not None:
+        number, word = found.groups()
+        unit = next(each for each in _METRES if each == word)
+        if number is None:
+            return unit
+        if metres := float(number) * _METRES[unit]:
+            return metres
+    raise CalibrationError(
+        f"the unit {text[:40]!r} is not understood; say m, cm, mm or in, or the length of one unit "
+        f"of the file, as in 25mm for squares of a board of 25 mm"
+    )
+
+
+def metres(unit: LengthUnit) -> float:
+    """Return how many metres one unit is."""
+    return unit if isinstance(unit, float) else _METRES[unit]
+
+
+def unit_words(unit: LengthUnit) -> str:
+    """Return the unit's name in the plural."""
+    return f"units of {1e3 * unit:.6g} mm" if isinstance(unit, float) else _WORDS[unit]
+
+
+def is_plausible(baseline_m: float) -> bool:
+    """Return whether two cameras may stand so far apart, metres."""
+    return MIN_BASELINE_M <= baseline_m <= MAX_BASELINE_M
+
+
+def implausible(baseline: float, unit: LengthUnit) -> str:
+    """Return the sentence on a baseline that is none in this unit, and which unit would fit.
+
+    Args:
+        baseline: as the file has it, positive. unit: what it was read in.
+    """
+    fitting = [
+        f"in {_WORDS[each]} ({_length(baseline * factor)}), say --unit {each}"
+        for each, factor in _METRES.items()
+        # Cameras are seldom calibrated in inches: who does so knows.
+        if each not in (unit, "in") and is_plausible(baseline * factor)
+    ]
+    squares = "in squares of the board, say the size of a square, as in --unit 25mm"
+    if fitting and MAX_BASELINE_M < baseline <= _MOST_SQUARES:
+        fitting.append(squares)
+    asked = (
+        f"if the file is {'; if '.join(fitting)}"
+        if fitting
+        else f"no unit of length makes it plausible; if the file is {squares}"
+    )
+    return (
+        f"T gives a baseline of {baseline * metres(unit):g} m when read in {unit_words(unit)}, "
+        f"which is outside {MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m; {asked}"
+    )
+
+
+def _length(length_m: float) -> str:
+    return f"{1e3 * length_m:.3g} mm" if length_m < 1 else f"{length_m:.3g} m"

@@ -1,0 +1,81 @@
+"""Units of lengths: what people say, and which units a refusal asks about."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer.calibration.formats.recognition import named_file, read_any
+from observer.calibration.formats.units import implausible, metres, parse_unit, unit_words
+from observer.errors import CalibrationError
+
+
+@pytest.mark.parametrize(
+    ("said", "length", "words"),
+    [
+        ("m", 1.0, "metres"),
+        (" cm ", 0.01, "centimetres"),
+        ("mm", 0.001, "millimetres"),
+        ("in", 0.0254, "inches"),
+        ("25mm", 0.025, "units of 25 mm"),
+        ("22.5 mm", 0.0225, "units of 22.5 mm"),
+        ("1in", 0.0254, "units of 25.4 mm"),
+    ],
+)
+def test_what_people_say(said: str, length: float, words: str) -> None:
+    unit = parse_unit(said)
+    assert metres(unit) == pytest.approx(length)
+    assert unit_words(unit) == words
+
+
+@pytest.mark.parametrize(
+    "said", ["", "25", "mm25", "km", "0mm", "-25mm", "1e3mm", "nan mm", "0.mm"]
+)
+def test_what_is_no_unit_is_refused(said: str) -> None:
+    with pytest.raises(CalibrationError, match="is not understood; say m, cm, mm or in, or the"):
+        parse_unit(said)
+
+
+@given(st.text(max_size=20) | st.from_regex(r"\d{0,30}\.?\d{0,30} ?(m|mm|cm|in)", fullmatch=True))
+def test_any_text_is_a_length_or_refused(said: str) -> None:
+    try:
+        unit = parse_unit(said)
+    except CalibrationError:
+        return
+    assert metres(unit) > 0
+
+
+@pytest.mark.parametrize(
+    ("baseline", "expected"),
+    [
+        (71.9, "if the file is in millimetres (71.9 mm), say --unit mm; if in centimetres (719 mm),"
+               " say --unit cm"),
+        (1500.0, "if the file is in millimetres (1.5 m), say --unit mm"),
+        (3.0, "say --unit cm; if in squares of the board, say the size of a square, as in --unit "
+              "25mm"),
+        (9000.0, "no unit of length makes it plausible; if the file is in squares of the board, "
+                 "say the size of a square, as in --unit 25mm"),
+    ],
+)  # fmt: skip
+def test_fitting_units_are_asked_about(baseline: float, expected: str) -> None:
+    told = implausible(baseline, "m")
+    assert told.startswith(
+        f"T gives a baseline of {baseline:g} m when read in metres, which is out"
+    )
+    assert told.endswith(expected)
+
+
+def test_a_pair_in_millimetres_that_another_tool_wrote(shared_data: Path) -> None:
+    folder = shared_data / "wild" / "calibrations" / "opencv_millimetres"
+    files = [named_file(folder / f"{name}.yml") for name in ("intrinsics", "extrinsics")]
+    refused = "T gives a baseline of 60.7472 m when read in metres, which is outside"
+    with pytest.raises(CalibrationError, match=re.escape(refused)) as caught:
+        read_any(files, size=(1280, 960))
+    assert "millimetres (60.7 mm), say --unit mm" in str(caught.value)
+    made = read_any(files, size=(1280, 960), unit="mm").calibration
+    assert made.baseline == pytest.approx(0.0607, abs=1e-4)
+    assert made.K1[0, 0] == pytest.approx(832.9, abs=0.1)
