@@ -89,7 +89,8 @@ async def test_any_number_of_unknown_parameters_is_refused_at_once(
     assert (await stopping).status_code == 200
     stopped = time.monotonic()
     assert (await asking).status_code == 422
-    assert stopped - begun < 1.0
+    # Guessing at each of the names took 8 s.
+    assert stopped - begun < 4.0
 
 
 def test_all_parameters_may_be_changed_at_once() -> None:

@@ -105,7 +105,7 @@ async def test_a_flood_of_strangers_takes_no_stop_away(served: Any, said: bytes)
             async with served.anonymous(Authorization=served.http.headers["Authorization"]) as late:
                 answer = await late.post("/api/robots/stop")
             assert answer.status_code == 200
-            assert time.monotonic() - begun < 1.0
+            assert time.monotonic() - begun < 4.0
         assert served.strangers.count <= 101
     finally:
         for writer in held:

@@ -142,7 +142,7 @@ async def test_a_flood_of_camera_poses_delays_nobody_else(serve: Any) -> None:
                 for _ in range(5):
                     begun = time.monotonic()
                     assert (await served.http.post("/api/robots/stop")).status_code == 200
-                    assert time.monotonic() - begun < 0.5
+                    assert time.monotonic() - begun < 1.5
             finally:
                 flooding.cancel()
 
