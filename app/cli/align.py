@@ -36,7 +36,7 @@ def align(
     truth: Annotated[
         Path | None,
         typer.Option(
-            help="Vicon Tracker or Nexus CSV, C3D, a plain CSV (t,x,y,z), TUM; or the recording "
+            help="Vicon Tracker, Nexus or Motive CSV, C3D, EuRoC, TUM, plain CSV; or the recording "
             "of a run with live motion capture. Left out: what this run heard live."
         ),
     ] = None,

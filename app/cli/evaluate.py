@@ -34,7 +34,7 @@ def evaluate(
         Path,
         typer.Option(
             help="truth.csv of the same frames; or motion capture, which is aligned first: Vicon "
-            "Tracker or Nexus CSV, C3D, a plain CSV (t,x,y,z), TUM."
+            "Tracker, Nexus or Motive CSV, C3D, EuRoC, TUM or plain CSV (t,x,y,z)."
         ),
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on stdout.")] = False,

@@ -15,7 +15,7 @@ def truth(
     file: Annotated[
         Path,
         typer.Argument(
-            help="Vicon Tracker or Nexus CSV, C3D, a plain CSV (t,x,y,z), TUM, or truth.csv."
+            help="Vicon Tracker, Nexus or Motive CSV, C3D, EuRoC, TUM, plain CSV or truth.csv."
         ),
     ],
     rate: RateOption = None,

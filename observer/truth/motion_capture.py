@@ -2,7 +2,8 @@
 
 Files (``observer.truth.files``) and live servers (``observer.truth.live``) give these types;
 ``observer.truth.alignment`` brings them onto the source's clock and into the observer's world.
-The room frame is whatever the system was set up with; Vicon's and VRPN's have z up.
+The room frame is whatever the system was set up with; Vicon's and VRPN's have z up, and Motive's is
+turned to it where its files are read.
 """
 
 from __future__ import annotations

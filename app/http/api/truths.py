@@ -38,7 +38,7 @@ async def post_truth(
         Form(description="How Vicon's three angles are meant, where that cannot be found out."),
     ] = None,
 ) -> TruthEntry:
-    """Vicon Tracker and Nexus CSV, C3D, plain CSV and TUM are recognised by content.
+    """CSV of Vicon Tracker, Nexus and Motive, C3D, EuRoC, TUM and plain CSV are recognised.
 
     Where angles can be read in two ways, the refusal of the field ``angles`` says so with figures
     of both; send the file again with one of them.

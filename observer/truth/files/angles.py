@@ -62,16 +62,27 @@ def rotations(angles: Float64Array, reading: AngleReading) -> Float64Array:
 
     Helical: the rotation vector. Euler XYZ: intrinsic, ``R = Rx(a) Ry(b) Rz(c)``.
     """
+    if reading == "euler_xyz":
+        return euler_rotations(angles, "XYZ")
     matrices = np.full((len(angles), 3, 3), np.nan)
     known = np.isfinite(angles).all(axis=1)
-    if not known.any():
-        return matrices
-    if reading == "helical":
+    if known.any():
         matrices[known] = rotation_matrix(angles[known])
-    else:
-        matrices[known] = scipy.spatial.transform.Rotation.from_euler(
-            "XYZ", angles[known]
-        ).as_matrix()
+    return matrices
+
+
+def euler_rotations(angles: Float64Array, axes: str) -> Float64Array:
+    """Return ``R_room_body`` (N, 3, 3) of Euler angles (N, 3) in radians; NaN where an angle is.
+
+    Args:
+        axes: the capital letters of the body's own axes that it is turned about, in this order, as
+            the columns are: ``R = Rz(a) Ry(b) Rx(c)`` for ``ZYX``.
+    """
+    matrices = np.full((len(angles), 3, 3), np.nan)
+    known = np.isfinite(angles).all(axis=1)
+    if known.any():
+        turned = scipy.spatial.transform.Rotation.from_euler(axes, angles[known])
+        matrices[known] = turned.as_matrix()
     return matrices
 
 

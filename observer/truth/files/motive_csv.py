@@ -1,176 +1,304 @@
 """Reader of rigid bodies in CSV files of OptiTrack Motive, format versions 1.2 and later.
 
 The first line holds keys and values. Then each column has a type, a name, an id, what it holds and
-its axis, one below the other; rows of a frame, its time in seconds and numbers follow. Motive's
-room has its y axis upwards; what is read has z upwards, as Vicon's.
+its axis, one below the other; rows of a frame, its time in seconds and numbers follow. Empty cells
+are gaps. Motive's room has its y axis upwards; what is read has z upwards, as Vicon's. Files do not
+tell whether another axis convention was chosen at the export, so a note says what was assumed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
 from observer.errors import TruthError
 from observer.geometry import Float64Array
-from observer.truth.files.angles import quaternion_rotations
+from observer.truth.files.angles import euler_rotations, quaternion_rotations
 from observer.truth.files.body_names import BodyNames
 from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
-from observer.truth.files.text_lines import TextLines
-from observer.truth.files.units import MOST_METRES, length_word
+from observer.truth.files.text_lines import TextLines, separator_of
+from observer.truth.files.units import FASTEST_HZ, MOST_METRES, MOST_RADIANS, MOST_SECONDS
 from observer.truth.motion_capture import Capture, Trajectory
 
 _FIRST_KEY = "Format Version"
-_UNITS = {"meters": "m", "centimeters": "cm", "millimeters": "mm"}
-_METRES = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+# The word for people, and the factor to metres.
+_UNITS = {
+    "meters": ("metres", 1.0),
+    "centimeters": ("centimetres", 0.01),
+    "millimeters": ("millimetres", 0.001),
+    "inches": ("inches", 0.0254),
+    "feet": ("feet", 0.3048),
+}
 _RIGID_BODY = "rigid body"
-_AXES, _TURN = ("x", "y", "z"), ("x", "y", "z", "w")
+_QUATERNION = "Quaternion"
+# The axes that Motive turns about, which it calls relative: each is the body's own by then.
+_EULER = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
+_AXES = "xyz"
 # Rows of the header behind the first line, with those that are empty.
 _MOST_HEADER_ROWS = 12
-_FRAME, _TIME = 0, 1
+_TIME = 1
 # Motive's axes, y upwards, in ours: x stays, z is upwards.
 _R_ROOM_MOTIVE = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
 
 def is_motive(first_line: str) -> bool:
     """Tell whether a file that begins so is a CSV of Motive."""
-    return first_line.startswith(f"{_FIRST_KEY},")
+    return first_line.startswith((f"{_FIRST_KEY},", f"{_FIRST_KEY};"))
 
 
 def read_motive(lines: TextLines) -> Capture:
     """Read every rigid body of a file.
 
+    Times are the file's, in seconds since the take began; the room frame has z upwards.
+
     Raises:
         TruthError: one sentence naming the line, the cell and the reason.
     """
-    facts = _facts(cells_of(lines, lines.next() or "", ","))
-    unit = _UNITS.get(facts.get("Length Units", "").lower())
-    if unit is None:
-        raise TruthError(
-            f"{lines.where()}: Length Units must be {', '.join(_UNITS)}, not "
-            f"{facts.get('Length Units', 'left out')[:20]!r}"
-        )
-    header = _header(lines)
-    bodies = header.bodies
-    if not bodies:
-        raise TruthError(f"{lines.name}: there is no rigid body in it; export rigid bodies")
-    if facts.get("Rotation Type", "") != "Quaternion":
-        raise TruthError(
-            f"{lines.name} line 1: export with the Rotation Type Quaternion, not "
-            f"{facts.get('Rotation Type', 'left out')[:20]!r}"
-        )
-    used = sorted({_TIME, *(column for body in bodies.values() for column in body.used)})
-    rows = read_numbers(lines, header.labels, separator=",", only=used, short=True)
+    first = lines.next() or ""
+    separator = separator_of(first)
+    facts = _Facts.of(lines, cells_of(lines, first, separator))
+    header = _header(lines, separator)
+    bodies = _bodies(lines, header, facts)
+    used = sorted({_TIME, *(column for body in bodies for column in body.used)})
+    rows = read_numbers(lines, header.labels, separator=separator, only=used, short=True)
+    times = _times(lines, rows)
     names = BodyNames(lines.name)
     found = {}
-    for told, columns in bodies.items():
-        name = names.of(told)
-        found[name] = _trajectory(name, rows, columns, _METRES[unit])
-    # The number of the frame is no column of a body.
-    others = header.count - 1 - len(used)
-    notes = [f"places are read in {length_word(unit)}, and turned so that z is upwards"]
-    if others > 0:
-        notes.append(f"{others} columns of markers and qualities are left out")
-    return Capture("Motive CSV", _rate(facts), found, tuple(notes))
+    for columns in bodies:
+        name = names.of(columns.told)
+        found[name] = _trajectory(name, rows, times, columns, facts)
+    notes = [
+        f"places are read in {facts.unit}, and turned from y upwards, as Motive exports unless "
+        f"told otherwise, to z upwards",
+        *_left_out(header, used),
+    ]
+    if facts.euler is not None and any(body.turn for body in bodies):
+        notes.append(f"angles are read as Euler angles {facts.euler} in degrees")
+    return Capture("Motive CSV", facts.rate_hz, found, tuple(notes))
 
 
 @dataclass(frozen=True)
-class _Columns:
-    """Columns of a body: of x y z, and of the quaternion x y z w where there is one."""
+class _Facts:
+    """The first line: the word of the unit, with its factor, and what is told of rotations.
 
-    place: tuple[int, ...]
-    turn: tuple[int, ...] | None
+    Attributes:
+        rotation: the Rotation Type as it is written. euler: it as one of ``_EULER``, or None.
+    """
+
+    unit: str
+    metres: float
+    rate_hz: float | None
+    rotation: str
 
     @property
-    def used(self) -> tuple[int, ...]:
-        return (*self.place, *(self.turn or ()))
+    def euler(self) -> str | None:
+        return self.rotation if self.rotation in _EULER else None
+
+    @staticmethod
+    def of(lines: TextLines, cells: Sequence[str]) -> _Facts:
+        # A comma in the notes of a take shifts what comes after it, so keys are looked for.
+        told = {key.strip(): value.strip() for key, value in pairwise(cells)}
+        unit = told.get("Length Units", "left out")
+        if unit.lower() not in _UNITS:
+            raise TruthError(
+                f"{lines.where()}: Length Units must be {', '.join(_UNITS)}, not {unit[:20]!r}"
+            )
+        space = told.get("Coordinate Space", "Global")
+        if space != "Global":
+            raise TruthError(
+                f"{lines.where()}: export with the Coordinate Space Global, not {space[:20]!r}"
+            )
+        rate = _rate(told.get("Export Frame Rate", ""))
+        return _Facts(*_UNITS[unit.lower()], rate, told.get("Rotation Type", "left out"))
 
 
 @dataclass(frozen=True)
 class _Header:
-    """The header of columns: one label each, and the rigid bodies by what they are called."""
+    """What each column is: each sequence has one text for every column."""
 
-    labels: Sequence[str]
-    bodies: Mapping[str, _Columns]
+    types: Sequence[str]
+    names: Sequence[str]
+    ids: Sequence[str]
+    kinds: Sequence[str]
+    axes: Sequence[str]
 
     @property
-    def count(self) -> int:
-        return len(self.labels)
+    def labels(self) -> list[str]:
+        """Names of the columns, for messages."""
+        told = zip(self.names, self.kinds, self.axes, strict=True)
+        return [" ".join(filter(None, t))[:40] or f"column {k}" for k, t in enumerate(told, 1)]
 
 
-def _facts(cells: Sequence[str]) -> dict[str, str]:
-    return dict(zip(cells[::2], cells[1::2], strict=False))
+@dataclass(frozen=True)
+class _Body:
+    """Columns of a body: of x, y, z, and of its rotation in the order of its numbers, or none."""
+
+    told: str
+    place: tuple[int, ...]
+    turn: tuple[int, ...]
+
+    @property
+    def used(self) -> tuple[int, ...]:
+        return (*self.place, *self.turn)
 
 
-def _rate(facts: Mapping[str, str]) -> float | None:
+@dataclass(eq=False)
+class _Axes:
+    """Columns of a body that were found so far, by axis."""
+
+    position: dict[str, int] = field(default_factory=dict)
+    rotation: dict[str, int] = field(default_factory=dict)
+
+
+def _rate(told: str) -> float | None:
     try:
-        rate = float(facts.get("Export Frame Rate", ""))
+        rate = float(told.replace("_", "?").replace(",", "."))
     except ValueError:
         return None
-    return rate if 0 < rate < np.inf else None
+    return rate if 0 < rate <= FASTEST_HZ else None
 
 
-def _header(lines: TextLines) -> _Header:
+def _header(lines: TextLines, separator: str) -> _Header:
+    """Read up to the row of axes, which begins with Frame."""
     rows: list[list[str]] = []
     for _ in range(_MOST_HEADER_ROWS):
         line = lines.next()
         if line is None:
             break
-        cells = [cell.strip() for cell in cells_of(lines, line, ",")]
-        if cells and cells[_FRAME] == "Frame":
-            return _understood(lines, rows, cells)
-        if any(cells):
+        cells = [cell.strip() for cell in cells_of(lines, line, separator)]
+        if not any(cells):
+            continue
+        if cells[0] != "Frame":
             rows.append(cells)
+            continue
+        if len(cells) <= _TIME or not cells[_TIME].startswith("Time"):
+            raise TruthError(f"{lines.where(cell=_TIME + 1)}: behind Frame there must be the Time")
+        if len(rows) < 3:
+            raise TruthError(
+                f"{lines.where()}: rows of types, names and kinds are missing above it"
+            )
+        width = len(cells)
+        # Without a row of ids the third one is that of kinds, which tells no bodies apart.
+        ids = _row(rows, "ID", 2, width) if len(rows) > 3 else [""] * width
+        return _Header(
+            types=[each.lower() for each in _row(rows, "Type", 0, width)],
+            names=_row(rows, "Name", 1, width),
+            ids=ids,
+            kinds=[each.lower() for each in _row(rows, "", len(rows) - 1, width)],
+            axes=[each.lower() for each in cells],
+        )
     raise TruthError(f"{lines.where()}: the line with Frame and Time is missing")
 
 
-def _understood(lines: TextLines, rows: list[list[str]], axes: list[str]) -> _Header:
-    """Understand the rows above the numbers: types, names, ids and kinds."""
-    if len(rows) < 3:
-        raise TruthError(f"{lines.where()}: rows of types, names and kinds are missing above it")
-    width = len(axes)
-    types, names, held = (
-        [*row[:width], *[""] * (width - len(row))] for row in (rows[0], rows[1], rows[-1])
-    )
-    places: dict[str, dict[str, int]] = {}
-    turns: dict[str, dict[str, int]] = {}
-    for column in range(_TIME + 1, width):
-        if types[column].lower() != _RIGID_BODY:
+def _row(rows: Sequence[list[str]], title: str, at: int, width: int) -> list[str]:
+    """Return the row of a title, or the one at its place where the version writes no titles."""
+    titled = (row for row in rows if title and len(row) > _TIME and row[_TIME] == title)
+    row = next(titled, rows[at])
+    return [*row[:width], *[""] * (width - len(row))]
+
+
+def _bodies(lines: TextLines, header: _Header, facts: _Facts) -> list[_Body]:
+    """Return the rigid bodies of a header whose last row was read last."""
+    # Two bodies may share a name, but no id.
+    found: dict[tuple[str, str], _Axes] = {}
+    for column in range(_TIME + 1, len(header.axes)):
+        kind, axis = header.kinds[column], header.axes[column]
+        if header.types[column] != _RIGID_BODY or kind not in ("position", "rotation"):
             continue
-        kind = {"position": places, "rotation": turns}.get(held[column].lower())
-        if kind is not None:
-            kind.setdefault(names[column], {}).setdefault(axes[column].lower(), column)
-    bodies = {}
-    for name, place in places.items():
-        if not place.keys() >= set(_AXES):
-            raise TruthError(f"{lines.where()}: X, Y and Z of {name[:40]!r} must all be there")
-        turn = turns.get(name, {})
-        whole = tuple(turn[axis] for axis in _TURN) if turn.keys() >= set(_TURN) else None
-        bodies[name] = _Columns(tuple(place[axis] for axis in _AXES), whole)
-    labels = [
-        " ".join(filter(None, (names[k], held[k], axes[k])))[:40] or f"column {k + 1}"
-        for k in range(width)
-    ]
-    return _Header(labels, bodies)
+        body = found.setdefault((header.names[column], header.ids[column]), _Axes())
+        columns = body.position if kind == "position" else body.rotation
+        if axis in columns:
+            raise TruthError(
+                f"{lines.where(cell=column + 1)}: the {kind} {axis.upper()} of "
+                f"{header.names[column][:40]!r} appears twice"
+            )
+        columns[axis] = column
+    bodies = []
+    for (name, _), axes in found.items():
+        if not axes.position.keys() >= set(_AXES):
+            raise TruthError(
+                f"{lines.where()}: X, Y and Z of the position of {name[:40]!r} must all be there"
+            )
+        place = tuple(axes.position[axis] for axis in _AXES)
+        turn = _turn(lines, name, axes.rotation, facts) if axes.rotation else ()
+        bodies.append(_Body(name, place, turn))
+    if not bodies:
+        raise TruthError(
+            f"{lines.name}: there is no rigid body in it; export with Rigid Bodies, for single "
+            f"markers and bones are not read"
+        )
+    return bodies
 
 
-def _trajectory(name: str, rows: NumberRows, columns: _Columns, metres: float) -> Trajectory:
+def _turn(lines: TextLines, name: str, columns: dict[str, int], facts: _Facts) -> tuple[int, ...]:
+    if facts.euler is None and facts.rotation != _QUATERNION:
+        raise TruthError(
+            f"{lines.name} line 1: export with the Rotation Type Quaternion, not "
+            f"{facts.rotation[:20]!r}"
+        )
+    wanted = "xyzw" if facts.euler is None else facts.euler.lower()
+    if columns.keys() != set(wanted):
+        raise TruthError(
+            f"{lines.where()}: the rotation of {name[:40]!r} must be in the columns "
+            f"{', '.join(sorted(wanted.upper()))}, for the Rotation Type is {facts.rotation}"
+        )
+    return tuple(columns[axis] for axis in wanted)
+
+
+def _times(lines: TextLines, rows: NumberRows) -> Float64Array:
+    if not rows.count:
+        raise TruthError(f"{lines.name}: there are no rows of numbers in it")
     times = rows.column(_TIME)
-    every = np.arange(rows.count)
-    rows.refuse(every[~np.isfinite(times)], "the time must be known", _TIME + 1)
-    late = np.append(False, np.diff(times) <= 0)
-    rows.refuse(every[late], "the time is not later than that before it", _TIME + 1)
-    positions = rows.columns(columns.place) * metres
-    far = (np.abs(positions) > MOST_METRES).any(axis=1)
-    rows.refuse(every[far], f"places must lie within {MOST_METRES:g} m", columns.place[0] + 1)
-    gap = ~np.isfinite(positions).all(axis=1)
-    positions[gap] = np.nan
+    lost = np.flatnonzero(~(np.abs(times) <= MOST_SECONDS))
+    rows.refuse(lost, f"the time must be known, and within {MOST_SECONDS:g} s", _TIME + 1)
+    late = np.flatnonzero(np.diff(times) <= 0) + 1
+    rows.refuse(late, "the time is not later than that before it", _TIME + 1)
+    return times
+
+
+def _trajectory(
+    name: str, rows: NumberRows, times: Float64Array, columns: _Body, facts: _Facts
+) -> Trajectory:
+    positions = rows.columns(columns.place) * facts.metres
+    known = np.isfinite(positions)
+    gap = ~known.all(axis=1)
+    place = columns.place[0] + 1
+    partial = np.flatnonzero(gap & known.any(axis=1))
+    rows.refuse(partial, f"X, Y and Z of {name} must all be known, or none of them", place)
+    far = np.flatnonzero((np.abs(positions) > MOST_METRES).any(axis=1))
+    rows.refuse(far, f"the place of {name} must lie within {MOST_METRES:g} m", place)
     matrices: Float64Array | None = None
-    if columns.turn is not None:
+    if columns.turn:
         turns = rows.columns(columns.turn)
         turns[gap] = np.nan
-        matrices, wrong = quaternion_rotations(turns)
-        rows.refuse(every[wrong], "the rotation must be a unit quaternion", columns.turn[0] + 1)
-        matrices = _R_ROOM_MOTIVE @ matrices
+        cell = columns.turn[0] + 1
+        if facts.euler is None:
+            matrices, wrong = quaternion_rotations(turns)
+            why = f"the rotation of {name} must be a unit quaternion"
+        else:
+            radians = np.radians(turns)
+            wrong = np.asarray((np.abs(radians) > MOST_RADIANS).any(axis=1))
+            matrices = euler_rotations(radians, facts.euler)
+            why = f"the angles of {name} must lie within {np.degrees(MOST_RADIANS):.0f} deg"
+        rows.refuse(np.flatnonzero(wrong), why, cell)
+        matrices = np.asarray(_R_ROOM_MOTIVE @ matrices)
     return Trajectory(name, times, positions @ _R_ROOM_MOTIVE.T, matrices)
+
+
+def _left_out(header: _Header, used: Sequence[int]) -> list[str]:
+    """Return one sentence on the columns that are not read, if there are any."""
+    read = set(used)
+    others = [
+        header.kinds[column] if each == _RIGID_BODY else each
+        for column, each in enumerate(header.types)
+        if each and column > _TIME and column not in read
+    ]
+    if not others:
+        return []
+    kinds = ", ".join(kind[:30] or "unnamed" for kind, _ in Counter(others).most_common(4))
+    columns = "1 column is" if len(others) == 1 else f"{len(others)} columns are"
+    return [f"{columns} left out ({kinds})"]

@@ -123,10 +123,10 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
         raise TruthError(f"{name}: the file holds nothing but empty lines; {UNDERSTOOD}")
     if is_own_truth(first[0]):
         return "truth.csv", lines
-    if first[0].startswith(_TRC):
+    if first[0].lstrip().startswith(_TRC):
         raise TruthError(
             f"{name}: a TRC file holds single markers, of which nothing tells the bodies; export "
-            f"rigid bodies or segments as CSV"
+            f"rigid bodies or segments as CSV, or C3D"
         )
     if is_motive(first[0]):
         return "motive csv", lines

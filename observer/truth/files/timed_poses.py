@@ -3,8 +3,9 @@
 Plain CSV: columns ``t,x,y,z`` and, if known, ``qx,qy,qz,qw``, in any order, with a header, in
 seconds and metres unless the header names a unit (``x_mm``, ``t [ms]``); a column ``body`` tells
 several bodies apart. EuRoC's ground truth is such a CSV with titles of its own, ``p_RS_R_x [m]``
-and ``q_RS_w []``, and nanoseconds since 1970, of which 0.1 us are kept. TUM: ``t tx ty tz qx qy qz
-qw`` separated by spaces, without a header.
+and ``q_RS_w []``, and whole nanoseconds; those since 1970 are read to within half a microsecond,
+which is what a float holds of them. TUM: ``t tx ty tz qx qy qz qw`` separated by spaces, without a
+header.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from observer.truth.files.angles import quaternion_rotations
 from observer.truth.files.body_names import BodyNames
 from observer.truth.files.number_rows import NumberRows, cells_of, read_numbers
 from observer.truth.files.text_lines import TextLines, separator_of
-from observer.truth.files.units import LENGTHS_M, MOST_METRES, TIMES_S, length_word
+from observer.truth.files.units import LENGTHS_M, MOST_METRES, MOST_SECONDS, TIMES_S, length_word
 from observer.truth.motion_capture import Capture, Trajectory
 
 _TUM = ("t", "tx", "ty", "tz", "qx", "qy", "qz", "qw")
@@ -37,7 +38,6 @@ _EUROC_TITLE = re.compile(r"^(?:p_rs_r_([xyz])|q_rs_([wxyz]))\s*(?:\[\s*([a-z]*)
 _ONLY_BODY = "body"
 # Of the project's own truth.csv, which has x, y, z and t as well.
 _OWN = {"frame", "t", "id", "x", "y", "z", "vx", "vy", "vz", "visible"}
-_MOST_SECONDS = 1e11
 
 
 def is_own_truth(first_line: str) -> bool:
@@ -59,7 +59,9 @@ def is_tum(line: str) -> bool:
 
 
 def read_plain_csv(lines: TextLines) -> Capture:
-    """Read every body of a plain CSV.
+    """Read every body of a plain CSV, or the one of EuRoC's ground truth.
+
+    Times are the file's, in seconds; samples that repeat a time are left out, with a note.
 
     Raises:
         TruthError: one sentence naming the line, the cell and the reason.
@@ -68,7 +70,8 @@ def read_plain_csv(lines: TextLines) -> Capture:
     separator = separator_of(first)
     cells = cells_of(lines, first, separator)
     titles = [_understood_title(cell) for cell in cells]
-    if any(_EUROC_TITLE.match(_bare(cell)) for cell in cells):
+    euroc = any(_EUROC_TITLE.match(_bare(cell)) for cell in cells)
+    if euroc:
         titles = [("t", "ns") if each == ("t", None) else each for each in titles]
     columns = _columns(lines, titles)
     scales = [_scale(lines, titles, index) for index in range(len(titles))]
@@ -91,11 +94,11 @@ def read_plain_csv(lines: TextLines) -> Capture:
         name = names.of(told)
         found[name] = table.trajectory(name, bodies == number)
     notes = (f"places are read in {length_word(unit)}", *table.notes)
-    return Capture("plain CSV", None, found, notes)
+    return Capture("EuRoC ground truth" if euroc else "plain CSV", None, found, notes)
 
 
 def read_tum(lines: TextLines) -> Capture:
-    """Read the one body of a TUM trajectory.
+    """Read the one body of a TUM trajectory; samples that repeat a time are left out.
 
     Raises:
         TruthError: one sentence naming the line, the cell and the reason.
@@ -128,8 +131,9 @@ class _Table:
         """One sentence, if samples were left out."""
         if not self.repeated:
             return ()
-        samples = "1 sample" if self.repeated == 1 else f"{self.repeated} samples"
-        return (f"left out: {samples} at the very time of the one before",)
+        if self.repeated == 1:
+            return ("1 sample that repeats the time before it is left out",)
+        return (f"{self.repeated} samples that repeat the time before them are left out",)
 
     def trajectory(self, name: str, its: NDArray[np.bool_]) -> Trajectory:
         """Return the trajectory of one body's rows.
@@ -140,8 +144,8 @@ class _Table:
         if not its.any():
             raise TruthError(f"{self.file}: there are no rows of numbers in it")
         at = np.flatnonzero(its)
-        lost = ~(np.abs(self.times[at]) <= _MOST_SECONDS)
-        self.rows.refuse(at[lost], f"the time must be known, and within {_MOST_SECONDS:g} s")
+        lost = ~(np.abs(self.times[at]) <= MOST_SECONDS)
+        self.rows.refuse(at[lost], f"the time must be known, and within {MOST_SECONDS:g} s")
         steps = np.append(np.inf, np.diff(self.times[at]))
         self.rows.refuse(at[steps < 0], f"the time is earlier than that of {name} before it")
         self.repeated += int(np.count_nonzero(steps == 0))

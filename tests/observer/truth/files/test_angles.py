@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -36,6 +36,7 @@ def continuous(turned: Rotation) -> Float64Array:
     return vectors
 
 
+@settings(deadline=None)
 @given(ANGLE, ANGLE, ANGLE)
 def test_rotations_are_those_that_the_angles_mean(a: float, b: float, c: float) -> None:
     about = [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +29,22 @@ TURNED = Rotation.random(3, rng=1)
 PLACES = np.array([[1.0, 2.0, 3.0], [1.1, 2.0, 3.0], [np.nan] * 3])
 
 
-def text(*, head: str = HEAD, types: list[str] = BODY) -> str:
-    """A file of three frames, in the last of which the body was not seen."""
+def text(
+    *,
+    head: str = HEAD,
+    types: Sequence[str] = BODY,
+    names: Sequence[str] = NAMES,
+    ids: Sequence[str] = NAMES,
+    titled: bool = True,
+) -> str:
+    """A file of three frames, in the last of which the body was not seen.
+
+    Args:
+        titled: the rows of the header begin with what they hold, as from version 1.23 on.
+    """
     lines = [head, ""]
-    for title, row in (("Type", types), ("Name", NAMES), ("ID", NAMES), ("", KINDS)):
-        lines.append(",".join(["", title, *row]))
+    for title, row in (("Type", types), ("Name", names), ("ID", ids), ("", KINDS)):
+        lines.append(",".join(["", title if titled else "", *row]))
     lines.append(",".join(["Frame", "Time (Seconds)", *AXES]))
     for number, (place, turn) in enumerate(zip(PLACES, TURNED.as_quat(), strict=True)):
         cells = ["" if np.isnan(place[0]) else repr(float(c)) for c in (*turn, *1e3 * place)]
@@ -40,41 +52,167 @@ def text(*, head: str = HEAD, types: list[str] = BODY) -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_reads_rigid_bodies_with_z_upwards(read: Read) -> None:
-    capture = read(text())
+def poses(*bodies: tuple[str, str], turn: str, rows: Sequence[str], head: str = HEAD) -> str:
+    """A file of bodies by name and id, of whose rotations the axes are told, and of rows."""
+    lines = [head, ""]
+    columns = [
+        (name, told, kind, axis)
+        for name, told in bodies
+        for kind, axes in (("Rotation", turn), ("Position", "XYZ"))
+        for axis in axes
+    ]
+    for title, row in (
+        ("Type", ["Rigid Body"] * len(columns)),
+        ("Name", [column[0] for column in columns]),
+        ("ID", [column[1] for column in columns]),
+        ("", [column[2] for column in columns]),
+    ):
+        lines.append(",".join(["", title, *row]))
+    lines.append(",".join(["Frame", "Time (Seconds)", *(column[3] for column in columns)]))
+    return "\n".join([*lines, *rows]) + "\n"
+
+
+@pytest.mark.parametrize("titled", [True, False])
+def test_reads_rigid_bodies_with_z_upwards(read: Read, titled: bool) -> None:
+    capture = read(text(titled=titled))
     assert (capture.format, capture.rate_hz) == ("Motive CSV", 100.0)
     assert list(capture.bodies) == ["drone"]
     body = capture.bodies["drone"]
     assert body.times.tolist() == [0.0, 0.01, 0.02]
     # What was y is z now, and what was z points back.
     np.testing.assert_allclose(body.positions[0], [1.0, -3.0, 2.0])
-    assert np.isnan(body.positions[2]).all()
+    assert body.seen.tolist() == [True, True, False]
     assert body.rotations is not None
     up_motive = TURNED.as_matrix()[0, 1]
     np.testing.assert_allclose(body.rotations[0, 2], up_motive, atol=1e-12)
     assert np.linalg.det(body.rotations[0]) == pytest.approx(1.0)
-    assert any("4 columns of markers" in note for note in capture.notes)
+    assert np.isnan(body.rotations[2]).all()
+    assert "4 columns are left out (rigid body marker, mean marker error)" in capture.notes
+    assert any("millimetres, and turned from y upwards" in note for note in capture.notes)
+
+
+def test_points_that_turn_with_a_body_stay_on_it(read: Read) -> None:
+    body = read(text()).bodies["drone"]
+    arm = np.array([0.1, 0.2, 0.3])
+    x, y, z = (PLACES[:2] + TURNED.apply(arm)[:2]).T
+    np.testing.assert_allclose(body.fixed_points(arm)[:2], np.column_stack([x, -z, y]), atol=1e-12)
+
+
+@pytest.mark.parametrize("order", ["XYZ", "ZYX", "YZX"])
+def test_reads_angles_about_the_axes_of_the_body_in_the_order_that_is_named(
+    read: Read, order: str
+) -> None:
+    expected = read(text()).bodies["drone"]
+    degrees = TURNED.as_euler(order, degrees=True)  # type: ignore[call-overload]
+    rows = []
+    for number in range(2):
+        # Columns are in the order X, Y, Z, whatever the order of the turns.
+        angles = [float(degrees[number, order.index(axis)]) for axis in "XYZ"]
+        cells = (number / 100, *angles, *(float(v) for v in 1e3 * PLACES[number]))
+        rows.append(",".join(map(repr, (number, *cells))))
+    capture = read(
+        poses(("drone", "1"), turn="XYZ", rows=rows, head=HEAD.replace("Quaternion", order))
+    )
+    np.testing.assert_allclose(capture.bodies["drone"].positions, expected.positions[:2])
+    assert expected.rotations is not None
+    np.testing.assert_allclose(
+        capture.bodies["drone"].rotations, expected.rotations[:2], atol=1e-12
+    )
+    assert f"angles are read as Euler angles {order} in degrees" in capture.notes
+
+
+def test_bodies_of_one_name_are_told_apart_by_their_ids(read: Read) -> None:
+    capture = read(
+        poses(("cup", "A"), ("cup", "B"), turn="XYZW",
+              rows=["0,0,0,0,0,1,1000,0,0,0,0,0,1,2000,0,0"])
+    )  # fmt: skip
+    assert list(capture.bodies) == ["cup", "cup (2)"]
+    assert [body.positions[0, 0] for body in capture.bodies.values()] == [1.0, 2.0]
+
+
+def test_bodies_without_rotations_are_read_whatever_their_type_would_be(read: Read) -> None:
+    whole = poses(
+        ("cup", "A"), turn="", rows=["0,0,1,2,3"], head=HEAD.replace("Quaternion", "None")
+    )
+    assert read(whole).bodies["cup"].rotations is None
+
+
+@pytest.mark.parametrize(
+    ("unit", "metres"),
+    [("Meters", 1.0), ("Centimeters", 0.01), ("Inches", 0.0254), ("Feet", 0.3048)],
+)
+def test_reads_the_unit_that_the_file_names(read: Read, unit: str, metres: float) -> None:
+    body = read(text(head=HEAD.replace("Millimeters", unit))).bodies["drone"]
+    np.testing.assert_allclose(body.positions[0], np.array([1000, -3000, 2000]) * metres)
+
+
+def test_commas_in_the_notes_of_a_take_do_no_harm(read: Read) -> None:
+    whole = text(head=HEAD.replace("Take Name,a walk", "Take Notes,slow, then fast"))
+    assert read(whole).rate_hz == 100.0
+
+
+def test_reads_what_a_spreadsheet_wrote_with_semicolons(read: Read) -> None:
+    body = read(text().replace(",", ";").replace(".", ",")).bodies["drone"]
+    np.testing.assert_allclose(body.positions[1], [1.1, -3.0, 2.0])
+
+
+def test_a_rate_that_nobody_measures_with_is_not_told(read: Read) -> None:
+    for rate in ("0", "1e300", "nan", "1_0", "fast"):
+        head = HEAD.replace("Export Frame Rate,100.0", f"Export Frame Rate,{rate}")
+        assert read(text(head=head)).rate_hz is None
+
+
+TURN, ONE = "XYZW", ("cup", "A")
 
 
 @pytest.mark.parametrize(
     ("changed", "told"),
     [
-        (text(head=HEAD.replace("Millimeters", "Yards")), "Length Units must be meters"),
-        (text(head=HEAD.replace("Quaternion", "XYZ")), "Rotation Type Quaternion, not 'XYZ'"),
-        (text(types=["Marker"] * 11), "export rigid bodies"),
+        (text(head=HEAD.replace("Millimeters", "Yards")), "line 1: Length Units must be meters"),
+        (text(head=HEAD.replace("Global", "Local")), "line 1: export with the Coordinate Space"),
+        (text(head=HEAD.replace("Quaternion", "XYX")), "Rotation Type Quaternion, not 'XYX'"),
+        (text(head=HEAD.replace("Quaternion", "XYZ")), "line 7: the rotation of 'drone' must be"),
+        (text(types=["Marker"] * 11), "there is no rigid body in it; export with Rigid Bodies"),
+        (text(types=["Bone"] * 11), "there is no rigid body in it; export with Rigid Bodies"),
+        (text(types=["Rigid Body"] * 11, names=["drone"] * 11, ids=["1"] * 11),
+         "line 7 cell 11: the position X of 'drone' appears twice"),
         (text().replace("Frame,Time", "Picture,Time"), "the line with Frame and Time is missing"),
+        (text().replace("Time (Seconds)", "X"), "line 7 cell 2: behind Frame there must be the"),
+        (HEAD + "\n", "the line with Frame and Time is missing"),
+        (HEAD + "\n,Type,Rigid Body\nFrame,Time,X\n", "line 3: rows of types, names and kinds"),
         (text().replace("0.01,", "0.0,"), "line 9 cell 2: the time is not later"),
+        (text().replace("0.01,", ","), "line 9 cell 2: the time must be known"),
+        (text().replace("0.02,", "1e300,"), "line 10 cell 2: the time must be known, and within"),
+        (text().replace("1100.0", ""), "line 9 cell 7: X, Y and Z of drone must all be known"),
+        (text().replace("1100.0", "1e99"), "line 9 cell 7: the place of drone must lie within"),
+        (text().replace("1100.0", "far"), "line 9 cell 7: drone position x must be a number"),
+        (poses(ONE, turn=TURN, rows=[]), "there are no rows of numbers in it"),
+        (poses(ONE, turn=TURN, rows=["0,0,1,1,1,1,0,0,0"]),
+         "line 8 cell 3: the rotation of cup must be a unit quaternion"),
+        (poses(ONE, turn="XYW", rows=["0,0,0,0,1,0,0,0"]), "columns W, X, Y, Z"),
+        (poses(ONE, turn="XYZ", rows=["0,0,1e9,0,0,0,0,0"], head=HEAD.replace("Quaternion", "ZYX")),
+         "line 8 cell 5: the angles of cup must lie within"),
     ],
-)
+)  # fmt: skip
 def test_what_cannot_be_read_is_refused_in_a_sentence(read: Read, changed: str, told: str) -> None:
     with pytest.raises(TruthError) as refused:
         read(changed)
     assert told in str(refused.value)
+    assert str(refused.value).startswith("upload")
+    assert "\n" not in str(refused.value)
 
 
-def test_marker_tables_are_refused_by_name(read: Read) -> None:
-    with pytest.raises(TruthError, match="a TRC file holds single markers"):
-        read("PathFileType\t4\t(X/Y/Z)\ta.trc\n")
+@pytest.mark.parametrize(
+    "content", ["PathFileType\t4\t(X/Y/Z)\ta.trc\n", "PathFileType,4,(X/Y/Z),a\n"]
+)
+def test_marker_tables_are_refused_by_name(read: Read, content: str) -> None:
+    with pytest.raises(TruthError, match=r"a TRC file holds single markers.* as CSV, or C3D$"):
+        read(content)
+
+
+def test_the_marker_table_of_another_tool_is_refused_by_name(shared_data: Path) -> None:
+    with pytest.raises(TruthError, match=r"^markers\.trc: a TRC file holds single markers"):
+        read_capture(shared_data / "wild" / "motion_capture" / "markers.trc")
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -88,17 +226,21 @@ def test_no_damage_is_more_than_a_refusal(tmp_path: Path, at: int, length: int, 
 
 
 @pytest.mark.parametrize(
-    ("name", "body", "samples"),
+    ("name", "told", "body", "samples", "gaps"),
     [
-        ("motive_1.21.csv", "Rigid Body 1", 250),
-        ("motive_1.23.csv", "drone", 1493),
-        ("euroc_groundtruth.csv", "body", 1999),
-        ("tum_repeated_time.txt", "body", 1500),
+        ("motive_1.21.csv", "Motive CSV", "Rigid Body 1", 250, 0),
+        ("motive_1.23.csv", "Motive CSV", "drone", 1493, 13),
+        ("euroc_groundtruth.csv", "EuRoC ground truth", "body", 1999, 0),
+        ("tum_repeated_time.txt", "TUM trajectory", "body", 1500, 0),
     ],
 )
 def test_files_of_other_tools_are_read(
-    shared_data: Path, name: str, body: str, samples: int
+    shared_data: Path, name: str, told: str, body: str, samples: int, gaps: int
 ) -> None:
     capture = read_capture(shared_data / "wild" / "motion_capture" / name)
-    assert len(capture.bodies[body].times) == samples
-    assert capture.bodies[body].rotations is not None
+    assert capture.format == told
+    assert list(capture.bodies) == [body]
+    found = capture.bodies[body]
+    assert (len(found.times), found.gaps) == (samples, gaps)
+    assert found.rotations is not None
+    np.testing.assert_allclose(np.linalg.det(found.rotations[found.seen]), 1.0)

@@ -18,20 +18,40 @@ from .conftest import DEVICES, Read, nexus_csv, places, tracker_csv
 
 TRACKER = tracker_csv({"robot": (np.full((20, 3), 0.1), places(20)),
                        "cart": (np.full((20, 3), 0.2), places(20, seed=1))})  # fmt: skip
+MOTIVE = (
+    "Format Version,1.23,Take Name,a walk,Export Frame Rate,100.0,Rotation Type,{turn},"
+    "Length Units,Meters,Coordinate Space,Global\n\n"
+    ",Type" + ",Rigid Body" * 7 + "\n,Name" + ",cup" * 7 + "\n,ID" + ",7" * 7 + "\n"
+)
 FILES = (
     TRACKER,
     DEVICES + nexus_csv({"a": places(20), "b": places(20)}),
     "t,x,y,z,qx,qy,qz,qw\n" + "".join(f"{k},1,2,3,0,0,0,1\n" for k in range(20)),
     "t,body,x_mm,y_mm,z_mm\n" + "".join(f"{k},b{k % 2},1,2,3\n" for k in range(20)),
     "# TUM\n" + "".join(f"{k} 1 2 3 0 0 0 1\n" for k in range(20)),
+    MOTIVE.format(turn="Quaternion") + ",,Rotation,Rotation,Rotation,Rotation,Position,Position,"
+    "Position\nFrame,Time (Seconds),X,Y,Z,W,X,Y,Z\n"
+    + "".join(f"{k},{k / 100},0,0,0,1,1,2,3\n" for k in range(20)),
+    MOTIVE.format(turn="ZYX") + ",,Rotation,Rotation,Rotation,Position,Position,Position\n"
+    "Frame,Time (Seconds),X,Y,Z,X,Y,Z\n"
+    + "".join(f"{k},{k / 100},10,20,30,1,2,3\n" for k in range(20)),
+    "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m], q_RS_w [], q_RS_x [], q_RS_y [], "
+    "q_RS_z []\n"
+    + "".join(f"{1403636579763555584 + k * 5000192},1,2,3,1,0,0,0\n" for k in range(20)),
 )
-KINDS = ("vicon csv", "vicon csv", "plain csv", "plain csv", "tum")
+KINDS = (
+    "vicon csv", "vicon csv", "plain csv", "plain csv", "tum", "motive csv", "motive csv",
+    "plain csv",
+)  # fmt: skip
 # What means something to one of the readers.
 PIECES = (
     "Objects", "Trajectories", "Segments", "Devices", "Model Outputs", "Frame", "Sub Frame", "RX",
     "RY", "RZ", "RW", "TX", "TY", "TZ", "X", "Y", "Z", "mm", "rad", "deg", "100", "0", "1", "2",
     "-3.5", "nan", "inf", "1e308", "1e999", "", " ", "t", "x", "y", "z", "qx", "qy", "qz", "qw",
-    "body", ",", ";", "\n", "\r\n", "\"", "#", ":", "\x00", "\ufeff", "é", "x_mm", "[ft]",
+    "Format Version", "Type", "Name", "ID", "Rigid Body", "Rotation", "Position", "Time", "W",
+    "Rotation Type", "Quaternion", "XYZ", "Length Units", "Meters", "PathFileType", "#timestamp",
+    "p_RS_R_x [m]", "q_RS_w []", "1403636579763555584", "body", ",", ";", "\n", "\r\n", "\"", "#",
+    ":", "\x00", "\ufeff", "é", "x_mm", "[ft]",
 )  # fmt: skip
 
 
@@ -132,6 +152,10 @@ def test_any_content_is_a_truth_error_or_a_capture(
         "Trajectories\n100\n" + "," * 1_000_000 + "\n" + "," * 1_000_000 + "\n",
         "t,x,y,z\n" + ",,,\n" * 200_000,
         "t,x,y,z,body\n" + "".join(f"{k},1,2,3,{k}\n" for k in range(5000)),
+        MOTIVE.format(turn="Quaternion") + "," * 500_000 + "\nFrame,Time" + ",X" * 400_000 + "\n",
+        "Format Version,1.23,Length Units,Meters\n,Type" + ",Rigid Body" * 90_000 + "\n,Name"
+        + "".join(f",{k // 3}" for k in range(90_000)) + "\n," + ",Position" * 90_000
+        + "\nFrame,Time" + ",X,Y,Z" * 30_000 + "\n0,0\n",
         "# comment\n" * 200_000,
     ],
 )  # fmt: skip

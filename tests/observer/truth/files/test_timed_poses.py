@@ -112,7 +112,19 @@ def test_samples_that_repeat_a_time_are_left_out_and_told(read: Read) -> None:
     body = capture.bodies["body"]
     assert body.times.tolist() == [0.0, 1.0]
     assert body.positions.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
-    assert any("left out: 2 samples" in note for note in capture.notes)
+    assert "2 samples that repeat the time before them are left out" in capture.notes
+
+
+def test_each_body_has_times_of_its_own(read: Read) -> None:
+    capture = read("t,body,x,y,z\n0,a,1,2,3\n0,b,4,5,6\n0,b,7,8,9\n1,a,1,2,3\n")
+    assert capture.bodies["a"].times.tolist() == [0.0, 1.0]
+    assert capture.bodies["b"].positions.tolist() == [[4.0, 5.0, 6.0]]
+    assert "1 sample that repeats the time before it is left out" in capture.notes
+
+
+def test_a_time_that_goes_back_behind_a_repeated_one_is_refused(read: Read) -> None:
+    with pytest.raises(TruthError, match="upload line 4: the time is earlier than that of body"):
+        read("t,x,y,z\n1,1,2,3\n1,1,2,3\n0.5,1,2,3\n")
 
 
 @pytest.mark.parametrize("title", ["#timestamp", "#timestamp [ns]"])
@@ -129,3 +141,18 @@ def test_reads_the_ground_truth_of_euroc(read: Read, title: str) -> None:
     np.testing.assert_array_equal(body.positions, P)
     assert body.rotations is not None
     np.testing.assert_allclose(body.rotations, TURNED.as_matrix(), atol=1e-12)
+
+
+def test_reads_the_places_of_euroc_and_keeps_the_digits_of_their_times(read: Read) -> None:
+    first, step = 1403636579763555584, 5_000_064
+    rows = "".join(f"{first + k * step},{k},2,3\n" for k in range(50))
+    header = "#timestamp [ns], p_RS_R_x [m], p_RS_R_y [m], p_RS_R_z [m]"
+    capture = read(f"{header}\n{rows}{first + 49 * step},49,2,3\n")
+    assert capture.format == "EuRoC ground truth"
+    body = capture.bodies["body"]
+    assert body.rotations is None
+    np.testing.assert_allclose(np.diff(body.times), step * 1e-9, atol=5e-7)
+    assert abs(int(body.times[0] * 1e6) - first // 1000) <= 1
+    assert "1 sample that repeats the time before it is left out" in capture.notes
+    with pytest.raises(TruthError, match="upload line 3: the time is earlier"):
+        read(f"{header}\n{first},1,2,3\n{first - step},1,2,3\n")
