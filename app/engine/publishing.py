@@ -93,11 +93,6 @@ class Publisher:
         """
         self.newest = observed
         self._pairs.remember(observed)
-        received = observed.frame.received
-        if keep is not None and received < self._keep_from:
-            keep = None
-        elif keep is not None:
-            self._keep_from = received + CLOUD_KEPT_EVERY_S
         self._draw(observed, self._watched, keep)
 
     def show_cameras(self, frame: StereoFrame, draw: Callable[[str], Image]) -> None:
@@ -127,7 +122,7 @@ class Publisher:
     def _draw(
         self, observed: Observed, names: frozenset[str], keep: CloudKeeper | None = None
     ) -> None:
-        if names & _DENSE or keep is not None:
+        if names & _DENSE or (keep is not None and observed.frame.received >= self._keep_from):
             self._dense.give((self._pairs.pair(observed), self._epoch, keep))
         frame = observed.frame
         if names.intersection(CAMERA_NAMES):
@@ -142,6 +137,12 @@ class Publisher:
     def _make_dense(self, job: _DenseJob) -> None:
         begin, watched = time.monotonic(), self._watched & _DENSE
         (pair, epoch, keep), dense, trouble = job, None, None
+        received = pair.instant["received"]
+        # Judged here, for a newer job may take the place of one that was due.
+        if keep is not None and received >= self._keep_from:
+            self._keep_from = received + CLOUD_KEPT_EVERY_S
+        else:
+            keep = None
         if not watched and keep is None:
             return
         try:

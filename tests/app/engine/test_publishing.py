@@ -134,6 +134,26 @@ def test_a_recording_keeps_a_cloud_a_second_though_nobody_looks(bench: Bench) ->
     assert bench.told.empty()
 
 
+def test_a_cloud_that_is_due_is_kept_though_a_newer_frame_takes_its_place(bench: Bench) -> None:
+    kept: queue.SimpleQueue[float] = queue.SimpleQueue()
+    busy, free = threading.Event(), threading.Event()
+
+    def keep(cloud: Cloud, received: float) -> None:
+        del cloud
+        kept.put(received)
+        busy.set()
+        assert free.wait(PATIENCE_S)
+
+    bench.publisher.watch([CLOUD_NAME])
+    bench.publisher.publish(observed(0), keep)
+    assert busy.wait(PATIENCE_S)
+    bench.publisher.publish(observed(1), keep)
+    newer = observed(2)
+    bench.publisher.publish(replace(newer, frame=replace(newer.frame, received=51.1)), keep)
+    free.set()
+    assert [kept.get(timeout=PATIENCE_S) for _ in range(2)] == [50.0, 52.0]
+
+
 def test_a_later_watcher_gets_the_cloud_of_the_known_disparity(bench: Bench) -> None:
     bench.publisher.publish(observed(1))
     known = np.full((HEIGHT, WIDTH), 10.0, np.float32)
