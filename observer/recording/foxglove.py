@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from typing import Literal
 
 import numpy as np
@@ -133,16 +134,17 @@ def box_edges(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
 
 def _edge_points(body: DrawnBody) -> Float64Array:
     """(N, 3) metres, world: points along the twelve edges of a box."""
-    steps = np.linspace(-0.5, 0.5, _POINTS_PER_EDGE)
-    places = [
-        np.insert([first, second], axis, along)
-        for axis in range(3)
-        for first in (-0.5, 0.5)
-        for second in (-0.5, 0.5)
-        for along in steps
-    ]
     pose = Pose.from_quaternion(body.wxyz, body.position)
-    return pose.apply(np.array(places) * np.asarray(body.size))
+    return pose.apply(_unit_edges() * np.asarray(body.size))
+
+
+@cache
+def _unit_edges() -> Float64Array:
+    """(N, 3) points along the edges of a box whose sides are 1, about its middle."""
+    steps = np.linspace(-0.5, 0.5, _POINTS_PER_EDGE)
+    grid = np.stack(np.meshgrid(steps, (-0.5, 0.5), (-0.5, 0.5), indexing="ij"), axis=-1)
+    along_x = grid.reshape(-1, 3)
+    return np.concatenate([np.roll(along_x, axis, axis=1) for axis in range(3)])
 
 
 def point_cloud(
