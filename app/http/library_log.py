@@ -1,7 +1,7 @@
 """What libraries log of clients: a line each, and not a thousand of them.
 
-Whoever reaches the port can send nonsense as fast as he likes, and tabs are closed in the middle of
-everything; neither is worth a traceback, nor a full disk.
+Whoever reaches the port can send nonsense as fast as they like, and tabs are closed in the middle
+of everything; neither is worth a traceback, nor a full disk.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class LibraryLog(logging.Filter):
 
 
 def _shorten(record: logging.LogRecord) -> None:
-    """Put an ordinary error in place of its traceback, and mark what a handshake lacked."""
+    """Put an ordinary error in place of its traceback."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, _ORDINARY):
         record.msg = f"{record.getMessage()} ({error})"

@@ -29,7 +29,8 @@ from app.server.calibrations.library import (
 from app.server.status import status
 from app.storage import CalibrationRecord
 from observer.calibration.formats.exporting import ExportKind
-from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
+from observer.calibration.formats.understanding import Cameras, NamedFile
+from observer.calibration.formats.units import Unit
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 

@@ -29,8 +29,8 @@ SIGNED_IN = "signed_in"
 
 
 @dataclass(eq=False)
-class _Waiting:
-    """A connection that nobody has signed in on, and that asks for nothing at present."""
+class _Known:
+    """A connection, the address it came from, and since when it asks for nothing."""
 
     connection: weakref.ref[socket.socket]
     address: str
@@ -50,9 +50,9 @@ class Strangers:
         self._clock = clock
         self._most, self._within_s = most, within_s
         # The longest waiting first.
-        self._waiting: dict[int, _Waiting] = {}
+        self._waiting: dict[int, _Known] = {}
         # Being served, or signed in.
-        self._others: dict[int, _Waiting] = {}
+        self._others: dict[int, _Known] = {}
 
     @property
     def count(self) -> int:
@@ -65,7 +65,7 @@ class Strangers:
         number = connection.fileno()
         self._others.pop(number, None)
         self._waiting.pop(number, None)
-        self._waiting[number] = _Waiting(weakref.ref(connection), address, self._clock())
+        self._waiting[number] = _Known(weakref.ref(connection), address, self._clock())
 
     def asked(self, number: int) -> None:
         """Note that a request of this connection is being answered."""
@@ -113,7 +113,7 @@ class Strangers:
                 del connections[number]
 
 
-def _is_closed(known: _Waiting) -> bool:
+def _is_closed(known: _Known) -> bool:
     connection = known.connection()
     return connection is None or connection.fileno() < 0
 

@@ -22,7 +22,8 @@ from app.workers.calibration.process import work
 from observer.calibration.formats.exporting import ExportKind, export_calibration
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.calibration.formats.recognition import read_any
-from observer.calibration.formats.understanding import Cameras, NamedFile, Unit
+from observer.calibration.formats.understanding import Cameras, NamedFile
+from observer.calibration.formats.units import Unit
 from observer.calibration.report import depth_bias_of
 from observer.calibration.tape import tape_check
 from observer.camera import StereoCalibration

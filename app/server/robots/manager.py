@@ -171,7 +171,8 @@ class RobotManager:
                     keeper.heard(self._facts.robots, self._source_time)
                 self._changed()
             case WheelSpeedEvent():
-                sample, run = self._measured(event), self._run()
+                at, run = self._source_time.at(event.time), self._run()
+                sample = self.wheels.take(event, at)
                 if sample is not None and run is not None:
                     run.measured(sample)
             case IncidentEvent():
@@ -185,9 +186,6 @@ class RobotManager:
                 self._started(event.generation)
             case DriveLostEvent():
                 self._lost(event)
-
-    def _measured(self, event: WheelSpeedEvent) -> WheelSample | None:
-        return self.wheels.take(event, self._source_time.at(event.time))
 
     def _started(self, generation: int) -> None:
         if generation <= self._generation:

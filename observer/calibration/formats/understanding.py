@@ -22,7 +22,6 @@ from observer.calibration.formats.units import (
     metres,
     unit_words,
 )
-from observer.calibration.formats.units import Unit as Unit
 from observer.camera import DistortionModel, StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
