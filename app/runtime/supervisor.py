@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 from app.runtime.child import ChildEnded, ChildProcess
 from app.runtime.errors import ProcessRefused, ProcessUnavailable
+from app.runtime.requests import Reply
 
 _log = logging.getLogger(__name__)
 
@@ -43,6 +44,7 @@ class SupervisorLimits:
         attempts: number of failed attempts in a row after which ``start`` gives up.
         stop_s: time for a process to leave by itself.
         answer_s: time for a reply, where the request does not say otherwise.
+        takeover_s: how long a request that may be repeated waits for the next process.
     """
 
     hang_s: float = 1.6
@@ -56,6 +58,7 @@ class SupervisorLimits:
     attempts: int = 3
     stop_s: float = 1.0
     answer_s: float = 10.0
+    takeover_s: float = 15.0
 
 
 @dataclass(frozen=True)
@@ -173,36 +176,63 @@ class ProcessSupervisor(Generic[_Command, _Event]):
                 _log.error("%s process %d hangs inside the kernel", self.what, child.pid)
         self._release()
 
-    async def request(self, command: _Command, timeout_s: float | None = None) -> Any:
+    async def request(
+        self, command: _Command, timeout_s: float | None = None, *, repeatable: bool = False
+    ) -> Any:
         """Send a request to the process and return its reply's value.
 
         Args:
             timeout_s: by default the limit ``answer_s``.
+            repeatable: whether to send it once more, to the next process, if this one ends before
+                it answers, and to wait for the next one if there is none at the moment.
 
         Raises:
             ProcessRefused: it refuses, and why.
             ProcessUnavailable: there is none, it ended meanwhile or did not answer in time.
         """
-        child = self._active
+        timeout_s = self._limits.answer_s if timeout_s is None else timeout_s
+        child = await self._successor_of(None) if repeatable else self._active
+        reply = await self._answer(child, command, timeout_s)
+        if reply is None and repeatable:
+            _log.warning("the %s ended; its request is sent to the next one", self.what)
+            reply = await self._answer(await self._successor_of(child), command, timeout_s)
+        what = _in_words(type(command).__name__)
+        if reply is None:
+            raise ProcessUnavailable(
+                f"the {self.what} ended before it answered the request to {what}"
+            )
+        if reply.refusal is not None:
+            raise ProcessRefused(reply.error or f"{what} was refused", reply.refusal)
+        return reply.value
+
+    async def _answer(
+        self, child: ChildProcess | None, command: _Command, timeout_s: float
+    ) -> Reply | None:
+        """Return the reply of a process, None if it ended before it replied."""
         if self._closed:
             raise ProcessUnavailable("the server is being stopped")
         if child is None:
             raise ProcessUnavailable(self._trouble)
-        what = _in_words(type(command).__name__)
-        timeout_s = self._limits.answer_s if timeout_s is None else timeout_s
         try:
-            reply = await child.request(command, timeout_s)
+            return await child.request(command, timeout_s)
         except TimeoutError:
+            what = _in_words(type(command).__name__)
             raise ProcessUnavailable(
                 f"the {self.what} did not answer the request to {what} within {timeout_s:g} s"
             ) from None
         except ChildEnded:
-            raise ProcessUnavailable(
-                f"the {self.what} ended before it answered the request to {what}"
-            ) from None
-        if reply.refusal is not None:
-            raise ProcessRefused(reply.error or f"{what} was refused", reply.refusal)
-        return reply.value
+            return None
+
+    async def _successor_of(self, child: ChildProcess | None) -> ChildProcess | None:
+        """Return the process in service, other than ``child``; wait for it if there is none."""
+        until = time.monotonic() + self._limits.takeover_s
+        while (
+            (self._active is None or self._active is child)
+            and not self._closed
+            and time.monotonic() < until
+        ):
+            await asyncio.sleep(self._limits.tick_s)
+        return None if self._active is child else self._active
 
     def subscribe(self, callback: Callable[[_Event], None]) -> Callable[[], None]:
         """Call ``callback`` in the event loop for every event, in order.

@@ -19,11 +19,13 @@ async def ask(
     *,
     field: tuple[str, ...] = ("body",),
     timeout_s: float = 10.0,
+    repeatable: bool = False,
 ) -> Answer:
     """Send the engine a command and return the value of its reply.
 
     Args:
         field: the part of the user's request that caused the command.
+        repeatable: as for ``Engine.request``.
 
     Raises:
         FieldError: the request is wrong. Conflict: it is not possible in this state.
@@ -31,7 +33,7 @@ async def ask(
         NotAvailable: it failed, or there is no engine at the moment.
     """
     with _own_errors(field):
-        return await engine.request(command, timeout_s)
+        return await engine.request(command, timeout_s, repeatable=repeatable)
 
 
 async def ask_drive(drive: Drive, command: ToDrive[Answer], *, timeout_s: float = 1.0) -> Answer:

@@ -38,8 +38,14 @@ class _Process(Protocol):
 class Engine(_Process, Protocol):
     """Engine process; implemented by ``EngineSupervisor``."""
 
-    async def request(self, command: ToEngine[Answer], timeout_s: float = 10.0) -> Answer:
+    async def request(
+        self, command: ToEngine[Answer], timeout_s: float = 10.0, *, repeatable: bool = False
+    ) -> Answer:
         """Send a command and return the value of its reply.
+
+        Args:
+            repeatable: whether to send it once more, to the next engine, if this one ends before
+                it answers.
 
         Raises:
             ProcessRefused: the engine refused and said why.

@@ -106,6 +106,10 @@ class EngineEvents:
         """Set a new engine up like the lost one; a run continues as a new segment."""
         async with self._shared.lock:
             source = self._source
+            if self._shared.opened_by == source.generation:
+                # A request that waited for this engine has set it up already.
+                source.restoring = False
+                return
             try:
                 self._refuse_fruitless()
                 if self._session.source is not None:

@@ -5,6 +5,9 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 
+from app.contract.answers import Opened
+from app.contract.commands import BeginCalibration, OpenSource
+from app.server.asking import ask
 from app.server.background import Background
 from app.server.contracts import Engine
 from app.server.errors import Conflict
@@ -12,6 +15,9 @@ from app.server.followers import Followers
 from app.server.telemetry import Telemetry
 from app.server.writer import Writer
 from app.storage import RunRecord, Storage
+
+# Indexing a large data set takes a while.
+_OPEN_TIMEOUT_S = 60.0
 
 
 class Shared:
@@ -24,6 +30,7 @@ class Shared:
         writer: writes to the database. followers: receivers of all events.
         telemetry: figures of the running loop. background: background tasks.
         warnings: sentences for the user of the page.
+        opened_by: generation of the engine that opened a source last; 0: none has.
     """
 
     def __init__(self, engine: Engine, storage: Storage, clock: Callable[[], float]) -> None:
@@ -38,6 +45,24 @@ class Shared:
         self.telemetry = Telemetry()
         self.background = Background()
         self.warnings: list[str] = []
+        self.opened_by = 0
+
+    async def open_in_engine(self, command: OpenSource | BeginCalibration) -> Opened:
+        """Have the engine open a source; if it ends meanwhile, have the next one open it.
+
+        Raises:
+            FieldError: the source cannot be opened; the previous one stays open.
+            Conflict, StorageFull, NotAvailable: as for ``ask``.
+        """
+        opened = await ask(
+            self.engine,
+            command,
+            field=("body", "source"),
+            timeout_s=_OPEN_TIMEOUT_S,
+            repeatable=True,
+        )
+        self.opened_by = self.engine.health.generation
+        return opened
 
     def refuse_in_run(self, remedy: str) -> None:
         """Refuse to go on while a run is in progress.

@@ -135,7 +135,10 @@ class PeerEngine:
         pid = 1000 + self.generation if self.alive else None
         return ProcessHealth(self.generation, pid, self.alive, max(0, self.generation - 1), 0.01, 0)
 
-    async def request(self, command: ToEngine[Any], timeout_s: float = 10.0) -> Any:
+    async def request(
+        self, command: ToEngine[Any], timeout_s: float = 10.0, *, repeatable: bool = False
+    ) -> Any:
+        del repeatable
         assert timeout_s > 0
         if not self.alive:
             raise ProcessUnavailable("the engine is being replaced")

@@ -31,7 +31,7 @@ class CalibrationManager:
     """
 
     def __init__(self, shared: Shared, source: SourceManager) -> None:
-        self.session = CalibrationSession(shared.engine, shared.followers.status_changed)
+        self.session = CalibrationSession(shared)
         self._shared = shared
         self._storage = shared.storage
         self._source = source

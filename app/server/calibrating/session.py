@@ -6,7 +6,7 @@ an engine. Everything runs in the event loop.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from app.contract.answers import Opened
@@ -22,15 +22,14 @@ from app.contract.events import BoardLookEvent, BoardViewsEvent
 from app.contract.values import filled
 from app.server.asking import ask
 from app.server.calibrating.computation import Computation
-from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotThere
+from app.server.shared import Shared
 from app.workers.calibration.messages import BoardsFound, FitViews
 from observer.calibration.board import Board, BoardKind, BoardView
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError, SourceError
 from observer.sources.cameras.spec import swapped_spec
 
-_OPEN_TIMEOUT_S = 60.0
 # Assumed if the images do not show the frame rate.
 _USUAL_RATE = 15.0
 
@@ -66,15 +65,11 @@ class CalibrationSession:
         cameras: cameras that a result belongs to. computation: fit of the views.
     """
 
-    def __init__(self, engine: Engine, changed: Callable[[], None]) -> None:
-        """Start without a calibration.
-
-        Args:
-            changed: called whenever ``facts`` change.
-        """
-        self._engine = engine
-        self._changed = changed
-        self.computation = Computation(changed)
+    def __init__(self, shared: Shared) -> None:
+        """Start without a calibration; the followers are told whenever ``facts`` change."""
+        self._shared = shared
+        self._changed = shared.followers.status_changed
+        self.computation = Computation(self._changed)
         self._clear()
 
     def _clear(self) -> None:
@@ -140,7 +135,7 @@ class CalibrationSession:
     ) -> Opened:
         views = tuple(each.view for each in kept.values())
         command = BeginCalibration(source, board, views, self.automatic)
-        return await ask(self._engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S)
+        return await self._shared.open_in_engine(command)
 
     def _note_source(self, opened: Opened) -> None:
         info, live = opened.state.source, opened.state.live
@@ -170,7 +165,7 @@ class CalibrationSession:
         if command.remove is not None and command.remove not in self._views:
             raise NotThere(f"there is no view {command.remove[:80]!r}")
         if self.source is not None:
-            await ask(self._engine, command)
+            await ask(self._shared.engine, command)
             if command.automatic is not None:
                 self.automatic = command.automatic
         elif command.remove is not None:

@@ -20,9 +20,6 @@ from app.server.source.opening import Opening, make_opening
 from app.server.source_time import SourceTime
 from observer.opening import shown_spec
 
-# Indexing a large data set takes a while.
-_OPEN_TIMEOUT_S = 60.0
-
 
 class SourceManager:
     """Manager of the source; used in the event loop. Changes need the shared lock, except ``open``.
@@ -132,9 +129,7 @@ class SourceManager:
             record=record,
             truth=self._live_truth.order,
         )
-        reply = await ask(
-            self._engine, command, field=("body", "source"), timeout_s=_OPEN_TIMEOUT_S
-        )
+        reply = await self._shared.open_in_engine(command)
         self._shared.telemetry.new_source()
         self.latest = None
         self.time.begin()

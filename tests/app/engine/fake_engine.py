@@ -2,8 +2,8 @@
 
 Sources: ``numbers`` counts, ``exit`` ends the process while it is opened, ``hang`` holds the main
 loop at the third frame, ``busy`` computes for every frame, ``bare`` brings no calibration. The
-first argument may be ``channel-only``: then the kernel does not end it with its parent, as on other
-systems than Linux.
+name of a file that is not there ends the first process that opens it. The first argument may be
+``channel-only``: then the kernel does not end it with its parent, as on other systems than Linux.
 """
 
 from __future__ import annotations
@@ -97,6 +97,9 @@ class Counting:
 
 def open_fake(spec: str) -> OpenedSource:
     if spec == "exit":
+        os._exit(7)
+    if spec.startswith("/") and not os.path.exists(spec):
+        open(spec, "w").close()
         os._exit(7)
     return OpenedSource(Numbers(spec), None)
 

@@ -239,6 +239,21 @@ async def test_a_request_that_is_not_answered_times_out() -> None:
     assert time.monotonic() - begin < 10
 
 
+async def test_a_repeatable_request_is_answered_by_the_next_engine(tmp_path: Path) -> None:
+    async with Watched() as watched:
+        supervisor = watched.supervisor
+        await watched.standby_ready()
+        opened = await supervisor.request(numbers(str(tmp_path / "once")), repeatable=True)
+        assert opened.state.state == "preview"
+        assert supervisor.health.generation == 2
+        # A source that ends every engine is tried twice, not for ever.
+        with pytest.raises(ProcessUnavailable, match="ended before it answered"):
+            await supervisor.request(numbers("exit"), repeatable=True)
+        assert supervisor.health.generation in (3, 4)
+        # While there is no engine, it waits for one.
+        assert (await supervisor.request(numbers(), repeatable=True)).state.state == "preview"
+
+
 async def test_an_engine_that_dies_again_and_again_is_not_restarted_in_a_spin() -> None:
     limits = SupervisorLimits(standby_delay_s=0.0, backoff_s=0.2)
     async with Watched(limits=limits) as watched:

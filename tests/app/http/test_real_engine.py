@@ -77,6 +77,24 @@ async def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_pat
 
 
 @pytest.mark.patient
+async def test_a_run_asked_of_a_dying_engine_is_begun_by_the_next_one(real: Any) -> None:
+    async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
+        await message(live, lambda m: m["type"] == "observation")
+        pid = (await served.http.get("/api/status")).json()["engine"]["pid"]
+        os.kill(pid, signal.SIGSTOP)
+        asking = asyncio.create_task(served.http.post("/api/runs", json={}, timeout=60))
+        await asyncio.sleep(0.3)
+        assert not asking.done()
+        os.kill(pid, signal.SIGKILL)
+        begun = await asking
+        assert begun.status_code == 201, begun.text
+        await asyncio.sleep(0.5)
+        ended = (await served.http.post(f"/api/runs/{begun.json()['id']}/stop")).json()
+        # A new engine is set up once: opened again, the run would go on in a second segment.
+        assert (ended["state"], ended["segments"]) == ("finished", 1)
+
+
+@pytest.mark.patient
 async def test_a_calibration_is_tried_on_the_newest_pair(real: Any, calibration_yaml: Any) -> None:
     async with asyncio.timeout(100), real() as served, served.socket("/api/live") as live:
         await message(live, lambda m: m["type"] == "observation")
