@@ -124,6 +124,12 @@ class LiveTruth:
         """Return true if it replaces the source's own truth."""
         return self.order is not None and self._source is not None and self._source.now
 
+    @property
+    def why_none(self) -> str | None:
+        """Return why it tells nothing yet; None where it does, or where nothing is to be told."""
+        facts = self.facts() if self.in_place else None
+        return None if facts is None or facts.aligned else facts.sentence
+
     def observing(self, source: ObservedSource | None) -> None:
         """Begin a new world for the newly observed source; None if nothing is observed."""
         self._source = source

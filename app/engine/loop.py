@@ -252,7 +252,9 @@ class Engine:
         self._send(event)
         self._sequence += 1
         if recorder is not None:
-            recorder.observation(line, frame.received, event.ego_motion, event.truth)
+            recorder.observation(
+                line, frame.received, event.ego_motion, event.truth, self._truth.why_none
+            )
             if truth is not None:
                 recorder.truth(
                     truth.sample(frame.index, frame.time, played.source_time), frame.received

@@ -131,12 +131,17 @@ class RunRecorder(threading.Thread):
         received: float,
         ego_motion: EgoMotionStatus | None,
         truth: Sequence[Mapping[str, Any]],
+        no_truth: str | None = None,
     ) -> None:
-        """Record the result of a frame, as in the ``ObservationEvent``."""
+        """Record the result of a frame, as in the ``ObservationEvent``.
+
+        Args:
+            no_truth: why there is no truth yet where there will be some.
+        """
 
         def write(writer: RecordingWriter) -> None:
             motion = None if ego_motion is None else asdict(ego_motion)
-            writer.observation(line, received, ego_motion=motion, truth=truth)
+            writer.observation(line, received, ego_motion=motion, truth=truth, no_truth=no_truth)
 
         self._give(write)
 

@@ -146,12 +146,15 @@ class Encoder:
         *,
         ego_motion: Mapping[str, Any] | None = None,
         truth: Sequence[Mapping[str, Any]] = (),
+        no_truth: str | None = None,
     ) -> None:
         """Keep the JSON line of an observation, and what is drawn of it.
 
         Args:
             line: as of ``observer.jsonl.observation_line``. received: of its frame.
             ego_motion, truth: as in the engine's ``ObservationEvent``.
+            no_truth: why the truth that belongs to the run tells nothing yet; then its topics say
+                so, so that every recording with truth has them from its first frame.
         """
         wall = self._wall(received)
         transforms = self._cameras.transforms(line_pose(line), wall)
@@ -168,10 +171,12 @@ class Encoder:
             )
             messages.append(self._own(topics.EGO_MOTION, values, received))
         self._keep(messages)
-        if truth:
+        if truth or no_truth is not None:
             known = MatchedBody.__struct_fields__
             bodies = [MatchedBody(**{name: entry[name] for name in known}) for entry in truth]
-            matched = MatchedTruth(frame=line["frame"], time=line["time"], bodies=bodies)
+            matched = MatchedTruth(
+                frame=line["frame"], time=line["time"], bodies=bodies, sentence=no_truth
+            )
             scene = foxglove.scene(drawn_truth(bodies), wall)
             self._keep(
                 [

@@ -168,11 +168,16 @@ class MatchedBody(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MatchedTruth(msgspec.Struct, frozen=True, kw_only=True):
-    """True bodies beside one observation."""
+    """True bodies beside one observation.
+
+    Attributes:
+        sentence: why there are none: motion capture is not aligned yet.
+    """
 
     frame: int
     time: float
     bodies: list[MatchedBody]
+    sentence: str | None = None
 
 
 class SamplePayload(msgspec.Struct, frozen=True, kw_only=True):

@@ -151,8 +151,12 @@ class Recording:
         return SampledTruth(samples) if samples else None
 
     def matched_truth(self) -> Iterator[MatchedTruth]:
-        """Yield true bodies in the observations' world, each with its track, in order."""
-        return self._payloads(topics.MATCHED_TRUTH, MatchedTruth)
+        """Yield true bodies in the observations' world, each with its track, in order.
+
+        Frames before motion capture was aligned are left out.
+        """
+        told = self._payloads(topics.MATCHED_TRUTH, MatchedTruth)
+        return (each for each in told if each.sentence is None)
 
     def capture_samples(self) -> Iterator[BodySample]:
         """Yield the samples of live motion capture, in order of arrival."""

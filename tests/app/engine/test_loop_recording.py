@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
+from mcap.reader import make_reader
+
 from app.contract.commands import (
+    LiveTruthOrder,
     RecordOrder,
     RecordRobots,
     SaveClip,
@@ -132,3 +136,28 @@ def test_behind_a_run_the_last_half_minute_of_a_live_source_is_kept_again(
     # The run's own recording is whole, and is not gone on with.
     with Recording(tmp_path / "run.mcap") as recording:
         assert not recording.unfinished
+
+
+def test_before_motion_capture_is_aligned_its_topics_say_why_they_are_empty(
+    bench: Bench, numbered: Numbered, tmp_path: Path
+) -> None:
+    path = tmp_path / "recording.mcap"
+    # Nobody listens on that port.
+    truth = LiveTruthOrder("vrpn:127.0.0.1:1")
+    record = RecordOrder(str(path), "none", "a run")
+    bench.sources["live"] = numbered(10_000, live=True)
+    bench.value(opening("live", run_id="r1", record=record, truth=truth))
+    bench.wait(ObservationEvent, lambda event: event.sequence == 5)
+    bench.value(StopRun())
+    bench.ask(Shutdown())
+    bench._thread.join(PATIENCE_S)
+    with Recording(path) as recording:
+        frames = [line["frame"] for line in recording.lines()]
+        assert list(recording.matched_truth()) == []
+    with path.open("rb") as file:
+        messages = [(of.topic, told.data) for _, of, told in make_reader(file).iter_messages()]
+    told = [json.loads(data) for topic, data in messages if topic == "/truth/matched"]
+    assert [each["frame"] for each in told] == frames
+    assert all(each["bodies"] == [] for each in told)
+    assert all(each["sentence"].startswith("not yet aligned: ") for each in told)
+    assert sum(topic == "/scene/truth" for topic, _ in messages) == len(frames)
