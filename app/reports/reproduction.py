@@ -22,7 +22,8 @@ from app.client.server_api import DrivingFailed, ServerApi
 from app.client.server_process import RunningServer, running_server
 from app.reports.experiments import Experiment, judged, with_experiments
 from app.reports.gathering import Gathered
-from app.reports.report import Report, Step, make_report
+from app.reports.report import Report, make_report
+from app.reports.report_figure import Step
 from observer.errors import DynamicObserverError
 from observer.guard.sight import SIGHT_FRESH_S
 from observer.motion_profiles.gesture import GESTURE_S
@@ -220,7 +221,7 @@ def _fetch(server: RunningServer, run_id: str, path: Path) -> None:
     part = path.with_name(path.name + ".part")
     try:
         with (
-            urllib.request.urlopen(request, timeout=_DOWNLOAD_TIMEOUT_S) as answer,
+            urllib.request.urlopen(request, timeout=_DOWNLOAD_TIMEOUT_S) as answer,  # nosec B310
             part.open("wb") as file,
         ):
             shutil.copyfileobj(answer, file)

@@ -60,7 +60,7 @@ async def read_message(reader: asyncio.StreamReader) -> Any:
     """Return the next message, or None at the channel's end (the other process is gone)."""
     try:
         length = _checked_length(await reader.readexactly(_LENGTH.size))
-        return pickle.loads(await reader.readexactly(length))
+        return pickle.loads(await reader.readexactly(length))  # nosec B301
     except (asyncio.IncompleteReadError, ConnectionError):
         return None
 
@@ -79,7 +79,7 @@ def load_message(stream: BinaryIO) -> Any:
         body = stream.read(length)
     except ConnectionError:
         return None
-    return pickle.loads(body) if len(body) == length else None
+    return pickle.loads(body) if len(body) == length else None  # nosec B301
 
 
 class MessageSender:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from sqlalchemy import Connection, inspect, text
+from sqlalchemy import Connection, inspect, literal, select, table, text
 
 from app.storage.backup import DATABASE, FILES, FOLDERS, Progress
 from app.storage.bundle import BackupError, Bundle, Manifest, open_bundle
@@ -238,8 +238,10 @@ def _has_something(folder: Path) -> bool:
 def _has_rows(connection: Connection) -> bool:
     """Return whether a server's database holds more than its initial contents."""
     inspected = inspect(connection)
-    for table in set(inspected.get_table_names()) - {"alembic_version"}:
-        quoted = connection.dialect.identifier_preparer.quote(table)
-        if connection.execute(text(f"SELECT 1 FROM {quoted} LIMIT 1")).first() is not None:
+    for name in set(inspected.get_table_names()) - {"alembic_version"}:
+        if (
+            connection.execute(select(literal(1)).select_from(table(name)).limit(1)).first()
+            is not None
+        ):
             return True
     return False

@@ -110,7 +110,7 @@ def run_opened(
     runs = {name: SourceRun((info.width, info.height)) for name in presets}
     lines: dict[str, list[ObservationLine]] = {name: [] for name in presets}
     spans = {name: (during or {}).get(name, range(max_frames)) for name in presets}
-    recorder, draw = OpenCvRecorder(clock), random.Random(0)
+    recorder, draw = OpenCvRecorder(clock), random.Random(0)  # nosec B311
     for number, frame in enumerate(_frames(opened.source.read, max_frames)):
         report(number)
         settled = number >= _WARM_UP_FRAMES

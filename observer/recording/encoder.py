@@ -177,11 +177,12 @@ class Encoder:
             matched = MatchedTruth(
                 frame=line["frame"], time=line["time"], bodies=bodies, sentence=no_truth
             )
-            scene = foxglove.scene(drawn_truth(bodies), wall)
+            boxes = drawn_truth(bodies)
             self._keep(
                 [
                     self._own(topics.MATCHED_TRUTH, matched, received),
-                    self._made(topics.TRUE_SCENE, scene, received),
+                    self._made(topics.TRUE_SCENE, foxglove.scene(boxes, wall), received),
+                    self._made(topics.TRUE_EDGES, foxglove.box_edges(boxes, wall), received),
                 ]
             )
 

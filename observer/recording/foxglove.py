@@ -117,8 +117,9 @@ def scene(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
 def box_edges(bodies: Sequence[DrawnBody], wall_ns: int) -> bytes:
     """Return a ``PointCloud`` in the world of points along the edges of the bodies' boxes.
 
-    For tools that show points and no ``SceneUpdate``.
+    For tools that show points and no ``SceneUpdate``. Bodies whose size is not known have none.
     """
+    bodies = [body for body in bodies if np.isfinite(body.size).all()]
     corners = [_edge_points(body) for body in bodies]
     colors = [
         np.tile(np.array(body.color[:3]) * 255, (len(points), 1))

@@ -2,7 +2,8 @@
 
 Their parsers know one plain ``type`` for each property, no alternatives, no references and no
 arrays of arrays. What may be null therefore says ``nullable`` (as OpenAPI 3.0 has it) beside its
-type, and arrays of arrays stand under ``patternProperties``, which those parsers pass over.
+type, and arrays of arrays stand under ``patternProperties``, which those parsers pass over. No
+draft of JSON Schema knows ``nullable``, so no ``$schema`` names one.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ def json_schema(payload: type[Any]) -> dict[str, Any]:
     described = inspect.type_info(payload)
     assert isinstance(described, _Object)
     title = {"title": payload.__name__, "description": (payload.__doc__ or "").partition("\n")[0]}
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **title, **_of(described)}
+    return {**title, **_of(described)}
 
 
 def _of(kind: inspect.Type) -> dict[str, Any]:

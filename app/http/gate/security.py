@@ -1,40 +1,35 @@
 """The gate in front of every route, mount and WebSocket, new ones included.
 
 Pure ASGI, because the framework's HTTP middleware never sees WebSockets and dependencies never see
-mounts. Checks run in this order: name (400), origin (403), token (401, 429), kind of body (415),
-size (413).
+mounts. Checks run in this order: name (400), origin (403), token or session (401, 429), kind of
+body (415), size (413).
 """
 
 from __future__ import annotations
 
+import contextlib
+import html
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from urllib.parse import parse_qsl
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from app.http.gate.admission import Admission, Refusal, header_values, session_of
 from app.http.gate.bodies import LimitedBody, accepts_kind
 from app.http.gate.headers import RawHeaders, page_policy, secured
 from app.http.gate.origins import Names, NetworkName, parse_host
-from app.http.gate.strangers import SIGNED_IN
-from app.http.gate.token import COOKIE_NAME, TokenGuard, Verdict
+from app.http.gate.sessions import run_in_session
 
 PUBLIC_PATHS = frozenset({"/healthz", "/readyz", "/sign-in"})
 _SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 # A multipart body adds boundaries and headers to the file.
 _UPLOAD_OVERHEAD = 16 * 1024
-# More than a browser sends in one cookie; one request must not try a list of tokens.
-_MOST_CANDIDATES = 4
-_COOKIE_SECONDS = 30 * 24 * 3600
 _QUOTED = 80
-
-_SIGN_IN_FIRST = (
-    "sign in first: open the link that the server printed at its start, or send the header "
-    "Authorization: Bearer TOKEN; --token-file keeps the token over restarts"
-)
-_WRONG_TOKEN = "this is not the server's token; open the link that it printed at its start"
-_TOO_MANY = "too many wrong tokens from this address; wait a minute (the right token still works)"
+# Tells a page that its session has ended, and not merely its connection.
+SESSION_OVER = 4401
+_PLACE_OF_REFUSAL = "<!-- refusal -->"
 
 
 @dataclass(frozen=True)
@@ -43,47 +38,16 @@ class Policy:
 
     Attributes:
         names: names the server answers to.
-        guard: checks the token.
-        token: value of the cookie for a browser that presented it.
+        admission: checks tokens and sessions.
         body_max_bytes: largest body. uploads: largest file for each path that takes files.
-        sign_in_page: shown to a browser without a token.
+        sign_in_page: shown to a browser that has not signed in.
     """
 
     names: Names
-    guard: TokenGuard
-    token: str
+    admission: Admission
     body_max_bytes: int
     uploads: Mapping[str, int]
     sign_in_page: str
-
-    def cookie(self) -> str:
-        """Return ``Set-Cookie`` for a browser that presented the right token."""
-        secure = "; Secure" if self.names.tls else ""
-        return (
-            f"{COOKIE_NAME}={self.token}; Path=/; Max-Age={_COOKIE_SECONDS}; "
-            f"HttpOnly; SameSite=Strict{secure}"
-        )
-
-    def check_token(self, scope: Scope, candidates: list[str]) -> Refusal | None:
-        """Return the refusal of a request's tokens, or None if one of them is right."""
-        client = scope.get("client")
-        verdict = self.guard.check(client[0] if client else None, candidates[:_MOST_CANDIDATES])
-        if verdict is Verdict.RIGHT:
-            scope.setdefault("state", {})[SIGNED_IN] = True
-            return None
-        if verdict is Verdict.LIMITED:
-            return Refusal(429, _TOO_MANY, ((b"retry-after", b"60"),))
-        text = _SIGN_IN_FIRST if verdict is Verdict.MISSING else _WRONG_TOKEN
-        return Refusal(401, text, ((b"www-authenticate", b"Bearer"),))
-
-
-@dataclass(frozen=True)
-class Refusal:
-    """Reply sent in place of the application's."""
-
-    status: int
-    detail: str
-    headers: tuple[tuple[bytes, bytes], ...] = ()
 
 
 class Gate:
@@ -102,13 +66,20 @@ class Gate:
             await self._http(scope, receive, _with_security_headers(send))
 
     async def _websocket(self, scope: Scope, receive: Receive, send: Send) -> None:
-        refusal = self._refuse_sender(scope) or self._policy.check_token(
-            scope, list(_tokens(scope))
-        )
-        if refusal is None:
-            await self._app(scope, receive, send)
-        else:
+        refusal = self._refuse_sender(scope) or self._policy.admission.admit(scope)
+        if refusal is not None:
             await _deny(scope, refusal, send)
+            return
+        job = self._app(scope, receive, send)
+        session = session_of(scope)
+        if session is None:
+            await job
+        elif await run_in_session(session, job):
+            # It may have been closed already.
+            with contextlib.suppress(RuntimeError, OSError):
+                await send(
+                    {"type": "websocket.close", "code": SESSION_OVER, "reason": "signed out"}
+                )
 
     async def _http(self, scope: Scope, receive: Receive, send: Send) -> None:
         refusal = self._refuse_sender(scope)
@@ -123,8 +94,8 @@ class Gate:
                 await self._follow_link(scope, linked, send)
                 return
         if path not in PUBLIC_PATHS:
-            refusal = self._policy.check_token(scope, list(_tokens(scope)))
-            if refusal is not None and method == "GET" and _wants_page(scope):
+            refusal = self._policy.admission.admit(scope)
+            if refusal is not None and method == "GET" and wants_page(scope):
                 await _send_page(send, refusal, self._policy.sign_in_page)
                 return
         refusal = refusal or self._refuse_body(scope)
@@ -137,22 +108,18 @@ class Gate:
             await _refuse(scope, receive, send, _too_large(most_bytes))
 
     async def _follow_link(self, scope: Scope, tokens: list[str], send: Send) -> None:
-        """Turn the token in the link into a cookie and remove it from the address."""
-        refusal = self._policy.check_token(scope, tokens)
-        if refusal is not None:
-            await _send_page(send, refusal, self._policy.sign_in_page)
+        """Exchange the token in the link for a session and remove it from the address."""
+        cookie = await self._policy.admission.sign_in(scope, tokens)
+        if isinstance(cookie, Refusal):
+            await _send_page(send, cookie, self._policy.sign_in_page)
             return
-        await _answer_raw(
-            send,
-            303,
-            [(b"location", b"/"), (b"set-cookie", self._policy.cookie().encode())],
-            b"",
-        )
+        headers = [(b"location", b"/"), (b"set-cookie", cookie.encode())]
+        await _answer_raw(send, 303, headers, b"")
 
     def _refuse_sender(self, scope: Scope) -> Refusal | None:
         """Check the addressed name and the sending page."""
         names = self._policy.names
-        hosts = _values(scope, b"host")
+        hosts = header_values(scope, b"host")
         host = parse_host(hosts[0]) if len(hosts) == 1 else None
         if host is None:
             return Refusal(400, "the request needs one Host header with the server's name")
@@ -165,7 +132,7 @@ class Gate:
         return self._refuse_page(scope, host)
 
     def _refuse_page(self, scope: Scope, host: NetworkName) -> Refusal | None:
-        origins = _values(scope, b"origin")
+        origins = header_values(scope, b"origin")
         for origin in origins:
             if not self._policy.names.accepts_origin(origin, host):
                 return Refusal(
@@ -175,7 +142,7 @@ class Gate:
                 )
         acts = scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS
         # Browsers set this header themselves; it also covers requests that hide the origin.
-        sites = _values(scope, b"sec-fetch-site")
+        sites = header_values(scope, b"sec-fetch-site")
         if acts and not origins and any(site not in ("same-origin", "none") for site in sites):
             return Refusal(
                 403,
@@ -187,7 +154,7 @@ class Gate:
     def _refuse_body(self, scope: Scope) -> Refusal | None:
         if scope["method"] in _SAFE_METHODS:
             return None
-        kinds = _values(scope, b"content-type")
+        kinds = header_values(scope, b"content-type")
         kind = kinds[0] if kinds else None
         if len(kinds) > 1 or not accepts_kind(scope["path"], kind, _has_body(scope)):
             return Refusal(415, "send the body as application/json, and say so in Content-Type")
@@ -205,34 +172,18 @@ def _too_large(most_bytes: int) -> Refusal:
     return Refusal(413, f"the request's body is too large; at most {most_bytes} bytes are taken")
 
 
-def _values(scope: Scope, name: bytes) -> list[str]:
-    return [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
-
-
-def _tokens(scope: Scope) -> Iterator[str]:
-    """Yield the tokens of a request: as Bearer and as cookie."""
-    for value in _values(scope, b"authorization"):
-        scheme, _, token = value.partition(" ")
-        if scheme.lower() == "bearer" and token.strip():
-            yield token.strip()
-    for value in _values(scope, b"cookie"):
-        for part in value.split(";"):
-            name, _, token = part.strip().partition("=")
-            if name == COOKIE_NAME and token:
-                yield token
-
-
 def _announced_bytes(scope: Scope) -> int:
-    lengths = _values(scope, b"content-length")
+    lengths = header_values(scope, b"content-length")
     return int(lengths[0]) if lengths and lengths[0].isdecimal() else 0
 
 
 def _has_body(scope: Scope) -> bool:
-    return _announced_bytes(scope) > 0 or bool(_values(scope, b"transfer-encoding"))
+    return _announced_bytes(scope) > 0 or bool(header_values(scope, b"transfer-encoding"))
 
 
-def _wants_page(scope: Scope) -> bool:
-    return any("text/html" in value for value in _values(scope, b"accept"))
+def wants_page(scope: Scope) -> bool:
+    """Return whether the answer is for a person to read."""
+    return any("text/html" in value for value in header_values(scope, b"accept"))
 
 
 def _printable(text: str) -> str:
@@ -255,15 +206,29 @@ async def _refuse(scope: Scope, receive: Receive, send: Send, refusal: Refusal) 
     await _answer_raw(unwanted.send, refusal.status, headers, body)
 
 
+def sign_in_headers(page: str) -> dict[str, str]:
+    """Return the headers with which the sign-in page is sent."""
+    return {
+        "Content-Security-Policy": page_policy(page),
+        # With "no-referrer" browsers would hide the form's origin, which we require.
+        "Referrer-Policy": "same-origin",
+    }
+
+
+def refused_page(page: str, refusal: Refusal) -> str:
+    """Return the sign-in page with the reason why somebody has to sign in."""
+    detail = html.escape(refusal.detail[:1].upper() + refusal.detail[1:])
+    return page.replace(_PLACE_OF_REFUSAL, f'<p role="alert">{detail}.</p>')
+
+
 async def _send_page(send: Send, refusal: Refusal, page: str) -> None:
+    body = refused_page(page, refusal)
     headers = [
         (b"content-type", b"text/html; charset=utf-8"),
-        (b"content-security-policy", page_policy(page).encode()),
-        # With "no-referrer" browsers would hide the form's origin, which we require.
-        (b"referrer-policy", b"same-origin"),
+        *((name.lower().encode(), value.encode()) for name, value in sign_in_headers(page).items()),
         *refusal.headers,
     ]
-    await _answer_raw(send, refusal.status, headers, page.encode())
+    await _answer_raw(send, refusal.status, headers, body.encode())
 
 
 async def _answer_raw(

@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TypeAlias
 
+import numpy as np
+
 from observer.errors import CalibrationError, InputError
 from observer.text_files import MAX_BYTES, MAX_DEPTH, PlainData, checked_text, parse_text
 
@@ -26,7 +28,9 @@ _FORM = "YAML, XML or JSON as OpenCV's FileStorage writes it"
 def calibration_errors() -> Iterator[None]:
     """Raise what the readers of text and numbers refuse as ``CalibrationError``."""
     try:
-        yield
+        # What overflows becomes infinite, which every check of a calibration refuses.
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield
     except CalibrationError:
         raise
     except InputError as error:
@@ -53,7 +57,8 @@ def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:
         )
     try:
         # Without the declaration: the text is decoded already, whatever it declares.
-        root = ElementTree.fromstring(re.sub(r"\A\s*<\?xml[^>]*\?>", "", text).strip())
+        bare = re.sub(r"\A\s*<\?xml[^>]*\?>", "", text).strip()
+        root = ElementTree.fromstring(bare)  # nosec B314
     except ElementTree.ParseError as error:
         raise InputError(f"{name}: the file is cut off or not valid XML: {error}") from None
     data = _xml_value(root, name, 0)

@@ -100,7 +100,8 @@ class Grid:
             raise InputError("a sweep takes the first combinations or a lot of them, not both")
         numbers: list[int] | range = range(1, self.count + 1)
         if drawn is not None and drawn < self.count:
-            numbers = sorted(random.Random(seed).sample(range(1, self.count + 1), drawn))
+            draw = random.Random(seed)  # nosec B311
+            numbers = sorted(draw.sample(range(1, self.count + 1), drawn))
         return tuple(self.combination(number) for number in numbers[:limit])
 
 

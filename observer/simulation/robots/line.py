@@ -18,7 +18,7 @@ class Line:
 
     def __init__(self, faults: Faults, seed: int = 0) -> None:
         self._faults = faults
-        self._random = random.Random(seed)
+        self._random = random.Random(seed)  # nosec B311
         self._held = bytearray()
         self._since: float | None = None
 

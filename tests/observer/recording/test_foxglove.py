@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Literal
 
 import cv2
@@ -128,3 +129,5 @@ def test_the_edges_of_a_box_are_points_for_tools_that_show_no_boxes() -> None:
     assert (np.abs(local) < 0.5 + 1e-5).all()
     np.testing.assert_allclose(local.min(axis=0), -0.5, atol=1e-5)
     assert not decoded(topics.EDGES, foxglove.box_edges([], 7)).data
+    unknown = replace(body, size=(np.nan, np.nan, np.nan), true=True)
+    assert not decoded(topics.TRUE_EDGES, foxglove.box_edges([unknown], 7)).data
