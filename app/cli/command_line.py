@@ -36,8 +36,7 @@ COMMANDS: Mapping[str, str] = {
     "truth": "Say what a file of motion capture holds: its bodies, rate, units, angles and gaps.",
     "purge": "Delete runs and truths for good that were deleted in the history, with their "
     "recordings.",
-    "report": "Write one self-contained page: figures 9-11 and 13-17, errors, parameters, "
-    "calibration.",
+    "report": "Write one self-contained page: figures 9-17, errors, parameters, calibration.",
     "reproduce": "Drive both experiments of figure 17 in the simulated lab and redo the paper's "
     "figures.",
     "simulate": "Write left/, right/, times.txt, calibration.yaml and truth.csv of a scenario.",

@@ -31,7 +31,12 @@ def report(
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Write one self-contained page: figures 9-11 and 13-17, errors, parameters, calibration."""
+    """Write one self-contained page: figures 9-17, errors, parameters, calibration.
+
+    Figures 9 to 16 are of single frames of the run. One that the recording does not allow is named
+    in its place, with the reason. Figures 9 and 13 are of a simulated source, 10 and 14 of any
+    other.
+    """
     path, comparison = chosen_run(run, compared, data, database)
     # Imported late, so that a missing run is reported before the plotting code is loaded.
     from app.reports.experiments import beside_published

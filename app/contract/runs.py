@@ -24,6 +24,16 @@ class Run:
     started_at: str
     updated_at: str
     ended_at: str | None
+    begin_s: Annotated[
+        float | None, means("Source time of the first kept frame, where the run's time begins.")
+    ]
+    duration_s: Annotated[
+        float | None,
+        means(
+            "The run's length: from its first kept frame to its last one on the source's clock, "
+            "which goes on where an engine was replaced. None without a frame."
+        ),
+    ]
     frames: int
     segments: int
     versions: Mapping[str, str]
@@ -66,7 +76,7 @@ class History:
 
 @dataclass(frozen=True)
 class SpeedEntry:
-    time: Annotated[float, means("Source time, s.")]
+    time: Annotated[float, means("On the run's clock, s.")]
     role: str
     source: SpeedSource
     track_id: Annotated[int | None, means("None for what a robot says of itself.")]
@@ -85,7 +95,7 @@ class ChartCurve:
     track_id: int | None
     body: Annotated[str | None, means("Which body it is of, or was taken for.")]
     segment: Annotated[int | None, means("None where it is of the whole run.")]
-    times: Annotated[Sequence[float], means("Source time, s.")]
+    times: Annotated[Sequence[float], means("On the run's clock, s.")]
     speeds: Annotated[Sequence[float | None], means("m/s; None is a gap.")]
     stds: Annotated[Sequence[float | None] | None, means("Standard deviations, m/s.")]
 

@@ -159,6 +159,7 @@ class RunReference:
     id: str
     name: str
     started_at: str
+    duration_s: Annotated[float | None, means("As in the run itself.")]
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from app.contract.runs import AlignmentFacts, AlignmentMatch, CameraOnBodyFacts
 from app.contract.values import filled, known
 from app.reports.gathering import Gathered, gather
 from app.reports.pairing import pair_with_truth
+from app.reports.run_times import RunTimes
 from observer.errors import InputError, TruthError
 from observer.evaluation.speed_errors import TrueMotion
 from observer.recording.payloads import MatchedBody, MatchedTruth
@@ -128,7 +129,7 @@ class Comparison:
         """
         try:
             plain = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise InputError(f"{path} cannot be read: {error}") from None
         if not isinstance(plain, dict):
             raise TruthError(f"{path} is no comparison as align writes it")
@@ -195,7 +196,9 @@ def true_speeds(recording: Recording) -> list[dict[str, Any]]:
     truth = recording.truth()
     if not matched and truth is not None:
         matched = pair_with_truth(lines, truth)
-    segments = {float(line["time"]): int(line["segment"]) for line in lines}
+    times = RunTimes(recording.frames)
+    matched = times.matched(matched)
+    segments = {float(line["time"]): int(line["segment"]) for line in times.lines(lines)}
     return [
         {
             "time": payload.time,

@@ -10,7 +10,8 @@ import numpy as np
 
 from app.reports.comparison import Comparison, gather_compared
 from app.reports.gathering import Gathered
-from app.reports.report import Judged, Report, ReportFigure, Step
+from app.reports.report import Judged, Report
+from app.reports.report_figure import ReportFigure, Step
 from app.reports.speed_figure import speed_figure
 from app.reports.stretches import during
 from observer.evaluation.speed_errors import speed_errors
@@ -18,6 +19,7 @@ from observer.jsonl import observation_line
 from observer.parameters import preset
 from observer.recording.reader import Recording
 from observer.recording.replay import replay, replay_revisions
+from observer.recording.run_time import RunTime
 from observer.recording.source import RecordingSource
 
 
@@ -83,7 +85,8 @@ def judged(path: Path, gathered: Gathered, experiment: Experiment, method: str) 
     with Recording(path) as recording:
         frames = recording.frames
     received = np.array([frame.received for frame in frames])
-    times = np.array([frame.time for frame in frames])
+    clock = RunTime()
+    times = np.array([clock.add_recorded(frame) for frame in frames])
     begin, end = np.interp((experiment.began, experiment.ended), received, times)
     part = during(gathered, float(begin), float(end))
     return Judged(experiment.title, method, part, speed_errors(part.seen, part.true))

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from app.reports.pairing import pair_with_truth
+from app.reports.run_times import RunTimes
 from observer.errors import DynamicObserverError
 from observer.evaluation.speed_errors import AT_REST, MOVING_MPS, SeenMotion, TrueMotion
 from observer.geometry import Float64Array, Pose
@@ -30,7 +31,7 @@ _OBSTACLE = "obstacle"
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """Curve of a chart: times on the source's clock, seconds, and m/s; NaN breaks it."""
+    """Curve of a chart: times on the run's clock, seconds, and m/s; NaN breaks it."""
 
     label: str
     times: Float64Array
@@ -39,9 +40,10 @@ class Curve:
 
 @dataclass(frozen=True, eq=False)
 class Gathered:
-    """Data of a run, gathered for its report.
+    """Data of a run, gathered for its report. All times are on the run's clock.
 
     Attributes:
+        span: first and last time of the run; None without a frame.
         lines: the observations.
         matched: true bodies beside them, in their world; empty without truth.
         true: each obstacle's true motion.
@@ -52,6 +54,7 @@ class Gathered:
         alignment: of motion capture with this run, None where there is none.
     """
 
+    span: tuple[float, float] | None
     lines: tuple[Mapping[str, Any], ...]
     matched: tuple[MatchedTruth, ...]
     true: tuple[TrueMotion, ...]
@@ -80,9 +83,11 @@ def gather(
     if not matched:
         truth, alignment, words = _truth(recording, lines, alignment)
         matched = () if truth is None else pair_with_truth(lines, truth)
+    times = RunTimes(recording.frames)
+    lines, matched = times.lines(lines), times.matched(matched)
     true = _true_motions(lines, matched)
     seen, unmatched = seen_motions(lines, matched)
-    rows = tuple(recording.robot_rows())
+    rows = times.robots(recording.robot_rows())
     driven = [
         row
         for row in rows
@@ -93,6 +98,7 @@ def gather(
         # Nobody drove it: the zeros sent to it meanwhile commanded nothing.
         commanded = _commanded_of_truth(matched)
     return Gathered(
+        span=times.span,
         lines=lines,
         matched=matched,
         true=true,

@@ -34,6 +34,7 @@ CANDIDATES = 8
 # Pixels this close to a body's outline belong to it: a feature's window reaches so far with its
 # corner.
 _MARGIN_PX = 12.0
+_PLANAR, _MONOCULAR = ("affine", "homography"), "monocular"
 # Signs of a box's corners in its own axes; (8, 3).
 CORNERS = np.array(list(product((-1, 1), repeat=3)))
 
@@ -68,6 +69,21 @@ class Moment:
         return str(self.parameters.ego_motion.model)
 
     @property
+    def is_planar(self) -> bool:
+        """Return true where images are transformed, as the paper does."""
+        return self.model in _PLANAR
+
+    @property
+    def is_monocular(self) -> bool:
+        """Return true where the right camera's images were not observed."""
+        return self.model == _MONOCULAR
+
+    @property
+    def has_flow(self) -> bool:
+        """Return true where features of two frames were compared without the camera's motion."""
+        return "flow_px" in self.trace
+
+    @property
     def false_px(self) -> NDArray[np.float32]:
         """Return (N, 2) points marked as moving that lie on nothing that moves."""
         start, dynamic = self.trace.get("flow_px"), self.trace.get("dynamic")
@@ -81,6 +97,22 @@ class Moment:
                 & (px[:, 1] >= v0 - _MARGIN_PX) & (px[:, 1] <= v1 + _MARGIN_PX)
             )  # fmt: skip
         return px[~on_body]
+
+
+def moving_px(moment: Moment) -> Float64Array:
+    """Return (N, 2) pixels at t+dt of the feature points that move."""
+    trace = moment.trace
+    if "evidence" in trace:
+        px, dynamic = trace["evidence"].px, trace["evidence"].dynamic
+    elif "ray_evidence" in trace:
+        px, dynamic = trace["rays"].px, trace["ray_evidence"].moving
+    elif "flow_px" in trace:
+        # Places in the transformed image, which lead back to those in the image itself.
+        px, dynamic = trace["ego_motion"].predict(trace["flow_observed_px"], None), trace["dynamic"]
+    else:
+        return np.zeros((0, 2))
+    found: Float64Array = np.asarray(px, np.float64)[np.asarray(dynamic)]
+    return found
 
 
 def is_moving(entry: Mapping[str, Any]) -> bool:
@@ -150,7 +182,7 @@ class Moments:
             observer.observe(frame, trace if at == position else NoTrace())
             index = frame.index
         line = None if index is None else self._lines.get(index)
-        if line is None or "flow_px" not in trace:
+        if line is None or "previous_left" not in trace:
             return None
         boxes, by_truth = self._moving_boxes(line, observer.camera)
         return Moment(position, line, trace, parameters, observer.camera, boxes, by_truth)

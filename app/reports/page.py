@@ -9,7 +9,8 @@ from html import escape
 from importlib.resources import files
 
 from app.reports.drawing import figure_bytes, themed_svg
-from app.reports.report import Report, ReportFigure
+from app.reports.report import Report
+from app.reports.report_figure import ReportFigure
 from observer.evaluation.speed_errors import SpeedErrors
 from observer.guard.parameters import AllParameters
 
@@ -53,7 +54,7 @@ def _summary(report: Report) -> str:
         ("run", facts.id),
         ("source", facts.source),
         ("began", f"{began:%Y-%m-%d %H:%M:%S} UTC"),
-        ("length", f"{report.duration_s:.1f} s, {report.frames} frames"),
+        ("length", f"{_length(report.duration_s)}, {report.frames} frames"),
         ("images", facts.images),
         ("preset", facts.preset or "none"),
         *sorted(facts.notes.items()),
@@ -64,11 +65,23 @@ def _summary(report: Report) -> str:
     return f"<dl>{cells}</dl>"
 
 
+def _length(duration_s: float | None) -> str:
+    """Return the length as the dashboard words it."""
+    if duration_s is None:
+        return "nothing was observed"
+    tenths = round(10 * duration_s)
+    minutes, rest = divmod(tenths, 600)
+    hours, minutes = divmod(minutes, 60)
+    words = [f"{hours} h"] if hours else []
+    words += [f"{minutes} min"] if hours or minutes else []
+    return " ".join([*words, f"{rest / 10:.1f} s"])
+
+
 def _figure(each: ReportFigure) -> str:
     heading = f"Figure {each.number}. {each.title}"
     if each.figure is None:
         return (
-            f'<figure id="{each.name}" class="missing"><figcaption><b>{escape(heading)}</b> '
+            f'<figure id="{each.name}" class="missing"><figcaption><b>{escape(heading)}.</b> '
             f"Not shown: {escape(each.missing)}</figcaption></figure>"
         )
     if each.kind == "chart":

@@ -1,8 +1,8 @@
-"""Figures 9 to 11 and 13 to 16 of the paper, from re-run frames."""
+"""Figures 9 to 11 and 13 to 16 of the paper, from frames of a run observed once more."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
+from numpy.typing import NDArray
 
 from app.reports.drawing import (
     GREEN,
@@ -21,8 +22,9 @@ from app.reports.drawing import (
     plain_axes,
     show_image,
 )
-from app.reports.moments import CORNERS, Moment, is_moving
+from app.reports.moments import CORNERS, Moment, is_moving, moving_px
 from observer.camera import as_gray
+from observer.exporting.clouds import Cloud
 from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.vision.stereo import disparity_map, point_cloud
@@ -48,9 +50,20 @@ def transformation_figure(moment: Moment) -> Figure:
     return figure
 
 
-def flow_figure(moment: Moment) -> Figure:
-    """Draw features at t and their places at t+dt once the image is transformed."""
-    figure, (axes,) = picture_axes((_title(moment),), _size(moment), 6.4)
+def flow_figure(shown: Sequence[tuple[Moment, str]]) -> Figure:
+    """Draw features at t and their places at t+dt once the camera's motion is taken out.
+
+    Args:
+        shown: one frame by one method or several, each with its title.
+    """
+    width = 6.4 if len(shown) == 1 else 4.8
+    figure, found = picture_axes(tuple(title for _, title in shown), _size(shown[0][0]), width)
+    for axes, (moment, _) in zip(found, shown, strict=True):
+        _flow(axes, moment)
+    return figure
+
+
+def _flow(axes: Axes, moment: Moment) -> None:
     show_image(axes, _darkened(moment.trace["previous_left"]))
     start, end = np.asarray(moment.trace["flow_px"]), np.asarray(moment.trace["flow_observed_px"])
     dynamic = np.asarray(moment.trace["dynamic"])
@@ -58,7 +71,6 @@ def flow_figure(moment: Moment) -> Figure:
         segments = np.stack([start[chosen], end[chosen]], axis=1)
         axes.add_collection(LineCollection(list(segments), colors=color, linewidths=1.2))
         axes.plot(*start[chosen].T, "o", color=color, markersize=size / 2, linestyle="none")
-    return figure
 
 
 def detection_figure(moment: Moment) -> Figure:
@@ -68,7 +80,7 @@ def detection_figure(moment: Moment) -> Figure:
     """
     figure, (axes,) = picture_axes((_title(moment),), _size(moment), 6.4)
     show_image(axes, moment.trace["left"])
-    _stars(axes, _current_dynamic(moment))
+    _stars(axes, moving_px(moment))
     _boxes(axes, moment.line)
     return figure
 
@@ -104,6 +116,28 @@ def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
     image.set_xticks([])
     image.set_yticks([])
     image.set_title("(a) detected obstacle in the image", fontsize=9)
+    _views(above, aside, points, colors, corners)
+    return figure
+
+
+def recorded_cloud_figure(
+    cloud: Cloud, line: Mapping[str, Any], obstacle: Mapping[str, Any]
+) -> Figure:
+    """Draw (b) alone, of a run without images: the obstacle in a cloud that it recorded."""
+    figure = Figure(figsize=(7.6, 3.5), layout="constrained", facecolor="white")
+    above, aside = figure.subplots(1, 2)
+    _views(above, aside, cloud.points, cloud.colors, box_corners(line, obstacle))
+    return figure
+
+
+def _views(
+    above: Axes,
+    aside: Axes,
+    points: NDArray[np.float32],
+    colors: NDArray[np.uint8],
+    corners: Float64Array,
+) -> None:
+    """Draw points (N, 3) and the (8, 3) corners of a box, camera frame, from two sides."""
     depth = 1.6 * float(corners[:, 2].max()) + 0.5
     near = (points[:, 2] < depth) & (np.abs(points[:, 0]) < depth)
     shown, ink = points[near], colors[near] / 255.0
@@ -111,7 +145,9 @@ def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
         (above, (0, 2), "(b) in the point cloud, from above"),
         (aside, (2, 1), "(b) in the point cloud, from the side"),
     ):
-        axes.scatter(*shown[:, pair].T, c=ink, s=2.5, linewidths=0, rasterized=True)
+        axes.scatter(
+            shown[:, pair[0]], shown[:, pair[1]], c=ink, s=2.5, linewidths=0, rasterized=True
+        )
         lines = [corners[list(edge)][:, pair] for edge in _EDGES]
         axes.add_collection(LineCollection(lines, colors=RED, linewidths=1.5, zorder=4))
         axes.plot(0, 0, "^", color=INK, markersize=6, zorder=4)
@@ -123,7 +159,6 @@ def cloud_figure(moment: Moment, obstacle: Mapping[str, Any]) -> Figure:
     aside.set_xlabel("z, m (ahead)")
     aside.set_ylabel("y, m (down)")
     aside.invert_yaxis()
-    return figure
 
 
 def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64Array:
@@ -135,17 +170,6 @@ def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64
     T_world_box = Pose.from_quaternion(turned, obstacle["position"])
     corners = T_world_box.apply(CORNERS * np.array(obstacle["size"]) / 2)
     return T_camera_world.apply(corners)
-
-
-def _current_dynamic(moment: Moment) -> Float64Array:
-    """Return (N, 2) pixels at t+dt of the points that move."""
-    evidence = moment.trace.get("evidence")
-    if evidence is not None:
-        px, dynamic = evidence.px, evidence.dynamic
-    else:
-        px, dynamic = moment.trace["flow_px"], moment.trace["dynamic"]
-    found: Float64Array = np.asarray(px, np.float64)[np.asarray(dynamic)]
-    return found
 
 
 def _stars(axes: Axes, px: Float64Array) -> None:

@@ -6,56 +6,21 @@ import csv
 import io
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
-
-from matplotlib.figure import Figure
+from typing import Any
 
 from app.reports.comparison import Comparison, gather_compared
 from app.reports.drawing import FORMATS, figure_bytes
 from app.reports.gathering import Gathered
-from app.reports.moments import CANDIDATES, Moment, Moments, most_significant
-from app.reports.picture_figures import (
-    cloud_figure,
-    detection_figure,
-    false_points_figure,
-    flow_figure,
-    transformation_figure,
-)
+from app.reports.pictures import pictures
+from app.reports.report_figure import ReportFigure, Step
 from app.reports.speed_figure import speed_figure
 from app.reports.whole_files import write_file
-from observer.errors import DynamicObserverError
 from observer.evaluation.speed_errors import SpeedErrors, identity_changes, speed_errors
 from observer.recording.payloads import Incident, ParameterRevision, RunFacts
 from observer.recording.reader import Recording
-from observer.recording.source import RecordingSource
-
-# Sources of a simulated world, as in the paper's left-hand figures; others are real cameras.
-_SIMULATED = ("simulated", "coppeliasim")
-Step = Callable[[int, int | None], None]
-
-
-@dataclass(frozen=True, eq=False)
-class ReportFigure:
-    """Figure of the paper, redone or missing.
-
-    Attributes:
-        name: for files.
-        number: as in the paper.
-        title, caption: for people.
-        figure: None where ``missing`` gives the reason in a sentence.
-        kind: ``chart`` for lines and text, ``picture`` for mostly images.
-    """
-
-    name: str
-    number: str
-    title: str
-    caption: str
-    figure: Figure | None
-    kind: Literal["chart", "picture"] = "picture"
-    missing: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +40,8 @@ class Report:
     Attributes:
         facts: of the run.
         unfinished: the recording has no end.
-        duration_s, frames: of the recording.
+        frames: of the recording.
+        duration_s: the run's length, see ``observer.recording.run_time``; None without a frame.
         statuses: frames by status.
         segments: first frame's time, by number.
         gathered: observations and truth.
@@ -90,7 +56,7 @@ class Report:
     facts: RunFacts
     unfinished: bool
     frames: int
-    duration_s: float
+    duration_s: float | None
     statuses: Mapping[str, int]
     segments: Mapping[int, float]
     gathered: Gathered
@@ -118,7 +84,6 @@ def make_report(path: Path, progress: Step, *, comparison: Comparison | None = N
         facts, unfinished = recording.facts, recording.unfinished
         frames = recording.frames
         revisions, incidents = recording.parameter_revisions(), tuple(recording.incidents())
-    pictures = _pictures(path, gathered, facts, progress)
     statuses: dict[str, int] = {}
     segments: dict[int, float] = {}
     for line in gathered.lines:
@@ -128,13 +93,13 @@ def make_report(path: Path, progress: Step, *, comparison: Comparison | None = N
         facts=facts,
         unfinished=unfinished,
         frames=len(frames),
-        duration_s=frames[-1].received - frames[0].received if frames else 0.0,
+        duration_s=None if gathered.span is None else gathered.span[1] - gathered.span[0],
         statuses=statuses,
         segments=segments,
         gathered=gathered,
         errors=speed_errors(gathered.seen, gathered.true) if gathered.true else (),
         changes=identity_changes(gathered.seen),
-        figures=(*pictures, _speeds(facts, gathered)),
+        figures=(*pictures(path, gathered, facts, progress), _speeds(facts, gathered)),
         revisions=revisions,
         incidents=incidents,
     )
@@ -169,7 +134,7 @@ def write_figures(report: Report, folder: Path) -> list[Path]:
         write_file(folder / name, file.getvalue().encode())
         written.append(folder / name)
     facts = {"run": report.facts.id, "name": report.facts.name, "source": report.facts.source,
-             "versions": report.facts.versions}  # fmt: skip
+             "duration_s": report.duration_s, "versions": report.facts.versions}  # fmt: skip
     write_file(folder / "run.json", (json.dumps(facts, indent=2) + "\n").encode())
     return [*written, folder / "run.json"]
 
@@ -209,127 +174,6 @@ def _speed_rows(gathered: Gathered) -> list[list[Any]]:
 def _cell(value: float) -> str:
     # NaN is not equal to itself.
     return repr(float(value)) if value == value else ""
-
-
-def _pictures(
-    path: Path, gathered: Gathered, facts: RunFacts, progress: Step
-) -> tuple[ReportFigure, ...]:
-    simulated = str(facts.info.get("kind")) in _SIMULATED
-    nine, thirteen = ("9", "13") if simulated else ("10", "14")
-    places = (
-        (f"figure{nine}", nine, "Image transformation"),
-        ("figure11", "11", "Optic flow after image transformation"),
-        (f"figure{thirteen}", thirteen, "Detected dynamic obstacle"),
-        ("figure15", "15", "Points that do not move, taken for moving"),
-        ("figure16", "16", "Detected obstacle in the 3D point cloud"),
-    )
-    try:
-        source = RecordingSource(path)
-    except DynamicObserverError as error:
-        return tuple(ReportFigure(*each, "", None, missing=f"{error}.") for each in places)
-    try:
-        moments = Moments(source, gathered)
-        position = moments.most_significant()
-        if position is None:
-            missing = "Nothing was seen to move in this run, so no frame could be chosen."
-            return tuple(ReportFigure(*each, "", None, missing=missing) for each in places)
-        progress(1, 5)
-        published = moments.published(position)
-        progress(2, 5)
-        own = moments.own(position)
-        progress(3, 5)
-        false = moments.most_false()
-        progress(4, 5)
-        false_own = None if false is None else moments.own(false.position)
-        progress(5, 5)
-    finally:
-        source.close()
-    return tuple(
-        ReportFigure(*place, caption, figure, missing=missing)
-        for place, (caption, figure, missing) in zip(
-            places,
-            (
-                _transformation(published),
-                _flow(published),
-                _detection(own),
-                _false_points(false, false_own),
-                _cloud(own),
-            ),
-            strict=True,
-        )
-    )
-
-
-_Made = tuple[str, Figure | None, str]
-_NOT_OBSERVED = "The images of the chosen frame could not be observed once more."
-
-
-def _transformation(moment: Moment | None) -> _Made:
-    if moment is None or "warped_left" not in moment.trace:
-        return "", None, _NOT_OBSERVED
-    dt_ms = 1e3 * (moment.trace["time"] - moment.trace["previous_time"])
-    return (
-        f"{_chosen(moment)} The image at t+dt, {dt_ms:.0f} ms later, is transformed into the "
-        f"frame of the image at t by the affine map of the method as published; black is where "
-        f"it does not reach.",
-        transformation_figure(moment), "",
-    )  # fmt: skip
-
-
-def _flow(moment: Moment | None) -> _Made:
-    if moment is None:
-        return "", None, _NOT_OBSERVED
-    return (
-        f"{_chosen(moment)} From each feature of the image at t to its place in the transformed "
-        f"image of t+dt: blue ones count as standing, red ones as moving.",
-        flow_figure(moment), "",
-    )  # fmt: skip
-
-
-def _detection(moment: Moment | None) -> _Made:
-    if moment is None:
-        return "", None, _NOT_OBSERVED
-    return (
-        f"{_chosen(moment)} Green stars are the feature points that move, the yellow box is the "
-        f"detected obstacle with its number and speed, as the run reported it.",
-        detection_figure(moment), "",
-    )  # fmt: skip
-
-
-def _false_points(published: Moment | None, own: Moment | None) -> _Made:
-    if published is None or own is None:
-        return "", None, _NOT_OBSERVED
-    moving = "truly moves" if published.by_truth else "the run reported as moving"
-    return (
-        f"Frame {published.line['frame']}, t = {published.line['time']:.2f} s: of up to "
-        f"{CANDIDATES} frames spread over those in which something moving was seen, the one with "
-        f"most false points by the method as published. Green stars count as moving; red circles "
-        f"are those on nothing that {moving}. Left the affine model of the preset paper, right "
-        f"the same frame by the {own.model} model of this run.",
-        false_points_figure(published, own), "",
-    )  # fmt: skip
-
-
-def _cloud(moment: Moment | None) -> _Made:
-    obstacle = None if moment is None else most_significant(moment.line)
-    if moment is None or obstacle is None:
-        return "", None, _NOT_OBSERVED
-    if moment.line["pose"] is None or obstacle["position"] is None:
-        return "", None, "The camera's pose was not known in this frame."
-    x, y, z = obstacle["position"]
-    return (
-        f"{_chosen(moment)} The stereo camera is at the origin (triangle); the red box is "
-        f"obstacle {obstacle['id']}, {obstacle['range']:.2f} m away, at "
-        f"({x:.2f}, {y:.2f}, {z:.2f}) m in the world of its segment.",
-        cloud_figure(moment, obstacle), "",
-    )  # fmt: skip
-
-
-def _chosen(moment: Moment) -> str:
-    return (
-        f"Frame {moment.line['frame']}, t = {moment.line['time']:.2f} s, the one with the most "
-        f"significant detection."
-    )
 
 
 def _speeds(facts: RunFacts, gathered: Gathered) -> ReportFigure:

@@ -33,7 +33,7 @@ CSV_COLUMNS = ("source", "label", "role", "track_id", "body", "segment", "time_s
 def chart_values(gathered: Gathered) -> ChartValues:
     """Return the answer of ``GET /api/runs/{id}/chart`` except the run itself.
 
-    A speed of None marks a gap. Times are on the source's clock, seconds.
+    A speed of None marks a gap. Times are on the run's clock, seconds.
     """
     alignment = gathered.alignment
     errors = speed_errors(gathered.seen, gathered.true) if gathered.true else ()

@@ -30,6 +30,9 @@ def speed_figure(runs: Sequence[tuple[str, Gathered]], highest_mps: float | None
     charts = figure.subplots(len(runs), 1, squeeze=False)
     for axes, (title, gathered) in zip(charts.flat, runs, strict=True):
         legend_rows = _chart(axes, gathered)
+        if gathered.span is not None and gathered.span[0] < gathered.span[1]:
+            # The whole run, whenever its first speed was known.
+            axes.set_xlim(*gathered.span)
         if highest_mps is not None:
             axes.set_ylim(top=highest_mps)
         axes.set_title(title, fontsize=10, loc="left", pad=6 + _LEGEND_ROW_PT * legend_rows)

@@ -11,9 +11,11 @@ from observer.evaluation.speed_errors import SeenMotion, TrueMotion
 
 
 def during(gathered: Gathered, begin: float, end: float) -> Gathered:
-    """Return the data between two instants of the source's clock."""
+    """Return the data between two instants of the run's clock."""
+    span = gathered.span
     return replace(
         gathered,
+        span=None if span is None else (max(begin, span[0]), min(end, span[1])),
         lines=tuple(line for line in gathered.lines if begin <= line["time"] <= end),
         matched=tuple(each for each in gathered.matched if begin <= each.time <= end),
         true=tuple(_true(each, begin, end) for each in gathered.true),

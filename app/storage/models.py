@@ -82,6 +82,8 @@ class Run(Base):
     alignment: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))
     truth_id: Mapped[str | None] = mapped_column(ForeignKey(Truth.id), index=True)
     rerun_of: Mapped[str | None] = mapped_column(_ID)
+    begin_s: Mapped[float | None] = mapped_column(Float(53))
+    duration_s: Mapped[float | None] = mapped_column(Float(53))
 
     tags: Mapped[list[RunTag]] = relationship(
         lazy="selectin", cascade="all, delete-orphan", passive_deletes=True
@@ -90,7 +92,7 @@ class Run(Base):
 
 class Speed(Base):
     __tablename__ = "speeds"
-    # Rows of a run are returned in the order of writing: source time restarts when a file loops.
+    # Rows of a run are returned in the order of writing: truth may be measured before its frame.
     __table_args__ = (Index(None, "run_id", "id"),)
 
     id: Mapped[int] = mapped_column(primary_key=True)

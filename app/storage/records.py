@@ -36,6 +36,8 @@ class RunRecord:
     """Run with all its settings.
 
     Attributes:
+        begin_s, duration_s: source's time of its first frame, and its length on that clock, as
+            ``observer.recording.run_time`` says; None without a frame, or before they were kept.
         parameters: every parameter at the start, dotted name -> value; later changes are
             ``ParameterRevision`` records of this run.
         versions: name -> version of the software that computed it.
@@ -75,6 +77,8 @@ class RunRecord:
     alignment: dict[str, Any] | None = None
     truth_id: str | None = None
     rerun_of: str | None = None
+    begin_s: float | None = None
+    duration_s: float | None = None
 
     @property
     def aligned(self) -> bool:
@@ -116,7 +120,7 @@ class SpeedRow:
     """Speed of one body at one time. ``speed`` None is a gap, drawn as one.
 
     Attributes:
-        time: source time, s.
+        time: on the run's clock, s: source time, which goes on where an engine was replaced.
         role: ``obstacle`` or ``observer``.
         source: origin of the value.
         track_id: its track or body; None for what a robot reports about itself.

@@ -88,6 +88,8 @@ class RunTables(Database):
         reason: str | None = None,
         calibration_id: str | None = None,
         recording_bytes: int | None = None,
+        begin_s: float | None = None,
+        duration_s: float | None = None,
         at: str | None = None,
     ) -> RunRecord:
         """Change the given values and record a heartbeat; a final state also records the end.
@@ -103,6 +105,8 @@ class RunTables(Database):
             "reason": reason,
             "calibration_id": calibration_id,
             "recording_bytes": recording_bytes,
+            "begin_s": begin_s,
+            "duration_s": duration_s,
         }
         with self._writing() as session:
             row = existing_run(session, run_id)
@@ -116,6 +120,25 @@ class RunTables(Database):
                 row.state = state.value
                 row.ended_at = None if state is RunState.RUNNING else now
             return _run(row)
+
+    def measure_run(
+        self, run_id: str, begin_s: float | None, duration_s: float | None, frames: int
+    ) -> None:
+        """Keep the length and the number of frames of a run, as its recording has them.
+
+        Unlike ``update_run``, this is no heartbeat.
+        """
+        with self._writing() as session:
+            row = existing_run(session, run_id)
+            row.begin_s, row.duration_s, row.frames = begin_s, duration_s, frames
+
+    def unmeasured_runs(self) -> list[str]:
+        """Return the ids of ended runs with frames whose length was never kept, newest first."""
+        query = select(Run.id).where(
+            Run.duration_s.is_(None), Run.frames > 0, Run.state != RunState.RUNNING.value
+        )
+        with self._reading() as session:
+            return list(session.scalars(query.order_by(*_NEWEST_FIRST)))
 
     def annotate_run(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import IO, Literal
 
@@ -68,6 +69,18 @@ def cloud_at(recording: Recording, position: int, frame: Frame = "camera") -> Cl
     return Cloud(points, colors, frame, source, at.index, at.time)
 
 
+def recorded_clouds(recording: Recording) -> Iterator[tuple[int, Cloud]]:
+    """Yield the clouds that were recorded, each with the position of its frame, camera frame."""
+    wall = recording.facts.anchor.wall_time_ns
+    positions = {wall(frame.received): k for k, frame in enumerate(recording.frames)}
+    for _, message in recording.messages(topics.CLOUD.name):
+        told = read_cloud(message.data)
+        position = positions.get(told.stamp_ns)
+        if position is not None:
+            at = recording.frames[position]
+            yield position, Cloud(told.points, told.colors, "camera", "recorded", at.index, at.time)
+
+
 def write_ply(cloud: Cloud, file: IO[bytes]) -> None:
     """Write a cloud as binary PLY, little endian: x y z in metres, red green blue.
 
@@ -107,11 +120,9 @@ def _pose_at(recording: Recording, position: int) -> Pose:
 def _recorded(
     recording: Recording, position: int
 ) -> tuple[NDArray[np.float32], NDArray[np.uint8]] | None:
-    wanted = recording.facts.anchor.wall_time_ns(recording.frames[position].received)
-    for _, message in recording.messages(topics.CLOUD.name):
-        told = read_cloud(message.data)
-        if told.stamp_ns == wanted:
-            return told.points, told.colors
+    for at, cloud in recorded_clouds(recording):
+        if at == position:
+            return cloud.points, cloud.colors
     return None
 
 

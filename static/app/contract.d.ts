@@ -667,6 +667,8 @@ export interface components {
       id: string;
       name: string;
       started_at: string;
+      /** @description As in the run itself. */
+      duration_s: number | null;
     };
     /**
      * @description A velocity that really went out.
@@ -881,8 +883,8 @@ export interface components {
       file: string[];
       /** @description As in 1280x720, where no file tells it. */
       size: string | null;
-      /** @description Of lengths; none: the format's own. */
-      unit: ("m" | "mm" | "cm" | "in") | null;
+      /** @description Of lengths, where it is not the format's own: m, cm, mm or in, or the length of one unit of the file, as in 25mm for squares of a board of 25 mm. */
+      unit: string | null;
       /** @description KITTI's pair. */
       cameras: ("grey" | "colour") | null;
     };
@@ -1006,7 +1008,7 @@ export interface components {
       body: string | null;
       /** @description None where it is of the whole run. */
       segment: number | null;
-      /** @description Source time, s. */
+      /** @description On the run's clock, s. */
       times: number[];
       /** @description m/s; None is a gap. */
       speeds: (number | null)[];
@@ -1379,6 +1381,10 @@ export interface components {
       started_at: string;
       updated_at: string;
       ended_at: string | null;
+      /** @description Source time of the first kept frame, where the run's time begins. */
+      begin_s: number | null;
+      /** @description The run's length: from its first kept frame to its last one on the source's clock, which goes on where an engine was replaced. None without a frame. */
+      duration_s: number | null;
       frames: number;
       segments: number;
       versions: {
@@ -1463,7 +1469,7 @@ export interface components {
       help: string;
     };
     SpeedEntry: {
-      /** @description Source time, s. */
+      /** @description On the run's clock, s. */
       time: number;
       role: string;
       /** @enum {string} */

@@ -69,6 +69,7 @@ def _stored(name: str, rerun_of: str | None = None, rmse: float = 0.02) -> dict[
     return {
         "run": {"id": name, "name": name, "state": "finished", "source": "simulated:lab",
                 "started_at": "2026-01-01T00:00:00Z", "ended_at": "2026-01-01T00:00:20Z",
+                "begin_s": 0.0, "duration_s": 20.0,
                 "rerun_of": rerun_of},
         "aligned": True, "sentence": "Truth was recorded with the run.", "alignment": None,
         "curves": [

@@ -73,6 +73,8 @@ export function run(changes) {
     started_at: "2026-01-01T10:00:00Z",
     updated_at: "2026-01-01T10:01:00Z",
     ended_at: "2026-01-01T10:01:12Z",
+    begin_s: null,
+    duration_s: 70.5,
     frames: 100,
     segments: 1,
     reason: null,

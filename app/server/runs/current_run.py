@@ -26,6 +26,7 @@ from app.storage import (
     Storage,
     StorageMissing,
 )
+from observer.recording.run_time import RunTime
 from observer.rig.rig import Role
 
 # At most this much is lost when the machine stops.
@@ -44,6 +45,7 @@ class CurrentRun:
             MB.
         programme: whether the run began with a programme, which then ends with it.
         robots: rows on the robots for the recording.
+        time: the run's clock and length.
     """
 
     most_rows: ClassVar[int] = 100_000
@@ -56,6 +58,10 @@ class CurrentRun:
         self.segments = 1
         self.programme = False
         self.robots = RobotFeed()
+        self.time = RunTime()
+        # How often a new engine went on with it, and whether a frame of the newest one came.
+        self.replaced = 0
+        self._reopened = False
         self._storage = storage
         self._writer = writer
         self._clock = clock
@@ -78,14 +84,22 @@ class CurrentRun:
         """
         self.frames += 1
         self.segments = max(self.segments, int(event.line["segment"]) + 1)
-        self._collect(speed_rows(self.id, event, driven))
+        self.time.add(float(event.line["time"]), event.received, reopened=self._reopened)
+        self._reopened = False
+        self._collect(speed_rows(self.id, event, driven, self.time.offset_s))
+
+    def resumed(self, segment: int) -> None:
+        """Go on with a new engine, which opened the source anew, as this segment."""
+        self.segments = max(self.segments, segment + 1)
+        self.replaced += 1
+        self._reopened = True
 
     def measured(self, sample: WheelSample) -> None:
         """Store the commanded and measured wheel speeds of a robot."""
         # Before the run's first frame the newest frame belongs to the previous source, on another
         # clock.
         if self.frames:
-            self._collect(wheel_rows(self.id, sample))
+            self._collect(wheel_rows(self.id, sample, self.time.offset_s))
 
     def heard(self, robots: Robots, source: SourceTime) -> None:
         """Record the robots' states; see ``RobotFeed.heard``."""
@@ -123,7 +137,12 @@ class CurrentRun:
     def snapshot(self) -> RunRecord:
         """Return the record in its present state."""
         return replace(
-            self.record, frames=self.frames, segments=self.segments, updated_at=self.now()
+            self.record,
+            frames=self.frames,
+            segments=self.segments,
+            begin_s=self.time.begin_s,
+            duration_s=self.time.duration_s,
+            updated_at=self.now(),
         )
 
     def ended(self, state: RunState, reason: str | None) -> RunRecord:
@@ -151,6 +170,8 @@ class CurrentRun:
             state=ended.state,
             frames=ended.frames,
             segments=ended.segments,
+            begin_s=ended.begin_s,
+            duration_s=ended.duration_s,
             reason=ended.reason,
             recording_bytes=recording_bytes,
             at=ended.ended_at,
@@ -162,7 +183,12 @@ class CurrentRun:
         rows = self._rows.take()
         try:
             self._storage.update_run(
-                self.id, frames=self.frames, segments=self.segments, at=self.now()
+                self.id,
+                frames=self.frames,
+                segments=self.segments,
+                begin_s=self.time.begin_s,
+                duration_s=self.time.duration_s,
+                at=self.now(),
             )
             self._storage.append_speeds(rows)
         except StorageMissing:
@@ -188,18 +214,21 @@ class CurrentRun:
 
 
 def speed_rows(
-    run_id: str, event: ObservationEvent, driven: Collection[str] = ()
+    run_id: str, event: ObservationEvent, driven: Collection[str] = (), offset_s: float = 0.0
 ) -> Iterator[SpeedRow]:
     """Yield the rows of one observation: estimates, truth and commands, as far as present.
 
     A coasting obstacle was not seen, so its speed is a gap. The drive process supplies the commands
     of ``driven`` roles, so those of the truth are left out.
+
+    Args:
+        offset_s: of the run's clock to the source's.
     """
     line = event.line
     segment = int(line["segment"])
 
     def row(time: float, role: str, source: Any, track: int, speed: Any, std: Any) -> SpeedRow:
-        return SpeedRow(run_id, float(time), role, source, track, speed, std, segment)
+        return SpeedRow(run_id, float(time) + offset_s, role, source, track, speed, std, segment)
 
     for obstacle in line["obstacles"]:
         seen = obstacle["state"] == "confirmed"
@@ -221,7 +250,7 @@ def speed_rows(
             yield row(line["time"], role, "commanded", identity, body["commanded_speed"], None)
 
 
-def wheel_rows(run_id: str, sample: WheelSample) -> Iterator[SpeedRow]:
+def wheel_rows(run_id: str, sample: WheelSample, offset_s: float = 0.0) -> Iterator[SpeedRow]:
     """Yield the rows of a sample: the command, and the encoder speed if there is one."""
     speeds: dict[SpeedSource, float | None] = {
         "commanded": sample.sent_mps,
@@ -230,5 +259,12 @@ def wheel_rows(run_id: str, sample: WheelSample) -> Iterator[SpeedRow]:
     for source, speed in speeds.items():
         if speed is not None:
             yield SpeedRow(
-                run_id, sample.time, sample.role, source, None, speed, None, sample.segment
+                run_id,
+                sample.time + offset_s,
+                sample.role,
+                source,
+                None,
+                speed,
+                None,
+                sample.segment,
             )

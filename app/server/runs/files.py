@@ -79,7 +79,7 @@ class RunFiles:
     async def chart_file(
         self, run: RunRecord, format: ChartFormat, begin: float | None, end: float | None
     ) -> MadeFile:
-        """Make the chart between two instants of the source's clock, seconds; None: its own ends.
+        """Make the chart between two instants of the run's clock, seconds; None: its own ends.
 
         Raises:
             Conflict, NotAvailable: as for ``chart``.

@@ -24,6 +24,7 @@ from app.server.runs.files import RunFiles
 from app.server.runs.history import RunHistory
 from app.server.runs.recording import (
     complete_recording,
+    measure_run,
     record_order,
     tell_robots,
 )
@@ -105,7 +106,13 @@ class RunManager:
         self._soon(self._keep_telling())
         self._soon(asyncio.to_thread(self.history.purge))
         for run_id in self._interrupted:
-            self._soon(asyncio.to_thread(complete_recording, self._storage.folder, run_id))
+            self._soon(asyncio.to_thread(complete_recording, self._storage, run_id))
+        self._soon(asyncio.to_thread(self._measure_older))
+
+    def _measure_older(self) -> None:
+        """Measure the runs of before lengths were kept; in a worker thread."""
+        for run_id in self._storage.unmeasured_runs():
+            measure_run(self._storage, run_id)
 
     async def _keep_telling(self) -> None:
         while True:
@@ -264,7 +271,7 @@ class RunManager:
         assert run is not None
         segment = run.segments
         await self._observe(self._source.wanted, run, segment=segment)
-        run.segments = max(run.segments, segment + 1)
+        run.resumed(segment)
 
     # --- during a run ----------------------------------------------------------------------
 
@@ -329,6 +336,9 @@ class RunManager:
         finally:
             # Only now: until the end is written, the database says that the run is in progress.
             self.running = None
+        if run.replaced or recording is None:
+            # An engine that was lost had observed more than its recording holds.
+            self._soon(asyncio.to_thread(measure_run, self._storage, run.id))
         if state is RunState.FINISHED:
             self._soon(self.truths.run_ended(run.record, self._live_truth.order))
         self._shared.followers.status_changed()

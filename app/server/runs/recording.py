@@ -15,11 +15,12 @@ from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.robots.incidents import Incident
 from app.server.source_time import RisingTimes, SourceInstant, SourceTime
-from app.storage import DataFolder, RunRecord
+from app.storage import DataFolder, RunRecord, Storage, StorageError
 from observer.errors import DynamicObserverError
 from observer.recording import payloads
 from observer.recording.payloads import RobotRow
 from observer.recording.run_folder import RECORDING
+from observer.recording.run_time import RunTime
 from observer.rig.rig import ROLES
 
 log = structlog.get_logger(__name__)
@@ -98,17 +99,36 @@ async def tell_robots(engine: Engine, robots: RobotFeed) -> None:
             await ask(engine, told)
 
 
-def complete_recording(folder: DataFolder, run_id: str) -> None:
-    """Add the index to an interrupted run's recording, so that every tool opens it quickly."""
+def complete_recording(storage: Storage, run_id: str) -> None:
+    """Add the index to an interrupted run's recording, so that every tool opens it quickly.
+
+    The run is then as long as its recording: the last heartbeat was before or after its end.
+    """
     from observer.recording.writer import complete
 
-    path = folder.run(run_id) / RECORDING
+    path = storage.folder.run(run_id) / RECORDING
     try:
         if path.is_file():
             complete(path)
     except DynamicObserverError as error:
         # The recording is readable without an index as well.
         log.warning("recording_not_completed", run=run_id, reason=str(error))
+    measure_run(storage, run_id)
+
+
+def measure_run(storage: Storage, run_id: str) -> None:
+    """Keep a run's length and number of frames as its recording has them, if there is one."""
+    from observer.recording.reader import Recording
+
+    path = storage.folder.run(run_id) / RECORDING
+    try:
+        if path.is_file():
+            with Recording(path) as recording:
+                frames = recording.frames
+            time = RunTime.of_frames(frames)
+            storage.measure_run(run_id, time.begin_s, time.duration_s, len(frames))
+    except (DynamicObserverError, StorageError) as error:
+        log.warning("run_not_measured", run=run_id, reason=str(error))
 
 
 def _row(role: str, robot: RobotNow, at: SourceInstant | None) -> RobotRow:

@@ -109,18 +109,21 @@ function movingLine(obstacle, others, line, truth) {
 }
 
 /**
- * @param {string | null} from ISO 8601
- * @param {string | null} to ISO 8601; null means now
- * @returns {string} as in "1 min 12 s"
+ * @param {number | null} seconds the length of a run
+ * @returns {string} as in "1 min 12.3 s", in reports too
  */
-export function duration(from, to) {
-  if (!from) return "–";
-  const seconds = ((to ? Date.parse(to) : Date.now()) - Date.parse(from)) / 1000;
-  if (!Number.isFinite(seconds) || seconds < 0) return "–";
-  if (seconds < 60) return `${seconds.toFixed(0)} s`;
-  const minutes = Math.floor(seconds / 60);
-  if (minutes < 60) return `${minutes} min ${Math.floor(seconds % 60)} s`;
-  return `${Math.floor(minutes / 60)} h ${minutes % 60} min`;
+export function duration(seconds) {
+  if (seconds === null) return "–";
+  const tenths = Math.round(10 * seconds);
+  const minutes = Math.floor(tenths / 600);
+  const hours = Math.floor(minutes / 60);
+  return [
+    hours > 0 && `${hours} h`,
+    minutes > 0 && `${minutes % 60} min`,
+    `${((tenths % 600) / 10).toFixed(1)} s`,
+  ]
+    .filter(Boolean)
+    .join(" ");
 }
 
 /**

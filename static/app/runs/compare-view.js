@@ -93,7 +93,7 @@ function settingsTable(charts) {
   const rows = [
     ["Source", ({ run }) => run.source],
     ["Started", ({ run }) => when(run.started_at)],
-    ["Lasted", ({ run }) => duration(run.started_at, run.ended_at)],
+    ["Lasted", ({ run }) => duration(run.duration_s)],
     ["Frames", ({ run }) => String(run.frames)],
     ["Segments", ({ run }) => String(run.segments)],
     ["Truth", ({ aligned, sentence }) => sentence ?? (aligned ? "aligned" : "none")],

@@ -89,7 +89,7 @@ class RunBar extends Part {
     this.#start.hidden = run !== null;
     this.#stop.hidden = run === null;
     this.#running.hidden = run === null;
-    if (run) setText(this.#running, `${run.name} · ${duration(run.started_at, null)}`);
+    if (run) setText(this.#running, `${run.name} · ${duration(run.duration_s)}`);
     const ready = connection === "open" && !this.#busy;
     this.#start.disabled = !ready || !status?.source || status.engine.state === "calibrating";
     this.#stop.disabled = !ready;

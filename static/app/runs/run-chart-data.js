@@ -81,7 +81,7 @@ export function panelsOf(charts, overlaid) {
  */
 export function originsOf(charts) {
   if (sameRecording(charts)) return charts.map(() => 0);
-  return charts.map(({ curves }) => least(curves.map(({ times }) => times[0])) ?? 0);
+  return charts.map((chart) => spanOf(chart)[0]);
 }
 
 /** Say whether all are of one recording: a run and its re-runs. @param {RunChart[]} charts */
@@ -95,12 +95,29 @@ export function sameRecording(charts) {
   return new Set(roots).size <= 1;
 }
 
-/** @param {Panel[]} panels @returns {[number, number]} seconds of all curves */
-export function extentOf(panels) {
-  const times = panels.flatMap(({ curves }) => curves.map((curve) => curve.times));
-  const begin = least(times.map((own) => own[0])) ?? 0;
-  const end = -(least(times.map((own) => -Number(own.at(-1)))) ?? 0);
+/** @param {RunChart[]} charts @returns {[number, number]} seconds of all runs, as drawn */
+export function extentOf(charts) {
+  const origins = originsOf(charts);
+  const spans = charts.map((chart, run) =>
+    spanOf(chart).map((time) => time - Number(origins[run])),
+  );
+  const begin = least(spans.map(([first]) => first)) ?? 0;
+  const end = -(least(spans.map((span) => -Number(span[1]))) ?? 0);
   return [begin, end > begin ? end : begin + 1];
+}
+
+/**
+ * Return a run's first and last time on its clock; those of its curves where the run is of a
+ * version that did not keep them.
+ *
+ * @param {RunChart} chart
+ * @returns {[number, number]}
+ */
+function spanOf({ run, curves }) {
+  if (run.begin_s !== null && run.duration_s !== null)
+    return [run.begin_s, run.begin_s + run.duration_s];
+  const begin = least(curves.map(({ times }) => times[0])) ?? 0;
+  return [begin, -(least(curves.map(({ times }) => -Number(times.at(-1)))) ?? -begin)];
 }
 
 /**

@@ -81,7 +81,7 @@ export class RunChart extends HTMLElement {
     const ids = (/** @type {StoredChart[]} */ some) => some.map(({ run }) => run.id).join(" ");
     const again = ids(charts) === ids(this.#charts) && !this.#seesAll();
     this.#charts = charts;
-    this.#extent = extentOf(panelsOf(charts, false));
+    this.#extent = extentOf(charts);
     if (!again) this.#range = this.#extent;
     if (this.isConnected) this.#rebuild();
   }
@@ -183,7 +183,7 @@ export class RunChart extends HTMLElement {
       this.#clock,
       sameRecording(this.#charts)
         ? "m/s over seconds on the source's clock. Drag over a stretch to zoom in, double click for all."
-        : "m/s over seconds since each run's first speed. Drag over a stretch to zoom in, double click for all.",
+        : "m/s over seconds since each run's beginning. Drag over a stretch to zoom in, double click for all.",
     );
     this.#renderLegend();
     this.#draw();

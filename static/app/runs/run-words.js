@@ -23,7 +23,7 @@ export function facts(run) {
   return [
     run.source,
     when(run.started_at),
-    duration(run.started_at, run.ended_at ?? (run.state === "running" ? null : run.updated_at)),
+    run.duration_s === null ? null : duration(run.duration_s),
     counted(run.frames, "frame"),
     run.segments > 1 ? counted(run.segments, "segment") : null,
     run.recording_bytes ? size(run.recording_bytes) : null,

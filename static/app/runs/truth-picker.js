@@ -67,7 +67,7 @@ export class TruthPicker extends Part {
     const drop = dropZone(
       this.#file,
       "Choose a file of motion capture, or drop it here",
-      "Vicon Tracker or Nexus CSV, C3D, CSV with t,x,y,z in seconds and metres, or TUM; recognised by content.",
+      "Vicon Tracker, Nexus, OptiTrack Motive, C3D, EuRoC, TUM, or plain CSV with t,x,y,z in seconds and metres; recognised by content.",
       ([file]) => this.#send(file ?? null),
       details("Where the file tells no rate", field("Rate, Hz", this.#rate)),
       this.#error,

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import csv
+import io
 import os
 import signal
 from pathlib import Path
 from typing import Any, cast
 
+import pytest
+
 from app.contract.events import live_line
 from app.http.server import create_app
+from app.reports.page import report_html
+from app.reports.report import make_report
 from app.settings import Settings
 from observer.jsonl import ObservationLine, observation_line
 from observer.recording.reader import Recording
@@ -49,11 +55,29 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         file.write_bytes(answer.content)
         assert ended["recording_bytes"] == len(answer.content)
 
+        with Recording(file) as recording:
+            kept_frames = len(recording.frames)
+
+        async def measured() -> bool:
+            """Wait for the length, which an engine that was lost had counted further."""
+            nonlocal ended
+            ended = (await served.http.get(f"/api/runs/{run['id']}")).json()
+            return int(ended["frames"]) == kept_frames
+
+        async with asyncio.timeout(20):
+            while not await measured():
+                await asyncio.sleep(0.05)
+        chart = (await served.http.get(f"/api/runs/{run['id']}/chart")).json()
+        assert chart["run"]["duration_s"] == ended["duration_s"] > 1.0
+        table = (await served.http.get(f"/api/runs/{run['id']}/chart.csv")).text
+
         again = (await served.http.post(f"/api/runs/{run['id']}/rerun", json={})).json()
         assert again["rerun_of"] == run["id"]
         await eventually(lambda: server.runs.current is None, 60)
         ended = (await served.http.get(f"/api/runs/{again['id']}")).json()
         assert (ended["state"], ended["record"]) == ("finished", "none")
+        # At full speed, and as long.
+        assert ended["duration_s"] == pytest.approx(chart["run"]["duration_s"])
         file_again.write_bytes(
             (await served.http.get(f"/api/runs/{again['id']}/recording")).content
         )
@@ -72,6 +96,13 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         beyond = await served.http.post("/api/playback", json={"seek": 100_000})
         assert beyond.status_code == 422
 
+    report = make_report(file, lambda _done, _of: None)
+    assert report.duration_s == pytest.approx(chart["run"]["duration_s"])
+    assert f"<dd>{report.duration_s:.1f} s, {kept_frames} frames</dd>" in report_html(report)
+    truth = [
+        float(r["time_s"]) for r in csv.DictReader(io.StringIO(table)) if r["source"] == "truth"
+    ]
+    assert truth[-1] - truth[0] == pytest.approx(report.duration_s, abs=1e-3)
     with Recording(file) as recording:
         lines = list(recording.lines())
         keys, part = [], -1

@@ -6,6 +6,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.reports.report import Report, make_report
@@ -36,11 +37,15 @@ def record(
     truth: bool = True,
     frames: int = FRAMES,
     sent: tuple[float, str] = (-0.4, "moving"),
+    slower: float = 1.0,
+    clouds: bool = False,
 ) -> Path:
     """Observe the lab from its beginning and write what happens; the command is made up.
 
     Args:
         sent: m/s, to a robot in this state.
+        slower: than real time, as frames come on a busy machine.
+        clouds: keep a made-up one with every third frame.
     """
     opened = open_source("simulated:lab")
     source, calibration = opened.source, opened.source.calibration
@@ -62,7 +67,7 @@ def record(
     for number in range(frames):
         frame = source.read()
         assert isinstance(frame, StereoFrame)
-        received = begin + frame.time
+        received = begin + slower * frame.time
         if number == 9:
             revision = ParameterRevision(
                 revision=2, values={**values, **changed}, frame=frame.index, difference=changed
@@ -72,6 +77,9 @@ def record(
         frame = StereoFrame(**{**fields, "received": received})
         writer.frame(frame)
         writer.observation(observation_line(observer.observe(frame)), received)
+        if clouds and number % 3 == 0:
+            points = np.random.default_rng(number).uniform(0.5, 3.0, (500, 3)).astype(np.float32)
+            writer.cloud(points, np.full((500, 3), 90, np.uint8), received)
         if truth:
             assert opened.truth is not None
             bodies, pose = opened.truth.bodies(frame.time), opened.truth.camera_pose(frame.time)

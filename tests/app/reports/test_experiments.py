@@ -115,8 +115,8 @@ def test_a_reproduction_has_each_experiment_by_both_methods(
             assert f"{title}, {method}: RMSE 0.0" in done.err
     page = (tmp_path / "report.html").read_text()
     assert "By experiment and method" in page
-    assert page.count("<figure id=") == 7
-    assert "Not shown" not in page
+    assert page.count("<figure id=") == 10
+    assert page.count("Not shown: The source of this run, simulated:lab, is a simulator") == 2
     assert {path.name for path in (tmp_path / "programmes").iterdir()} == {
         "figure17_a.yaml", "figure17_b.yaml",
     }  # fmt: skip
@@ -126,7 +126,7 @@ def test_a_reproduction_has_each_experiment_by_both_methods(
     }
     figures = tmp_path / "figures"
     assert {path.stem for path in figures.glob("*.png")} == {
-        "figure9", "figure11", "figure13", "figure15", "figure16", "figure17",
+        "figure9", "figure11", "figure12", "figure13", "figure15", "figure16", "figure17",
         "figure17_experiments",
     }  # fmt: skip
     with (figures / "experiments_errors.csv").open() as file:

@@ -28,7 +28,7 @@ def gathered() -> Gathered:
     first = SeenMotion("0:1", "cart", TIMES[:20], TIMES[:20], np.full(20, 0.31), np.full(20, 0.02))
     second = SeenMotion("0:2", "cart", TIMES[25:], TIMES[25:], np.full(15, 0.29), np.full(15, 0.02))
     return Gathered(
-        lines=(), matched=(),
+        span=(0.0, 3.9), lines=(), matched=(),
         true=(TrueMotion("cart", TIMES, speeds, words, words, np.isfinite(speeds)),),
         seen=(first, second), unmatched=(),
         commanded=(Curve("as commanded", TIMES, np.full(40, 0.3)),), encoder=(),

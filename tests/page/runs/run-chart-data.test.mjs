@@ -140,10 +140,16 @@ test("a reading carries the name of the track that was measured then", () => {
   assert.deepEqual(labels(3.1), ["Obstacle 9"]);
 });
 
-test("the extent is that of all curves, and never empty", () => {
-  assert.deepEqual(
-    data.extentOf(data.panelsOf([chart([track([2, 3]), truth([1, 2])])], false)),
-    [1, 3],
-  );
-  assert.deepEqual(data.extentOf(data.panelsOf([chart([])], false)), [0, 1]);
+test("the extent is the whole run, or that of all curves where its length is unknown", () => {
+  const known = { run: run({ begin_s: 0.5, duration_s: 15 }) };
+  assert.deepEqual(data.extentOf([chart([track([2, 3])], known)]), [0.5, 15.5]);
+  assert.deepEqual(data.extentOf([chart([track([2, 3]), truth([1, 2])])]), [1, 3]);
+  assert.deepEqual(data.extentOf([chart([])]), [0, 1]);
+});
+
+test("runs of several recordings begin together and end when they end", () => {
+  const first = chart([track([12, 13])], { run: run({ begin_s: 10, duration_s: 4 }) });
+  const other = chart([track([50, 51])], { run: run({ id: "r2", begin_s: 50, duration_s: 9 }) });
+  assert.deepEqual(data.originsOf([first, other]), [10, 50]);
+  assert.deepEqual(data.extentOf([first, other]), [0, 9]);
 });

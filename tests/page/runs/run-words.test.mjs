@@ -28,12 +28,12 @@ test("one is not many", () => {
 test("a run is told by source, duration and what it holds", () => {
   const told = words.facts(run({ segments: 2, recording_bytes: 2e6 })).split(" · ");
   assert.equal(told[0], "simulated:lab");
-  assert.deepEqual(told.slice(2), ["1 min 12 s", "100 frames", "2 segments", "2.0 MB"]);
+  assert.deepEqual(told.slice(2), ["1 min 10.5 s", "100 frames", "2 segments", "2.0 MB"]);
 });
 
-test("a run that was interrupted lasted up to its last sign of life", () => {
-  const told = words.facts(run({ state: "interrupted", ended_at: null }));
-  assert.match(told, / · 1 min 0 s · 100 frames$/);
+test("a run is as long as what was observed, and no length is told where none is known", () => {
+  const told = words.facts(run({ state: "interrupted", ended_at: null, duration_s: null }));
+  assert.match(told, /^simulated:lab · [^·]+ · 100 frames$/);
 });
 
 test("only a kept recording with images is played", () => {

@@ -76,3 +76,38 @@ def test_a_coasting_obstacle_is_a_gap(peer: Any) -> None:
         ("truth", 0.4),
         ("commanded", 0.4),
     ]
+
+
+def test_the_length_is_what_was_observed_and_not_how_long_it_took(
+    storage: Storage, peer: Any
+) -> None:
+    storage.open()
+    record = storage.create_run(name="a", source="b", parameters={}, versions={})
+    run = CurrentRun(record, storage, Writer(), lambda: 0.0)
+    assert run.snapshot().duration_s is None
+    peer.start_process()
+    peer._open(OpenSource("s", None, {}, 0))
+
+    def observed(time: float, received: float, segment: int = 0) -> None:
+        event = peer.observe()
+        line = {**event.line, "time": time, "segment": segment}
+        run.observed(replace(event, line=line, received=received))
+
+    # A tenth of real time, on a busy machine.
+    for k in range(21):
+        observed(3.0 + k / 20, 100.0 + k / 2)
+    assert (run.snapshot().begin_s, run.snapshot().duration_s) == pytest.approx((3.0, 1.0))
+    # The next engine opens the source anew: its clock begins again.
+    run.resumed(1)
+    for k in range(11):
+        observed(k / 20, 120.0 + k / 2, segment=1)
+    ended = run.ended(RunState.FINISHED, None)
+    assert ended.duration_s == pytest.approx(1.55)
+    run.write_end(ended, None)
+    kept = storage.get_run(record.id)
+    assert kept is not None
+    assert (kept.begin_s, kept.duration_s) == (ended.begin_s, ended.duration_s)
+    # What the page draws lies on the same clock.
+    times = [row.time for row in storage.speeds(record.id) if row.source == "commanded"]
+    assert times == sorted(times)
+    assert (times[0], times[-1]) == pytest.approx((3.0, 4.55))

@@ -1,0 +1,70 @@
+"""A run's length in report, chart and CSV: on a busy machine, and where an engine was replaced."""
+
+from __future__ import annotations
+
+import csv
+import io
+import time
+from pathlib import Path
+
+import pytest
+
+from app.reports.gathering import gather
+from app.reports.page import report_html
+from app.reports.report import make_report
+from app.reports.run_chart import chart_csv, chart_values
+from app.reports.speed_figure import speed_figure
+from observer.jsonl import observation_line
+from observer.observer import Observer
+from observer.opening import open_source
+from observer.recording.reader import Recording
+from observer.recording.writer import RecordingWriter
+from observer.types import StereoFrame
+
+from .conftest import record
+
+FRAMES = 8
+STEP = 1 / 15
+
+
+def _go_on(path: Path) -> None:
+    """Record as many frames again with another engine, for which the lab begins anew."""
+    source = open_source("simulated:lab").source
+    assert source.calibration is not None
+    observer = Observer(source.calibration, mount=source.info.mount)
+    writer = RecordingWriter.resume(path)
+    begin = time.monotonic()
+    for _ in range(FRAMES):
+        frame = source.read()
+        assert isinstance(frame, StereoFrame)
+        fields = {name: getattr(frame, name) for name in frame.__dataclass_fields__}
+        frame = StereoFrame(**{**fields, "received": begin + frame.time})
+        writer.frame(frame)
+        line = {**observation_line(observer.observe(frame)), "segment": 1}
+        writer.observation(line, frame.received)
+    writer.finish()
+    source.close()
+
+
+@pytest.mark.parametrize(
+    ("slower", "engines", "length"),
+    [(11.0, 1, (FRAMES - 1) * STEP), (1.0, 2, (2 * FRAMES - 1) * STEP)],
+)
+def test_report_chart_and_csv_have_one_length(
+    tmp_path: Path, slower: float, engines: int, length: float
+) -> None:
+    path = record(tmp_path / "r.mcap", images="none", frames=FRAMES, slower=slower)
+    if engines == 2:
+        _go_on(path)
+    report = make_report(path, lambda _done, _of: None)
+    assert report.duration_s == pytest.approx(length)
+    assert f"<dd>{length:.1f} s, {engines * FRAMES} frames</dd>" in report_html(report)
+    with Recording(path) as recording:
+        gathered = gather(recording)
+    rows = list(csv.DictReader(io.StringIO(chart_csv(chart_values(gathered)))))
+    times = [float(row["time_s"]) for row in rows if row["source"] == "truth"]
+    # The lab's truth is known at every frame.
+    assert len(times) == engines * FRAMES
+    assert times == sorted(times)
+    assert (times[0], times[-1]) == pytest.approx((0.0, length), abs=1e-4)
+    assert speed_figure([("run", gathered)]).axes[0].get_xlim() == pytest.approx((0.0, length))
