@@ -33,11 +33,13 @@ class OpenedSource:
     Attributes:
         truth: about the same world, where somebody knows it.
         robots: that drive in the same world, where it has any of its own.
+        calibration_notes: what was decided while the source's own calibration was read.
     """
 
     source: Source
     truth: Truth | None
     robots: RobotWorld | None = None
+    calibration_notes: tuple[str, ...] = ()
 
 
 def open_source(spec: str) -> OpenedSource:
@@ -65,13 +67,16 @@ def open_source(spec: str) -> OpenedSource:
 
 
 def _opened(spec: str) -> OpenedSource:
+    if "\0" in spec:
+        raise SourceError(f"a source is named without NUL characters, not {spec[:_QUOTED]!r}")
     kind, rest = _split(spec)
     if kind == "simulated":
         return _open_simulated(rest)
     if kind == "video":
         from observer.sources.video import open_video
 
-        return OpenedSource(open_video(rest), None)
+        video = open_video(rest)
+        return OpenedSource(video, None, calibration_notes=video.calibration_notes)
     if kind == "camera" or kind in _NETWORK_KINDS:
         from observer.sources.cameras.source import CameraSource
 
@@ -94,17 +99,20 @@ def _opened(spec: str) -> OpenedSource:
 def shown_spec(spec: str) -> str:
     """Return the text that names a source, without users and passwords, for people and logs."""
     kind, rest = _split(spec)
-    if kind not in _NETWORK_KINDS:
+    # A mistyped scheme may be followed by a password, too.
+    if kind not in _NETWORK_KINDS and not (kind and "//" in rest):
         return spec
     from observer.sources.cameras.spec import without_password
 
     try:
         return _parse_cameras(spec).text
     except SourceError:
-        # It will be refused; a possible password is left out all the same.
+        # It will be refused; a possible password is left out all the same, of any address in it.
+        scheme = spec.removesuffix(rest)
         with contextlib.suppress(ValueError):
-            return without_password(spec)
-        return spec.removesuffix(rest)
+            _, at, behind = rest.rpartition("@")
+            return without_password(f"{scheme}//{behind}" if at else spec)
+        return scheme
 
 
 def live_devices(spec: str) -> tuple[str, ...]:
@@ -157,8 +165,8 @@ def _open_simulated(rest: str) -> OpenedSource:
     seed = 0
     if query:
         key, _, value = query.partition("=")
-        if key != "seed" or not value.isdecimal():
-            raise SourceError(f"a scenario takes ?seed=NUMBER, not ?{query}")
+        if key != "seed" or not re.fullmatch(r"[0-9]{1,18}", value):
+            raise SourceError(f"a scenario takes ?seed=NUMBER, not ?{query[:_QUOTED]}")
         seed = int(value)
     world = World(load_scenario(name or "lab"), seed)
     source = SimulatedSource(world)
@@ -184,4 +192,5 @@ def _open_folder(path: Path) -> OpenedSource:
 
     source = open_folder(path)
     truth_file = path / "truth.csv"
-    return OpenedSource(source, CsvTruth(truth_file) if truth_file.is_file() else None)
+    truth = CsvTruth(truth_file) if truth_file.is_file() else None
+    return OpenedSource(source, truth, calibration_notes=source.calibration_notes)

@@ -20,6 +20,7 @@ from app.cli.truth_options import (
     body_roles,
 )
 from observer.errors import InputError
+from observer.truth.files.known import names_in_words
 
 # Tolerance of the offset that a person expects.
 _ROUGHLY_S = 2.0
@@ -36,8 +37,8 @@ def align(
     truth: Annotated[
         Path | None,
         typer.Option(
-            help="Vicon Tracker, Nexus or Motive CSV, C3D, EuRoC, TUM, plain CSV; or the recording "
-            "of a run with live motion capture. Left out: what this run heard live."
+            help=f"Motion capture ({names_in_words()}), or the recording of a run with live motion "
+            "capture. Left out: what this run heard live."
         ),
     ] = None,
     name: Annotated[str | None, typer.Option(help="Of the truth, for people.")] = None,

@@ -114,7 +114,7 @@ def _tell_views(found: FoundBoards, fit: StereoFit) -> None:
 
 
 def _words(fit: StereoFit, verdict: Verdict) -> list[str]:
-    c, sure = fit.calibration, fit.uncertainty
+    c, half = fit.calibration, fit.interval_95
     across, down = fit.field_of_view_deg
     lines = [
         f"corners fit to  {fit.rms_left:.2f} px left, {fit.rms_right:.2f} px right, "
@@ -126,9 +126,10 @@ def _words(fit: StereoFit, verdict: Verdict) -> list[str]:
             else f"{fit.held_out.median_px:.2f} px in the median, {fit.held_out.p95_px:.2f} px for "
             f"95 % of {fit.held_out.count} corners on views that were left out"
         ),
-        f"baseline        {1e3 * c.baseline:.1f} mm (+- {1e3 * sure.baseline_m:.2f} mm)",
-        f"focal length    {c.K1[0, 0]:.1f} and {c.K2[0, 0]:.1f} px (+- {sure.focal_left_px:.1f}, "
-        f"{sure.focal_right_px:.1f})",
+        f"baseline        {1e3 * c.baseline:.1f} mm (95 % within +- "
+        f"{1e3 * half.baseline_m:.2f} mm)",
+        f"focal length    {c.K1[0, 0]:.1f} and {c.K2[0, 0]:.1f} px (95 % within +- "
+        f"{half.focal_left_px:.1f} and {half.focal_right_px:.1f} px)",
         f"field of view   {across:.1f} x {down:.1f} degrees",
         "",
         verdict.sentence,

@@ -25,6 +25,7 @@ from observer.evaluation.results import listed
 from observer.evaluation.tally import tally
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.result import Alignment
+from observer.truth.files.known import names_in_words
 from observer.truth.opening import OpenedTruth, open_truth
 
 
@@ -33,8 +34,8 @@ def evaluate(
     truth: Annotated[
         Path,
         typer.Option(
-            help="truth.csv of the same frames; or motion capture, which is aligned first: Vicon "
-            "Tracker, Nexus or Motive CSV, C3D, EuRoC, TUM or plain CSV (t,x,y,z)."
+            help="truth.csv of the same frames; or motion capture, which is aligned first: "
+            f"{names_in_words()}."
         ),
     ],
     as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on stdout.")] = False,

@@ -14,9 +14,10 @@ from app.cli.assignments import chosen_parameters
 from app.cli.keeping import Keeper, keeping
 from app.cli.output import whole_file
 from app.cli.progress import ProgressCallback, progress_bar
+from observer.calibration.formats.known import tools_in_words
 from observer.calibration.formats.recognition import named_file, read_any
 from observer.calibration.formats.understanding import Size
-from observer.calibration.formats.units import parse_unit
+from observer.calibration.formats.units import UNIT_HELP, UnitUnclear, parse_unit
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, InputError
 from observer.jsonl import observation_line
@@ -40,17 +41,16 @@ def observe(
         list[str] | None,
         typer.Option(
             metavar="FILE[,FILE]",
-            help="Calibration used instead of the source's own: OpenCV, ROS, Kalibr, KITTI, "
-            "MATLAB, Middlebury, ZED, OAK or EuRoC, recognised by content. Pairs of files are "
-            "joined by a comma, or given one by one.",
+            help=f"Calibration used instead of the source's own: {tools_in_words()}, recognised by "
+            "content. Pairs of files are joined by a comma, or given one by one.",
         ),
     ] = None,
     unit: Annotated[
         str | None,
         typer.Option(
             metavar="UNIT",
-            help="What lengths in --calibration are in, where it is not the format's own: m, cm, "
-            "mm or in; or the length of one unit of the file, as in 25mm for squares of a board.",
+            help="What lengths in --calibration are in, where it is not the format's own: "
+            f"{UNIT_HELP}.",
         ),
     ] = None,
     assignments: Annotated[
@@ -95,6 +95,8 @@ def observe(
             if calibration
             else opened.calibration
         )
+        if not calibration and found.calibration_notes:
+            typer.echo(f"calibration: {'; '.join(found.calibration_notes)}", err=True)
         if used is None:
             raise CalibrationError(
                 f"{source} brings no calibration; name one with --calibration FILE "
@@ -133,11 +135,14 @@ def _read_calibration(names: list[str], size: Size, unit: str | None) -> StereoC
         for name in names
         for path in ([name] if Path(name).exists() else filter(None, name.split(",")))
     ]
-    read = read_any(
-        [named_file(path) for path in paths],
-        unit=None if unit is None else parse_unit(unit),
-        expected_size=size,
-    )
+    try:
+        read = read_any(
+            [named_file(path) for path in paths],
+            unit=None if unit is None else parse_unit(unit),
+            expected_size=size,
+        )
+    except UnitUnclear as error:
+        raise error.asking("say --unit {}") from None
     typer.echo(f"calibration: {'; '.join((read.format, *read.notes))}", err=True)
     return read.calibration
 

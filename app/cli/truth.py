@@ -9,14 +9,13 @@ from typing import Annotated, Any
 import typer
 
 from app.cli.truth_options import AngleReading, AnglesOption, RateOption
+from observer.truth.files.known import names_in_words
 
 
 def truth(
     file: Annotated[
         Path,
-        typer.Argument(
-            help="Vicon Tracker, Nexus or Motive CSV, C3D, EuRoC, TUM, plain CSV or truth.csv."
-        ),
+        typer.Argument(help=f"Motion capture ({names_in_words()}), or a truth.csv."),
     ],
     rate: RateOption = None,
     angles: AnglesOption = None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -41,6 +42,8 @@ from observer.robots.contract import RobotPort
 from observer.sources.contract import SkippedFrame, Source
 from observer.truth.matching import TruthMatcher
 from observer.types import Observation, StereoFrame, Trace
+
+_log = logging.getLogger(__name__)
 
 
 class FrameObserver(Protocol):
@@ -216,6 +219,9 @@ def open_session(
     opened = open_source(command.source)
     try:
         calibration = _calibration(given, opened.source)
+        if given is None:
+            for note in opened.calibration_notes:
+                _log.warning("calibration of %s: %s", opened.source.info.spec, note)
         # A given text is passed on unchanged, so that it keeps its content hash.
         text = command.calibration_yaml or calibration_text(calibration)
         bodies = {} if rig is None else rig.T_body_base

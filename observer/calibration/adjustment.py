@@ -8,8 +8,9 @@ eliminated first (Schur complement), which makes a step cheap and its inverse th
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,6 +104,11 @@ class Rig:
         return replace(self, lenses=tuple(lenses), R=R, T=self.T + shift)
 
 
+# Derivatives (N, 2, F) of one camera's pixels by parameters that an adjustment does not seek. Its
+# arguments: the rig, the camera's number, its corners and their derivatives by pose (N, 2, 6).
+FurtherDerivatives: TypeAlias = Callable[[Rig, int, Corners, Float64Array], Float64Array]
+
+
 @dataclass(frozen=True, eq=False)
 class Adjusted:
     """The best rig, and how it fits.
@@ -172,8 +178,8 @@ class _Linear:
 
     cost: float
     squares: float
-    H: Float64Array  # (G, G)
-    g: Float64Array  # (G,)
+    H: Float64Array  # (V, G, G)
+    g: Float64Array  # (V, G)
     A: Float64Array  # (V, 6, 6)
     B: Float64Array  # (V, G, 6)
     a: Float64Array  # (V, 6)
@@ -181,12 +187,13 @@ class _Linear:
     def step(self, damping: float) -> tuple[Float64Array, Float64Array] | None:
         """Changes (G,) and (V, 6) of the parameters; None where there is no solution."""
         A = self.A + damping * self.A * np.eye(_POSE) + 1e-12 * np.eye(_POSE)
-        H = self.H + damping * np.diag(np.diag(self.H))
+        H = self.H.sum(axis=0)
+        H += damping * np.diag(np.diag(H))
         try:
             inverse = np.linalg.inv(A)
             gain = self.B @ inverse
             S = H - np.einsum("vgi,vhi->gh", gain, self.B)
-            v = self.g - np.einsum("vgi,vi->g", gain, self.a)
+            v = self.g.sum(axis=0) - np.einsum("vgi,vi->g", gain, self.a)
             scale = 1 / np.sqrt(np.maximum(np.diag(S), 1e-300))
             lens = scale * np.linalg.solve(S * np.outer(scale, scale), scale * v)
         except np.linalg.LinAlgError:
@@ -196,12 +203,21 @@ class _Linear:
             return None
         return lens, pose
 
+    def reduced(self) -> tuple[Float64Array, Float64Array]:
+        """Normal matrices (V, G, G) and right sides (V, G) of each view, its pose eliminated.
+
+        Raises:
+            numpy.linalg.LinAlgError: a view does not tell its pose.
+        """
+        gain = self.B @ np.linalg.inv(self.A + 1e-12 * np.eye(_POSE))
+        S = self.H - np.einsum("vgi,vhi->vgh", gain, self.B)
+        return S, self.g - np.einsum("vgi,vi->vg", gain, self.a)
+
     def covariance(self, scatter: float) -> Float64Array | None:
         try:
-            gain = self.B @ np.linalg.inv(self.A + 1e-12 * np.eye(_POSE))
+            S = self.reduced()[0].sum(axis=0)
         except np.linalg.LinAlgError:
             return None
-        S = self.H - np.einsum("vgi,vhi->gh", gain, self.B)
         diagonal = np.diag(S)
         if not (np.isfinite(S).all() and (diagonal > 0).all()):
             return None
@@ -211,6 +227,28 @@ class _Linear:
             return None
         inverse = (vectors / values) @ vectors.T
         return np.asarray(scatter**2 * inverse * np.outer(scale, scale), dtype=np.float64)
+
+
+def reduced_by_view(
+    rig: Rig,
+    corners: Sequence[Corners],
+    soft_px: float,
+    further: FurtherDerivatives | None = None,
+) -> tuple[Float64Array, Float64Array]:
+    """Normal equations of the global parameters by each view that has corners, without its pose.
+
+    Args:
+        further: of parameters that the fit does not seek, which follow those that it does.
+
+    Returns:
+        (V, G, G) matrices and (V, G) right sides, px^2 over the parameters' units; both sums
+        over the views belong to the whole fit. At its solution the right sides cancel.
+    """
+    linear = _linear(rig, corners, soft_px, False, further)
+    assert linear is not None, "a rig that was fitted sees its corners"
+    S, s = linear.reduced()
+    seen = np.unique(np.concatenate([each.view for each in corners]))
+    return S[seen], s[seen]
 
 
 def derivatives(
@@ -240,16 +278,27 @@ def derivatives(
     return corners.px - px, by_pose, by_global
 
 
-def _linear(rig: Rig, corners: Sequence[Corners], soft_px: float, hold: bool) -> _Linear | None:
-    views, count = len(rig.board_R), rig.global_count
-    H, g = np.zeros((count, count)), np.zeros(count)
+def _linear(
+    rig: Rig,
+    corners: Sequence[Corners],
+    soft_px: float,
+    hold: bool,
+    further: FurtherDerivatives | None = None,
+) -> _Linear | None:
+    every = [derivatives(rig, camera, seen) for camera, seen in enumerate(corners)]
+    if not all(np.isfinite(residual).all() for residual, _, _ in every):
+        return None
+    if further is not None:
+        every = [
+            (residual, P, np.concatenate([G, further(rig, camera, seen, P)], axis=2))
+            for camera, (seen, (residual, P, G)) in enumerate(zip(corners, every, strict=True))
+        ]
+    views, count = len(rig.board_R), every[0][2].shape[2]
+    H, g = np.zeros((views, count, count)), np.zeros((views, count))
     A, B = np.zeros((views, _POSE, _POSE)), np.zeros((views, count, _POSE))
     a = np.zeros((views, _POSE))
     cost = squares = 0.0
-    for camera, seen in enumerate(corners):
-        residual, P, G = derivatives(rig, camera, seen)
-        if not np.isfinite(residual).all():
-            return None
+    for seen, (residual, P, G) in zip(corners, every, strict=True):
         weight, part = _weighed(residual, soft_px)
         cost += part
         squares += float((weight[:, None] * residual**2).sum())
@@ -257,18 +306,17 @@ def _linear(rig: Rig, corners: Sequence[Corners], soft_px: float, hold: bool) ->
         P *= root
         G *= 0 if hold else root
         r = residual * root[:, :, 0]
-        flat = G.reshape(-1, count)
-        H += flat.T @ flat
-        g += flat.T @ r.reshape(-1)
         begin = np.searchsorted(seen.view, np.arange(views + 1))
         for view in np.unique(seen.view):
             rows = slice(begin[view], begin[view + 1])
             Pv, Gv = P[rows].reshape(-1, _POSE), G[rows].reshape(-1, count)
+            H[view] += Gv.T @ Gv
+            g[view] += Gv.T @ r[rows].reshape(-1)
             A[view] += Pv.T @ Pv
             B[view] += Gv.T @ Pv
             a[view] += Pv.T @ r[rows].reshape(-1)
     if hold:
-        H = np.eye(count)
+        H[:] = np.eye(count)
     return _Linear(cost, squares, H, g, A, B, a)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from typing import Literal
 
@@ -93,9 +94,10 @@ def parse_board_size(text: str) -> tuple[int, int]:
         CalibrationError: the text is not of this form.
     """
     columns, x, rows = text.lower().replace("×", "x").partition("x")
-    if not (x and columns.strip().isdecimal() and rows.strip().isdecimal()):
+    if not (x and all(re.fullmatch(r"\s*[0-9]{1,4}\s*", part) for part in (columns, rows))):
         raise CalibrationError(
-            f"a board's size is given as COLUMNSxROWS of inner corners, as in 9x6, not {text!r}"
+            f"a board's size is given as COLUMNSxROWS of inner corners, as in 9x6, not "
+            f"{text[:40]!r}"
         )
     return int(columns), int(rows)
 

@@ -15,7 +15,6 @@ from observer.calibration.held_out import (
     Folds,
     fit_folds,
     held_out,
-    jackknife,
     reprojection,
     richer_is_better,
 )
@@ -36,7 +35,7 @@ from observer.calibration.outlier_views import (
 from observer.calibration.plausible import check_camera, check_pair
 from observer.calibration.sightings import corners_of, refused_sightings, without
 from observer.calibration.stereo_fit import DepthBias, StereoFit
-from observer.calibration.uncertainty import depth_covariance, uncertainty
+from observer.calibration.uncertainty import depth_covariance, error_covariance, interval_95
 from observer.camera import DistortionModel
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -89,12 +88,11 @@ def fit_stereo(
     check_pair(found, np.flatnonzero(usable))
     assert found.covariance is not None
     report("working out how sure it is", 0.93)
-    covariances = [depth_covariance(found.rig, found.covariance)]
-    measured = None
-    if folds is not None:
-        measured = held_out(folds, corners)
-        scatter = jackknife(found.rig, folds)
-        covariances += [] if scatter is None else [scatter]
+    covariance = error_covariance(found, corners, board, soft_px)
+    # A derivative by differences of so much: small against the curve, large against the rounding
+    # of inverted distortion.
+    near = 0.5 * np.sqrt(np.diag(found.covariance))
+    depth = depth_covariance(found.rig, covariance, near)
     errors = view_errors(found.residuals, corners, len(views))
     report("done", 1.0)
     return StereoFit(
@@ -108,9 +106,9 @@ def fit_stereo(
             for index, view in enumerate(views)
         ),
         pairs=int(np.count_nonzero(both)),
-        uncertainty=uncertainty(found.rig, found.covariance),
-        depth_bias=DepthBias(tuple(tuple(each.ravel().tolist()) for each in covariances)),
-        held_out=measured,
+        interval_95=interval_95(found.rig, covariance, near),
+        depth_bias=DepthBias((tuple(depth.ravel().tolist()),)),
+        held_out=None if folds is None else held_out(folds, corners),
         coverage=(_coverage(corners[0], found.rig.size), _coverage(corners[1], found.rig.size)),
         bend=board_bend(found.rig, corners, board, found.scatter_px),
     )

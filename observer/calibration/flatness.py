@@ -11,7 +11,7 @@ from observer.calibration.board import Board
 from observer.geometry import Float64Array
 
 # How a board bends: about its upright axis, about its level one, and twisted.
-_SHAPES = 3
+BEND_SHAPES = 3
 _POSE = 6
 # More tell no more, and would take much memory.
 _MOST_VIEWS = 40
@@ -51,30 +51,32 @@ def board_bend(
     for camera, whole in enumerate(corners):
         seen = whole.of_views(chosen)
         residual, by_pose, by_global = derivatives(rig, camera, seen)
-        J = np.zeros((len(residual), 2, _SHAPES + count + _POSE * views))
+        J = np.zeros((len(residual), 2, BEND_SHAPES + count + _POSE * views))
         by_shift = by_pose[:, :, 3:]
         out_of_board = np.einsum("nij,nj->ni", by_shift, rig.board_R[seen.view][:, :, 2])
-        J[:, :, :_SHAPES] = out_of_board[:, :, None] * _shapes(seen.on_board, board)[:, None]
-        J[:, :, _SHAPES : _SHAPES + count] = by_global
-        column = _SHAPES + count + _POSE * number[seen.view][:, None] + np.arange(_POSE)
+        J[:, :, :BEND_SHAPES] = (
+            out_of_board[:, :, None] * bend_shapes(seen.on_board, board)[:, None]
+        )
+        J[:, :, BEND_SHAPES : BEND_SHAPES + count] = by_global
+        column = BEND_SHAPES + count + _POSE * number[seen.view][:, None] + np.arange(_POSE)
         np.put_along_axis(J, column[:, None].repeat(2, axis=1), by_pose, axis=2)
         blocks.append(J.reshape(-1, J.shape[2]))
         left_over.append(residual.reshape(-1))
     J, r = np.concatenate(blocks), np.concatenate(left_over)
     used = np.linalg.norm(J, axis=0)
-    if not (used[:_SHAPES] > 0).all() or not np.isfinite(r).all():
+    if not (used[:BEND_SHAPES] > 0).all() or not np.isfinite(r).all():
         return None
     J, used = J[:, used > 0], used[used > 0]
     inverse = np.linalg.pinv((J / used).T @ (J / used), hermitian=True)
-    bend = (inverse @ ((J / used).T @ r) / used)[:_SHAPES]
-    cov = scatter_px**2 * (inverse / np.outer(used, used))[:_SHAPES, :_SHAPES]
-    shapes = _shapes(board.object_points, board)
+    bend = (inverse @ ((J / used).T @ r) / used)[:BEND_SHAPES]
+    cov = scatter_px**2 * (inverse / np.outer(used, used))[:BEND_SHAPES, :BEND_SHAPES]
+    shapes = bend_shapes(board.object_points, board)
     height = shapes @ bend
     ends = shapes[int(height.argmax())] - shapes[int(height.argmin())]
     return Bend(float(ends @ bend), float(np.sqrt(ends @ cov @ ends)))
 
 
-def _shapes(on_board: Float64Array, board: Board) -> Float64Array:
+def bend_shapes(on_board: Float64Array, board: Board) -> Float64Array:
     """(N, 3) heights of the three bends at points (N, 3) of the board; 1 at its edges."""
     far = board.object_points[-1, :2]
     x, y = (2 * on_board[:, :2] / far - 1).T

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.calibration.adjustment import Corners, Rig, adjust
-from observer.calibration.uncertainty import depth_change, rectified_directions
+from observer.calibration.uncertainty import rectified_directions
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 from observer.geometry import Float64Array
@@ -155,25 +155,3 @@ def common_px(left: Corners, right: Corners, view: int) -> tuple[Float64Array, F
     same = (left.on_board[a][:, None] == right.on_board[b]).all(axis=2)
     in_left, in_right = np.nonzero(same)
     return left.px[a][in_left], right.px[b][in_right]
-
-
-def jackknife(rig: Rig, folds: Folds) -> Float64Array | None:
-    """(2, 2) covariance of depth's relative error and offset in pixels, by the folds' scatter.
-
-    The delete-a-group jackknife (Efron and Tibshirani: An Introduction to the Bootstrap, 1993).
-    Unlike the fit's own covariance it knows that the corners of one view err together. None where
-    a fold's rig is impossible.
-    """
-    whole = rig.calibration
-    try:
-        others = [each.calibration for each, _ in folds]
-    except CalibrationError:
-        return None
-    changes = np.stack([depth_change(whole, other) for other in others])
-    if not np.isfinite(changes).all():
-        return None
-    apart = changes - changes.mean(axis=0)
-    count = len(others)
-    return np.asarray(
-        (count - 1) / count * np.einsum("kpi,kpj->pij", apart, apart).mean(axis=0), np.float64
-    )

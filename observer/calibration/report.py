@@ -31,7 +31,7 @@ def fit_report(fit: StereoFit, verdict: Verdict | None = None) -> dict[str, Any]
         "focal_px": [float(c.K1[0, 0]), float(c.K2[0, 0])],
         "field_of_view_deg": fit.field_of_view_deg,
         "rotation_deg": np.degrees(Rotation.from_matrix(c.R).as_rotvec()).tolist(),
-        "uncertainty": asdict(fit.uncertainty),
+        "interval_95": asdict(fit.interval_95),
         "depth_bias": fit.depth_bias.covariances,
         "coverage": fit.coverage,
         "board_bend": None if fit.bend is None else asdict(fit.bend),

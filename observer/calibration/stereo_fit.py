@@ -12,7 +12,7 @@ from observer.calibration.flatness import Bend
 from observer.calibration.held_out import HeldOut
 from observer.calibration.lens import directions
 from observer.calibration.outlier_views import ViewError
-from observer.calibration.uncertainty import FitUncertainty
+from observer.calibration.uncertainty import Interval95
 from observer.camera import StereoCalibration
 
 
@@ -21,9 +21,8 @@ class DepthBias:
     """Effect of the calibration's uncertainty on depth: a share of it and lasting pixels.
 
     Attributes:
-        covariances: estimates (by the fit's curvature, and by leaving out parts of the views) of
-            the covariance (2, 2) of relative error and offset of the disparity in pixels, row by
-            row.
+        covariances: estimates, mostly one, of the covariance (2, 2) of relative error and offset
+            of the disparity in pixels, row by row.
     """
 
     covariances: tuple[tuple[float, ...], ...]
@@ -50,7 +49,7 @@ class StereoFit:
         rms_left, rms_right, rms_stereo: root mean square distance of corners, pixels.
         views: of all that were given, in their order.
         pairs: how many used views both cameras saw.
-        uncertainty: one standard deviation of the parameters.
+        interval_95: half of the 95 % intervals of the parameters.
         depth_bias: what it does to depth.
         held_out: None where there were too few views to leave some out.
         coverage: share of the left and of the right image's cells that corners fell into.
@@ -64,7 +63,7 @@ class StereoFit:
     rms_stereo: float
     views: tuple[ViewError, ...]
     pairs: int
-    uncertainty: FitUncertainty
+    interval_95: Interval95
     depth_bias: DepthBias
     held_out: HeldOut | None
     coverage: tuple[float, float]

@@ -24,7 +24,8 @@ _POOR_RMS = 0.8 / 640  # of the image's width
 _POOR_ROWS_PX = 1.0
 _POOR_COVERAGE = 0.6
 _FEW_PAIRS = 10
-_POOR_FOCAL = 0.01
+# Half of the 95 % interval of the focal length, as a share of it.
+_POOR_FOCAL = 0.02
 _LENSES_DIFFER = 0.1
 # Of a board's longer side, and standard deviations.
 _BENT, _BENT_SIGMAS = 0.004, 4.0
@@ -241,13 +242,21 @@ def _fit_warnings(fit: StereoFit) -> list[str]:
                 f"the board was shown in {100 * covered:.0f} % of the {name} image only; what lies "
                 f"outside is a guess, so hold it into the corners too"
             )
-    sure = max(
-        fit.uncertainty.focal_left_px / float(c.K1[0, 0]),
-        fit.uncertainty.focal_right_px / float(c.K2[0, 0]),
-    )
-    if sure > _POOR_FOCAL:
-        out.append(
-            f"the focal length is known to {100 * sure:.1f} % only; tilt the board more, by 20 to "
-            f"40 degrees to each side"
-        )
+    out += _focal_warning(fit)
     return out
+
+
+def _focal_warning(fit: StereoFit) -> list[str]:
+    sides = (
+        ("left", float(fit.calibration.K1[0, 0]), fit.interval_95.focal_left_px),
+        ("right", float(fit.calibration.K2[0, 0]), fit.interval_95.focal_right_px),
+    )
+    side, focal, half = max(sides, key=lambda each: each[2] / each[1])
+    if half < _POOR_FOCAL * focal:
+        return []
+    lowest, highest = max(0.0, focal - half), focal + half
+    return [
+        f"the pictures barely fix the focal length: that of the {side} camera may be anywhere from "
+        f"{lowest:.0f} to {highest:.0f} px (95 % interval); add pictures of the board tilted by "
+        f"30 to 45 degrees to each side and up and down, at several distances, and calibrate again"
+    ]

@@ -33,6 +33,7 @@ class FilePairSource:
 
     Attributes:
         calibration: that lay beside the images; None where there was none.
+        calibration_notes: what was decided while it was read, one sentence each.
 
     Raises:
         SourceError: fewer than two pairs can be played, or the times make no sequence.
@@ -58,6 +59,7 @@ class FilePairSource:
             )
         width, height = _first_size(pairs, spec)
         self.calibration = calibrate(width, height)
+        self.calibration_notes: tuple[str, ...] = ()
         name = f"the calibration in {spec}"
         check_size(self.calibration, width, height, name=name, images="these")
         intervals = [b.time - a.time for a, b in pairwise(pairs)]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from observer.errors import SourceError
-from observer.sources.contract import Source
 from observer.sources.euroc import open_euroc
+from observer.sources.file_pairs import FilePairSource
 from observer.sources.kitti import open_kitti_odometry, open_kitti_raw
 from observer.sources.stereo_folder import open_stereo_folder
 
@@ -19,7 +19,7 @@ _LAYOUTS = (
 )
 
 
-def open_folder(path: Path) -> Source:
+def open_folder(path: Path) -> FilePairSource:
     """Open a folder of stereo images, its layout found by its content.
 
     Raises:

@@ -6,6 +6,7 @@ Odometry: ``image_0 image_1`` or ``image_2 image_3``, ``times.txt``, ``calib.txt
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from contextlib import suppress
 from datetime import UTC, datetime
@@ -100,6 +101,9 @@ def read_timestamps_ns(path: Path) -> list[int]:
         whole, _, fraction = line.partition(".")
         try:
             moment = datetime.fromisoformat(whole)
+            # int() also reads signs, underscores and the digits of other scripts.
+            if not re.fullmatch(r"[0-9]*", fraction):
+                raise ValueError
             nanoseconds = int(fraction[:9].ljust(9, "0"))
         except ValueError:
             raise SourceError(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from observer.calibration.formats.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_noted_calibration
 from observer.camera import StereoCalibration
 from observer.image_files.listing import pairs_by_name, read_times
 from observer.sources.file_pairs import FilePairSource
@@ -20,12 +20,20 @@ def open_stereo_folder(folder: Path) -> FilePairSource:
     times = read_times(folder / "times.txt")
     calibration_file = folder / "calibration.yaml"
 
-    def calibrate(_width: int, _height: int) -> StereoCalibration | None:
-        return read_calibration_file(calibration_file) if calibration_file.is_file() else None
+    notes: list[str] = []
 
-    return FilePairSource(
+    def calibrate(_width: int, _height: int) -> StereoCalibration | None:
+        if not calibration_file.is_file():
+            return None
+        calibration, told = read_noted_calibration(calibration_file)
+        notes.extend(told)
+        return calibration
+
+    source = FilePairSource(
         spec=str(folder),
         kind="stereo folder",
         entries=pairs_by_name(folder / "left", folder / "right", times, "times.txt"),
         calibrate=calibrate,
     )
+    source.calibration_notes = tuple(notes)
+    return source

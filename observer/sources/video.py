@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from observer.calibration.formats.opencv_file import read_calibration_file
+from observer.calibration.formats.opencv_file import read_noted_calibration
 from observer.camera import StereoCalibration
 from observer.errors import SourceError
 from observer.sources.contract import SkippedFrame, SourceInfo
@@ -54,6 +54,7 @@ class VideoSource:
 
     Attributes:
         calibration: in a ``calibration.yaml`` beside the (left) file; None without one.
+        calibration_notes: what was decided while it was read, one sentence each.
 
     Raises:
         SourceError, CalibrationError: as ``open_video``.
@@ -82,7 +83,7 @@ class VideoSource:
             frame_rate=first.rate,
             frame_count=self._announced,
         )
-        self.calibration = _calibration_beside(paths[0], self.info)
+        self.calibration, self.calibration_notes = _calibration_beside(paths[0], self.info)
         self._captures: list[cv2.VideoCapture] = []
         self._last_time, self._ended = -math.inf, False
         self.rewind()
@@ -234,10 +235,12 @@ def _halves(image: Image) -> tuple[Image, Image]:
     return image[:, :middle].copy(), image[:, middle:].copy()
 
 
-def _calibration_beside(path: Path, info: SourceInfo) -> StereoCalibration | None:
+def _calibration_beside(
+    path: Path, info: SourceInfo
+) -> tuple[StereoCalibration | None, tuple[str, ...]]:
     file = path.parent / "calibration.yaml"
     if not file.is_file():
-        return None
-    calibration = read_calibration_file(file)
+        return None, ()
+    calibration, notes = read_noted_calibration(file)
     check_size(calibration, info.width, info.height, name=str(file), images="the video's")
-    return calibration
+    return calibration, notes

@@ -150,3 +150,19 @@ def test_a_refused_file_names_the_key_and_the_reason(
     expect(page.get_by_role("dialog")).to_contain_text("Kalibr")
     expect(error).to_be_empty()
     page.keyboard.press("Escape")
+
+
+def test_a_unit_is_asked_for_where_it_is_to_be_set(open_panel: OpenPanel, camera: Json) -> None:
+    page = open_panel(refusals=True)
+    page.get_by_role("tab", name="Calibration").click()
+    unit = page.get_by_label("Unit", exact=True)
+    expect(unit).to_be_hidden()
+    baseline = _kalibr_baseline({"baseline": 1000 * camera["baseline"]})
+    millimetres = _camchain(camera, baseline)
+    _choose(page, camchain=millimetres)
+    expect(page.locator("#calibration-error")).to_contain_text("set unit to mm")
+    expect(unit).to_be_focused()
+    unit.fill("mm")
+    _choose(page, camchain=millimetres)
+    expect(page.get_by_role("dialog")).to_contain_text(f"{camera['baseline']:.4f} m")
+    page.keyboard.press("Escape")

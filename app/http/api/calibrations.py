@@ -29,8 +29,9 @@ from app.server.calibrations.library import (
 from app.server.status import status
 from app.storage import CalibrationRecord
 from observer.calibration.formats.exporting import ExportKind
+from observer.calibration.formats.known import formats_in_words
 from observer.calibration.formats.understanding import Cameras, NamedFile
-from observer.calibration.formats.units import Unit
+from observer.calibration.formats.units import UNIT_HELP
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
@@ -69,18 +70,22 @@ async def list_calibrations(server: TheServer) -> list[Calibration]:
     "",
     status_code=201,
     summary="Upload a calibration",
-    responses=refusals(413, 415, 422, 503, 507),
+    responses=refusals(422, 503, 507),
+    description=(
+        f"Recognised by content: {formats_in_words()}. It is kept, not used yet; the same content "
+        f"is the same calibration."
+    ),
 )
 async def post_calibration(
     file: Annotated[list[UploadFile], File(description="One file, or two that belong together.")],
     server: TheServer,
     size: Annotated[str | None, Form(description="As in 1280x720, where no file tells it.")] = None,
-    unit: Annotated[Unit | None, Form(description="Of lengths; none: the format's own.")] = None,
+    unit: Annotated[
+        str | None,
+        Form(description=f"Of lengths, where it is not the format's own: {UNIT_HELP}."),
+    ] = None,
     cameras: Annotated[Cameras | None, Form(description="KITTI's pair.")] = None,
 ) -> Calibration:
-    """Every usual format is recognised by content: OpenCV, ROS, Kalibr, KITTI, MATLAB,
-    Middlebury, ZED, EuRoC. It is kept, not used yet; the same content is the same calibration.
-    """
     files = [
         NamedFile(plain_name(each.filename, "calibration.yaml"), await each.read())
         for each in file[:_MOST]
@@ -120,7 +125,7 @@ async def refine(server: TheServer) -> Calibration:
 @router.patch(
     "/{id}",
     summary="Rename a calibration",
-    responses=refusals(404, 415, 422, 503),
+    responses=refusals(404, 422, 503),
 )
 async def rename(id: NameInPath, change: CalibrationChange, server: TheServer) -> Calibration:
     return server.calibrating.entry(await server.calibrating.rename(id, change.name))
@@ -137,11 +142,13 @@ async def activate(id: NameInPath, server: TheServer) -> Status:
     "/{id}/file",
     summary="The file as it was uploaded, or as a run used it",
     response_class=Response,
-    responses={200: {"content": {"application/yaml": {}}}, **refusals(404, 503)},
+    responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404, 503)},
 )
 async def get_file(id: NameInPath, server: TheServer) -> Response:
     record = await asyncio.to_thread(find_kept_calibration, server.storage, id)
-    return attachment(record.text, f"calibration-{record.id[:12]}.yaml", "application/yaml")
+    # Not as YAML: OpenCV's first line, %YAML:1.0, is none.
+    name = f"calibration-{record.id[:12]}.yaml"
+    return attachment(record.text, name, "application/octet-stream")
 
 
 @router.get(
@@ -187,7 +194,7 @@ async def get_depth(
     "/{id}/tape-checks",
     status_code=201,
     summary="Hold the depth of a place against a tape measure",
-    responses=refusals(404, 409, 415, 422, 503, 507),
+    responses=refusals(404, 409, 422, 503, 507),
 )
 async def post_tape_check(record: Listed, check: TapeCheckStart, server: TheServer) -> Calibration:
     """The result is kept beside the calibration."""

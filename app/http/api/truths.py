@@ -10,6 +10,7 @@ from app.contract.truths import TruthEntry
 from app.http.api.common import NameInPath, TheServer, plain_name
 from app.http.api.refusals import refusals
 from observer.truth.files.angles import AngleReading
+from observer.truth.files.known import formats_in_words
 
 router = APIRouter(prefix="/truth", tags=["truth"])
 
@@ -24,7 +25,12 @@ async def list_truths(server: TheServer) -> list[TruthEntry]:
     "",
     status_code=201,
     summary="Upload a truth file",
-    responses=refusals(413, 415, 422, 503, 507),
+    description=(
+        f"Recognised by content: {formats_in_words()}, and truth.csv. Where angles can be read in "
+        f"two ways, the refusal of the field `angles` says so with figures of both; send the file "
+        f"again with one of them."
+    ),
+    responses=refusals(422, 503, 507),
 )
 async def post_truth(
     file: Annotated[UploadFile, File(description="Motion capture, or a truth.csv.")],
@@ -38,11 +44,6 @@ async def post_truth(
         Form(description="How Vicon's three angles are meant, where that cannot be found out."),
     ] = None,
 ) -> TruthEntry:
-    """CSV of Vicon Tracker, Nexus and Motive, C3D, EuRoC, TUM and plain CSV are recognised.
-
-    Where angles can be read in two ways, the refusal of the field ``angles`` says so with figures
-    of both; send the file again with one of them.
-    """
     name = plain_name(file.filename, "truth.csv")
     return await server.runs.truths.upload(file.file, name, rate_hz, angles)
 

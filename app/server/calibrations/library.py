@@ -23,13 +23,13 @@ from observer.calibration.formats.exporting import ExportKind, export_calibratio
 from observer.calibration.formats.opencv_file import calibration_text, read_calibration
 from observer.calibration.formats.recognition import read_any
 from observer.calibration.formats.understanding import Cameras, NamedFile
-from observer.calibration.formats.units import Unit
+from observer.calibration.formats.units import LengthUnit, UnitUnclear, parse_unit
 from observer.calibration.report import depth_bias_of
 from observer.calibration.tape import tape_check
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, InputError
 
-_FILE_FIELD = ("body", "file")
+_FILE_FIELD, _UNIT_FIELD = ("body", "file"), ("body", "unit")
 _LONGEST_NAME = 100
 _MOST_CHECKS = 50
 
@@ -51,7 +51,7 @@ def keep_upload(
     files: Sequence[NamedFile],
     *,
     size: tuple[int, int] | None,
-    unit: Unit | None,
+    unit: str | None,
     cameras: Cameras | None,
 ) -> CalibrationRecord:
     """Read an upload in any supported format and store it.
@@ -59,17 +59,20 @@ def keep_upload(
     A complete OpenCV file is stored unchanged; the others are stored as OpenCV YAML.
 
     Args:
-        size, unit, cameras: as for ``read_any``.
+        size, cameras: as for ``read_any``. unit: as for ``parse_unit``; None takes the format's.
 
     Raises:
         FieldError: the files are not a usable calibration; one sentence says why.
         StorageError: it could not be stored.
     """
+    length_unit = _length_unit(unit)
     try:
-        understood = read_any(files, size=size, unit=unit, cameras=cameras)
+        understood = read_any(files, size=size, unit=length_unit, cameras=cameras)
+    except UnitUnclear as error:
+        raise FieldError(_UNIT_FIELD, str(error.asking("set unit to {}"))) from error
     except CalibrationError as error:
         raise FieldError(_FILE_FIELD, str(error)) from error
-    text = _as_it_came(files) if unit is None else None
+    text = _as_it_came(files) if length_unit is None else None
     info = {
         **calibration_facts(understood.calibration),
         "origin": f"uploaded: {understood.format}",
@@ -79,6 +82,15 @@ def keep_upload(
     return storage.save_calibration(
         text or calibration_text(understood.calibration), name=name, info=info
     )
+
+
+def _length_unit(said: str | None) -> LengthUnit | None:
+    if said is None or not said.strip():
+        return None
+    try:
+        return parse_unit(said)
+    except CalibrationError as error:
+        raise FieldError(_UNIT_FIELD, str(error)) from error
 
 
 def _as_it_came(files: Sequence[NamedFile]) -> str | None:

@@ -90,11 +90,18 @@ class _Stereo(FileModel):
         return self.image_width, self.image_height
 
 
-@calibration_errors()
 def read_calibration_file(path: Path | str) -> StereoCalibration:
     """Read a calibration from a file, as ``read_calibration`` does from its text."""
+    return read_noted_calibration(path)[0]
+
+
+@calibration_errors()
+def read_noted_calibration(path: Path | str) -> tuple[StereoCalibration, tuple[str, ...]]:
+    """Read a calibration from a file; also return a sentence on each lens that was replaced."""
     path = Path(path)
-    return read_calibration(read_text(path, CALIBRATION), name=path.name)
+    text = read_text(path, CALIBRATION)
+    draft = opencv_draft([(path.name, parse_plain_data(text, name=path.name))], Wanted())
+    return draft.calibration(), tuple(f"{path.name}: {note}" for note in draft.smooth_notes())
 
 
 @calibration_errors()

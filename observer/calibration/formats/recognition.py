@@ -13,6 +13,7 @@ import numpy as np
 from observer.calibration.formats.euroc_file import euroc_draft
 from observer.calibration.formats.kalibr_file import kalibr_draft
 from observer.calibration.formats.kitti_file import kitti_odometry_draft, kitti_raw_draft
+from observer.calibration.formats.known import FORMATS, FileKind, formats_in_words
 from observer.calibration.formats.matlab_file import is_matlab, matlab_draft
 from observer.calibration.formats.middlebury_file import middlebury_draft
 from observer.calibration.formats.oak_file import is_oak, oak_draft
@@ -39,31 +40,12 @@ from observer.calibration.formats.zed_file import zed_draft
 from observer.errors import CalibrationError
 from observer.text_files import PlainData, check_length, decoded, read_bytes
 
-_Kind = Literal["opencv", "ros", "kalibr", "euroc", "kitti raw", "kitti odometry", "middlebury",
-                "zed", "matlab", "oak", "ost", "one camera"]  # fmt: skip
-_WORDS: dict[_Kind, str] = {
-    "opencv": "an OpenCV calibration",
-    "ros": "a ROS camera_info",
-    "kalibr": "a Kalibr camchain",
-    "euroc": "an EuRoC sensor.yaml",
-    "kitti raw": "a KITTI calib_cam_to_cam.txt",
-    "kitti odometry": "a KITTI calib.txt",
-    "middlebury": "a Middlebury calib.txt",
-    "zed": "a ZED calibration",
-    "matlab": "a MATLAB calibration",
-    "oak": "an OAK calib.json",
-    "ost": "a ROS ost.txt",
-    "one camera": "the calibration of one camera",
-}
-_UNDERSTOOD = (
-    "understood are OpenCV (YAML, XML, JSON), ROS camera_info and ost.txt, Kalibr camchain, KITTI, "
-    "MATLAB stereoParameters, Middlebury calib.txt, ZED .conf, OAK calib.json and EuRoC sensor.yaml"
-)
+_Kind = FileKind | Literal["one camera"]
 # intrinsics.yml and extrinsics.yml, or one file for each camera.
 _MOST_FILES = 2
 _CHAIN = ("cam0", "cam1")
 # Texts that are no YAML, XML or JSON, by a line that each has.
-_LINES: Mapping[_Kind, str] = {
+_LINES: Mapping[FileKind, str] = {
     "zed": r"(?i)^\s*\[\s*(LEFT|RIGHT)_CAM_\w+\s*\]",
     "middlebury": r"^\s*cam0\s*=\s*\[",
     "kitti raw": r"^(S|K|D|R|T|S_rect|R_rect|P_rect)_0[0-3]:[ \t]*[-+.\d]",
@@ -87,7 +69,7 @@ class _Recognised:
 
 
 # The readers of what one file holds for both cameras.
-_OF_ONE_FILE: Mapping[_Kind, Callable[[_Recognised, Wanted], Draft]] = {
+_OF_ONE_FILE: Mapping[FileKind, Callable[[_Recognised, Wanted], Draft]] = {
     "kalibr": lambda one, _: kalibr_draft(*one.mapping),
     "oak": lambda one, _: oak_draft(*one.mapping),
     "matlab": lambda one, wanted: matlab_draft(one.file.name, one.file.content, wanted),
@@ -164,8 +146,8 @@ def _draft(files: list[_Recognised], wanted: Wanted) -> Draft:
     for other in files[1:]:
         if other.kind != kind:
             raise CalibrationError(
-                f"{first.file.name} is {_WORDS[kind]}, but {other.file.name} is "
-                f"{_WORDS[other.kind]}; bring files that belong together"
+                f"{first.file.name} is {_noun(kind)}, but {other.file.name} is "
+                f"{_noun(other.kind)}; bring files that belong together"
             )
     if kind == "one camera":
         raise CalibrationError(
@@ -180,14 +162,14 @@ def _draft(files: list[_Recognised], wanted: Wanted) -> Draft:
         if len(files) != 2:
             pair = "left.yaml and right.yaml" if kind == "ros" else "those of cam0 and cam1"
             raise CalibrationError(
-                f"{first.file.name}: {_WORDS[kind]} holds one camera; bring both files together, "
+                f"{first.file.name}: {_noun(kind)} holds one camera; bring both files together, "
                 f"{pair}"
             )
         compose = ros_draft if kind == "ros" else euroc_draft
         return compose(files[0].mapping, files[1].mapping)
     if len(files) != 1:
         raise CalibrationError(
-            f"{first.file.name}: {_WORDS[kind]} is one file for both cameras, but "
+            f"{first.file.name}: {_noun(kind)} is one file for both cameras, but "
             f"{len(files)} were given; bring one"
         )
     return _OF_ONE_FILE[kind](first, wanted)
@@ -222,5 +204,10 @@ def _kind_of_mapping(name: str, data: dict[str, PlainData]) -> _Kind:
         return "opencv"
     keys = ", ".join(list(data)[:4])[:80] or "none"
     raise CalibrationError(
-        f"{name}: no calibration was recognised (its keys: {keys}); {_UNDERSTOOD}"
+        f"{name}: no calibration was recognised (its keys: {keys}); understood are "
+        f"{formats_in_words()}"
     )
+
+
+def _noun(kind: _Kind) -> str:
+    return "the calibration of one camera" if kind == "one camera" else FORMATS[kind].noun

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from observer.calibration.formats.rational_lens import Smooth, without_pole
 from observer.calibration.formats.units import (
     LengthUnit,
+    UnitUnclear,
     implausible,
     is_plausible,
     metres,
@@ -169,7 +171,7 @@ class Draft:
     choices: tuple[Choice, ...] = ()
 
     def calibration(self, unit: LengthUnit | None = None) -> StereoCalibration:
-        """The calibration, T in metres; a lens with a pole in its image has ``smooth``'s D.
+        """The calibration, T in metres; a lens with a pole in its image has ``smooth_lenses``' D.
 
         Args:
             unit: what T is in, or how many metres one unit is; None takes the draft's own.
@@ -180,10 +182,10 @@ class Draft:
         used, left, right = unit or self.unit, self.left, self.right
         length = float(np.linalg.norm(self.T))
         if length and np.isfinite(length) and not is_plausible(length * metres(used)):
-            raise CalibrationError(self.told(implausible(length, used)))
+            raise UnitUnclear(self.told(implausible(length, used)), length, used)
         D1, D2 = (
             camera.D if smooth is None else smooth.D
-            for camera, smooth in ((left, self.smooth(left)), (right, self.smooth(right)))
+            for camera, smooth in zip((left, right), self.smooth_lenses, strict=True)
         )
         try:
             T = self.T * metres(used)
@@ -191,13 +193,25 @@ class Draft:
         except CalibrationError as error:
             raise CalibrationError(self.told(str(error))) from None
 
-    def smooth(self, camera: DraftCamera) -> Smooth | None:
-        """Return the lens in place of a rational one whose pole lies within its image."""
+    @cached_property
+    def smooth_lenses(self) -> tuple[Smooth | None, Smooth | None]:
+        """Lenses in place of rational ones, left and right, whose poles lie within their images."""
+        return self._smooth(self.left), self._smooth(self.right)
+
+    def _smooth(self, camera: DraftCamera) -> Smooth | None:
         if self.left.model != "radtan" or camera.D.size not in (8, 12, 14):
             return None
         if camera.K.shape != (3, 3) or not camera.K[0, 0] > 0 or not camera.K[1, 1] > 0:
             return None
         return without_pole(camera.K, camera.D, self.left.size)
+
+    def smooth_notes(self) -> list[str]:
+        """Return one sentence for each lens that was replaced."""
+        return [
+            _smooth_note(self.own_key(key), smooth)
+            for key, smooth in zip(("D1", "D2"), self.smooth_lenses, strict=True)
+            if smooth is not None
+        ]
 
     def told(self, sentence: str) -> str:
         """The sentence with the file's name before it and the file's own names of the keys."""
@@ -230,11 +244,7 @@ def understood(
     for key in ("K1", "K2"):
         notes += _check_camera_matrix(draft, key, getattr(calibration, key))
     calibration = _without_skew(calibration)
-    notes += [
-        _smooth_note(draft.own_key(key), smooth)
-        for key, camera in (("D1", draft.left), ("D2", draft.right))
-        if (smooth := draft.smooth(camera)) is not None
-    ]
+    notes += draft.smooth_notes()
     if draft.size_was_told:
         _check_central(draft, calibration)
     size = draft.left.size

@@ -1,4 +1,9 @@
-"""Units of the lengths in calibration files; said by people, never guessed from a size."""
+"""Units of the lengths in calibration files; said by people, never guessed from a size.
+
+Whoever takes a unit from people (the command line, REST, the panel) takes what ``parse_unit``
+takes, tells it by ``UNIT_HELP``, and names its own control where a file asks for another unit
+(``UnitUnclear.asking``).
+"""
 
 from __future__ import annotations
 
@@ -20,9 +25,33 @@ _WORDS: Mapping[Unit, str] = {
     "cm": "centimetres",
     "in": "inches",
 }
+UNIT_HELP = (
+    "m, cm, mm or in, or the length of one unit of the file, as in 25mm for squares of a board of "
+    "25 mm"
+)
 _SAID = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})?\s*(m|mm|cm|in)\s*", re.ASCII)
 # A square of a board is a few centimetres, and a baseline seldom longer than 50 of them.
 _MOST_SQUARES = 50.0
+
+
+class UnitUnclear(CalibrationError):
+    """A baseline that is none in the unit that it was read in; only a person knows the right one.
+
+    Args:
+        told: what is wrong, and where.
+        baseline: as the file has it, positive. unit: what it was read in.
+        request: what the person is to do, with ``{}`` for the unit, as in ``say --unit {}``.
+    """
+
+    def __init__(
+        self, told: str, baseline: float, unit: LengthUnit, request: str = "say unit={!r}"
+    ) -> None:
+        super().__init__(f"{told}; {_question(baseline, unit, request)}")
+        self._told, self._baseline, self._unit = told, baseline, unit
+
+    def asking(self, request: str) -> UnitUnclear:
+        """Return the same error with another request, which names the caller's own control."""
+        return UnitUnclear(self._told, self._baseline, self._unit, request)
 
 
 def parse_unit(text: str) -> LengthUnit:
@@ -39,10 +68,7 @@ def parse_unit(text: str) -> LengthUnit:
             return unit
         if metres := float(number) * _METRES[unit]:
             return metres
-    raise CalibrationError(
-        f"the unit {text[:40]!r} is not understood; say m, cm, mm or in, or the length of one unit "
-        f"of the file, as in 25mm for squares of a board of 25 mm"
-    )
+    raise CalibrationError(f"the unit {text[:40]!r} is not understood; say {UNIT_HELP}")
 
 
 def metres(unit: LengthUnit) -> float:
@@ -61,29 +87,31 @@ def is_plausible(baseline_m: float) -> bool:
 
 
 def implausible(baseline: float, unit: LengthUnit) -> str:
-    """Return the sentence on a baseline that is none in this unit, and which unit would fit.
+    """Return the clause on a baseline that is none in this unit; it begins with T.
 
     Args:
         baseline: as the file has it, positive. unit: what it was read in.
     """
+    return (
+        f"T gives a baseline of {baseline * metres(unit):g} m when read in {unit_words(unit)}, "
+        f"which is outside {MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m"
+    )
+
+
+def _question(baseline: float, unit: LengthUnit, request: str) -> str:
+    """Return which units would fit, and what to do if the file is in one of them."""
     fitting = [
-        f"in {_WORDS[each]} ({_length(baseline * factor)}), say --unit {each}"
+        f"in {_WORDS[each]} ({_length(baseline * factor)}), {request.format(each)}"
         for each, factor in _METRES.items()
         # Cameras are seldom calibrated in inches: who does so knows.
         if each not in (unit, "in") and is_plausible(baseline * factor)
     ]
-    squares = "in squares of the board, say the size of a square, as in --unit 25mm"
-    if fitting and MAX_BASELINE_M < baseline <= _MOST_SQUARES:
+    squares = f"in squares of a board of 25 mm, {request.format('25mm')}"
+    if not fitting:
+        return f"no unit of length makes it plausible; if the file is {squares}"
+    if MAX_BASELINE_M < baseline <= _MOST_SQUARES:
         fitting.append(squares)
-    asked = (
-        f"if the file is {'; if '.join(fitting)}"
-        if fitting
-        else f"no unit of length makes it plausible; if the file is {squares}"
-    )
-    return (
-        f"T gives a baseline of {baseline * metres(unit):g} m when read in {unit_words(unit)}, "
-        f"which is outside {MIN_BASELINE_M:g} to {MAX_BASELINE_M:g} m; {asked}"
-    )
+    return f"if the file is {'; if '.join(fitting)}"
 
 
 def _length(length_m: float) -> str:

@@ -68,7 +68,7 @@ def parse_settings(query: str) -> CameraSettings:
         reader = _READERS.get(key)
         if reader is None:
             raise SourceError(
-                f"a camera has no setting {key!r}; the settings are {', '.join(_READERS)}"
+                f"a camera has no setting {key[:40]!r}; the settings are {', '.join(_READERS)}"
             )
         attribute, read = reader
         if attribute in values:

@@ -80,7 +80,7 @@ def parse_devices(rest: str, by_path: Path = BY_PATH) -> CamerasSpec:
         if len(parts) != 2:
             raise SourceError(
                 f"camera: takes two devices with a comma between them, as in camera:0,1, or one "
-                f"side-by-side device, as in camera:sbs:0, not {names!r:.80}"
+                f"side-by-side device, as in camera:sbs:0, not {names[:80]!r}"
             )
         targets = (_device(parts[0], by_path), _device(parts[1], by_path))
         if Path(targets[0].address).resolve() == Path(targets[1].address).resolve():
@@ -103,11 +103,11 @@ def parse_urls(text: str) -> CamerasSpec:
     targets = tuple(_url(url.strip()) for url in urls)
     names = ",".join(target.name for target in targets)
     if side_by_side and len(targets) != 1:
-        raise SourceError(f"sbs: takes one address of a side-by-side camera, not {names}")
+        raise SourceError(f"sbs: takes one address of a side-by-side camera, not {names[:200]}")
     if not side_by_side and len(targets) != 2:
         raise SourceError(
             f"network cameras come in pairs, as in rtsp://LEFT,rtsp://RIGHT, or as "
-            f"sbs:rtsp://BOTH where one shows both images side by side, not {names}"
+            f"sbs:rtsp://BOTH where one shows both images side by side, not {names[:200]}"
         )
     if len({target.address for target in targets}) != len(targets):
         raise SourceError(f"left and right are the same camera, {targets[0].name}; name two")
@@ -155,20 +155,20 @@ def without_password(url: str) -> str:
     pairs = parse_qsl(query, keep_blank_values=True)
     if any(_SECRET_KEY.search(key) for key, _ in pairs):
         query = urlencode([(key, value) for key, value in pairs if not _SECRET_KEY.search(key)])
-    return urlunsplit(
-        (parts.scheme, parts.netloc.rpartition("@")[2], parts.path, query, parts.fragment)
-    )
+    # Where a scheme was typed twice, the user stands in what is the path then.
+    path = re.sub(r"//[^/]*@", "//", parts.path)
+    return urlunsplit((parts.scheme, parts.netloc.rpartition("@")[2], path, query, parts.fragment))
 
 
 def _device(text: str, by_path: Path) -> CameraTarget:
     text = text.strip()
-    if text.isascii() and text.isdecimal():
+    if re.fullmatch(r"[0-9]{1,9}", text):
         path = f"/dev/video{int(text)}"
-    elif text.startswith("/"):
+    elif text.startswith("/") and "\0" not in text:
         path = text
     else:
         raise SourceError(
-            f"{text!r:.80} names no camera; use its number, as in camera:0,1, or its path below "
+            f"{text[:80]!r} names no camera; use its number, as in camera:0,1, or its path below "
             f"{BY_PATH}"
         )
     return CameraTarget(path, _lasting_name(path, by_path), network=False)

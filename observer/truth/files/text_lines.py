@@ -7,6 +7,7 @@ import io
 from typing import BinaryIO
 
 from observer.errors import TruthError
+from observer.truth.files.known import formats_in_words
 
 # Enough for tens of thousands of markers in a row.
 _MOST_CHARACTERS = 1 << 20
@@ -39,7 +40,9 @@ class TextLines:
                 f"{name}: the text is UTF-16; save it as UTF-8, or export it once more as CSV"
             )
         if b"\0" in head:
-            raise TruthError(f"{name}: this is neither text nor C3D; {UNDERSTOOD}")
+            raise TruthError(
+                f"{name}: this is neither text nor C3D; understood are {formats_in_words()}"
+            )
         self.is_utf8 = _is_utf8(head)
         encoding = "utf-8-sig" if self.is_utf8 else "cp1252"
         self._file = io.TextIOWrapper(file, encoding=encoding, errors="replace")
@@ -74,13 +77,6 @@ class TextLines:
                 f"characters, so this is no table of motion capture"
             )
         return line.rstrip("\n") if line else None
-
-
-UNDERSTOOD = (
-    "understood are CSV files of Vicon Tracker (Objects, Segments), Nexus (Trajectories) and "
-    "OptiTrack Motive (rigid bodies), C3D, EuRoC's ground truth, TUM, and CSV with the header "
-    "t,x,y,z or t,x,y,z,qx,qy,qz,qw in seconds and metres"
-)
 
 
 def separator_of(text: str) -> str:

@@ -15,21 +15,13 @@ import {
 } from "../elements/dom.js";
 import { KeptList, passFocus } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
-import { request } from "../shell/api.js";
+import { ApiError, request } from "../shell/api.js";
 import { answered, attempt, attemptIn, confirmed, notify } from "../shell/notice.js";
 import { compared, describe, previewed } from "./calibration-preview.js";
 
 /** @import { Calibration } from "./report-parts.js" */
 /** @import { Status } from "../contract" */
 
-/** @type {[string, string][]} */
-const UNITS = [
-  ["", "The format's own"],
-  ["m", "metres"],
-  ["cm", "centimetres"],
-  ["mm", "millimetres"],
-  ["in", "inches"],
-];
 /** @type {[string, string][]} */
 const CAMERAS = [
   ["", "As the images are"],
@@ -44,9 +36,22 @@ class CalibrationPanel extends Part {
     "aria-describedby": "calibration-file-help calibration-error",
   });
   #size = input("text", "calibration-size", { placeholder: "as in 1280x720" });
-  #unit = select({ id: "calibration-unit" }, UNITS);
+  #unit = input("text", "calibration-unit", { placeholder: "as in mm", maxlength: 40 });
   #cameras = select({ id: "calibration-cameras" }, CAMERAS);
   #error = h("p.field-error", { id: "calibration-error", role: "alert" });
+  #open = details(
+    "Where the files leave something open",
+    h(
+      "div.stack",
+      field("Image size, where no file tells it", this.#size),
+      field(
+        "Unit",
+        this.#unit,
+        "Of lengths: m, cm, mm or in, or the side of a square where they are squares of the board, as in 25mm; empty: the format's own.",
+      ),
+      field("Cameras", this.#cameras),
+    ),
+  );
   #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
@@ -67,17 +72,9 @@ class CalibrationPanel extends Part {
     const drop = dropZone(
       this.#file,
       "Choose a calibration file, or drop it here",
-      "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
+      "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED, OAK or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
       (files) => this.#send(files),
-      details(
-        "Where the files leave something open",
-        h(
-          "div.stack",
-          field("Image size, where no file tells it", this.#size),
-          field("Lengths are in", this.#unit),
-          field("Cameras", this.#cameras),
-        ),
-      ),
+      this.#open,
       this.#error,
     );
     this.append(
@@ -165,7 +162,14 @@ class CalibrationPanel extends Part {
     }
     const taken = await attemptIn(this.#error, async () => {
       /** @type {Calibration} */
-      const calibration = await request("POST", "/calibrations", form);
+      const calibration = await request("POST", "/calibrations", form).catch((error) => {
+        // It is asked for in a field that is folded away at first.
+        if (error instanceof ApiError && "unit" in error.fields) {
+          this.#open.toggleAttribute("open", true);
+          this.#unit.focus();
+        }
+        throw error;
+      });
       this.hub.tell("calibrations");
       // Looked at after the files can be chosen again.
       void this.#look(calibration);

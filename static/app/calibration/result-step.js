@@ -114,7 +114,7 @@ export class ResultStep extends Part {
 
   /** @param {Record<string, any>} report @param {Set<string>} present names of views that are still there */
   #show(report, present) {
-    const { verdict, held_out: heldOut, uncertainty } = report;
+    const { verdict, held_out: heldOut, interval_95: half } = report;
     this.#report = report;
     this.#sentence.dataset.tone = verdict?.warnings.length ? "poor" : "good";
     setText(this.#sentence, verdict?.sentence ?? "");
@@ -134,15 +134,15 @@ export class ResultStep extends Part {
           : "too few views",
       ],
       [
-        "Baseline",
-        `${fixed(report.baseline_m * 1000, 2)} ± ${fixed(uncertainty.baseline_m * 1000, 2)} mm`,
+        "Baseline, 95 % interval",
+        `${fixed(report.baseline_m * 1000, 2)} ± ${fixed(half.baseline_m * 1000, 2)} mm`,
       ],
       ["Field of view", `${fixed(wide, 1)}° × ${fixed(high, 1)}°`],
       [
-        "Focal length",
-        `${fixed(report.focal_px[0], 1)} ± ${fixed(uncertainty.focal_left_px, 1)} px`,
+        "Focal length, 95 % interval",
+        `${fixed(report.focal_px[0], 1)} ± ${fixed(half.focal_left_px, 1)} px`,
       ],
-      ["Vergence", `± ${fixed(uncertainty.vergence_deg, 3)}°`],
+      ["Vergence, 95 % interval", `± ${fixed(half.vergence_deg, 3)}°`],
       ["Views", `${report.pairs} pairs`],
     ]);
     this.#chart.replaceChildren(viewChart(report.views));

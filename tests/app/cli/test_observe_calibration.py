@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import cv2
@@ -10,6 +11,7 @@ import pytest
 
 from app.cli.observe import observe
 from observer.calibration.formats.exporting import ExportKind, export_calibration
+from observer.calibration.formats.opencv_file import calibration_text
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, InputError
 
@@ -104,6 +106,25 @@ def test_the_unit_is_asked_for_and_said(
         observe("images", calibration=[f"{name}.yaml"])
     observe("images", calibration=[f"{name}.yaml"], unit=unit)
     assert "baseline 0.1 m" in capsys.readouterr().err
+
+
+def test_a_lens_that_is_replaced_in_the_sources_own_calibration_is_told(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(folder / "images", tmp_path / "images")
+    K = np.array([[150.0, 0, 80], [0, 150, 60], [0, 0, 1]])
+    # 1 - s / 0.2495 over 1 - s / 0.25, where s = r^2 is 0.44 in the corners.
+    D = np.array([-1 / 0.2495, 0, 0, 0, 0, -1 / 0.25, 0, 0])
+    text = calibration_text(
+        StereoCalibration(160, 120, K, D, K, np.zeros(4), np.eye(3), np.array([-0.1, 0, 0]))
+    )
+    (tmp_path / "images" / "calibration.yaml").write_text(text)
+    observe(str(tmp_path / "images"))
+    told = capsys.readouterr().err
+    assert "calibration.yaml: D1 is a rational lens that folds over" in told
+    assert "D2 is" not in told
+    observe(str(tmp_path / "images"), calibration=[str(folder / "opencv.yaml")])
+    assert "folds over" not in capsys.readouterr().err
 
 
 def test_a_unit_without_a_file_and_an_unknown_one_are_refused(

@@ -120,6 +120,23 @@ async def test_what_came_is_kept_as_it_came_unless_its_lengths_were_read_otherwi
     assert read.json()["baseline_m"] == pytest.approx(0.12, abs=1e-4)
 
 
+async def test_a_unit_is_asked_for_by_its_field_and_may_be_a_square(served: Any) -> None:
+    (file,) = opencv()
+    squares = NamedFile("squares.yaml", file.content.replace(b"-0.12", b"-4.8"))
+    asked = await send(served, [squares])
+    (problem,) = asked.json()["detail"]
+    assert (asked.status_code, problem["loc"]) == (422, ["body", "unit"])
+    assert problem["msg"].startswith("squares.yaml: T gives a baseline of 4.8")
+    assert problem["msg"].endswith("if in squares of a board of 25 mm, set unit to 25mm")
+    assert "--unit" not in problem["msg"]
+    read = await send(served, [squares], unit=" 25mm ")
+    assert read.status_code == 201, read.text
+    assert read.json()["baseline_m"] == pytest.approx(0.12, abs=1e-4)
+    assert "T converted from units of 25 mm: baseline 0.12 m" in read.json()["notes"]
+    # As a form has it where nobody wrote anything.
+    assert (await send(served, opencv(), unit="")).status_code == 201
+
+
 REFUSED: dict[str, tuple[Any, dict[str, str], str]] = {
     "one of two": (lambda: FORMATS["ROS"][0][:1], {}, "left.yaml and right.yaml"),
     "three": (lambda: opencv() * 3, {}, "3 files were given"),

@@ -15,6 +15,7 @@ from observer.calibration.fit import fit_stereo
 from observer.calibration.held_out import vertical_errors
 from observer.calibration.stereo_fit import StereoFit
 from observer.calibration.uncertainty import depth_change, view_angles_deg
+from observer.calibration.view_jackknife import SIGMAS_95
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 
@@ -76,17 +77,16 @@ def test_says_how_sure_it_is_and_is_right_about_that() -> None:
     per_disparity = 3 / (TRUE.K1[0, 0] * TRUE.baseline)
     for seed in range(4):
         fit = fitted(views_of(TRUE, 8, 20 + seed))
-        found, sure = fit.calibration, fit.uncertainty
+        found, half = fit.calibration, fit.interval_95
         vergence = view_angles_deg(found)[1] - view_angles_deg(TRUE)[1]
         scale, offset = depth_change(TRUE, found)[0]
-        shares["focal"].append((found.K1[0, 0] - TRUE.K1[0, 0]) / sure.focal_left_px)
-        shares["baseline"].append((found.baseline - TRUE.baseline) / sure.baseline_m)
-        shares["vergence"].append(vergence / sure.vergence_deg)
-        shares["depth"].append(
-            (scale - offset * per_disparity) / fit.depth_bias.relative_sigma(per_disparity)
-        )
+        shares["focal"].append((found.K1[0, 0] - TRUE.K1[0, 0]) / half.focal_left_px)
+        shares["baseline"].append((found.baseline - TRUE.baseline) / half.baseline_m)
+        shares["vergence"].append(vergence / half.vergence_deg)
+        sigma = fit.depth_bias.relative_sigma(per_disparity)
+        shares["depth"].append((scale - offset * per_disparity) / (SIGMAS_95 * sigma))
     for name, values in shares.items():
-        assert 0.2 < np.sqrt(np.mean(np.square(values))) < 2.2, (name, values)
+        assert 0.1 < np.sqrt(np.mean(np.square(values))) < 1.1, (name, values)
 
 
 def test_held_out_views_show_noise_and_little_else() -> None:
@@ -134,7 +134,7 @@ def test_views_of_one_camera_serve_that_camera() -> None:
     both = fitted([v for v in alone if v.left and v.right])
     more = fitted(alone)
     assert more.pairs == both.pairs == 6
-    assert more.uncertainty.focal_left_px < 0.8 * both.uncertainty.focal_left_px
+    assert more.interval_95.focal_left_px < 0.8 * both.interval_95.focal_left_px
     assert (more.views[0].right_px, more.views[1].left_px) == (None, None)
     assert more.calibration.baseline == pytest.approx(TRUE.baseline, rel=0.005)
 

@@ -197,7 +197,7 @@ def test_an_empty_image_size_must_be_told() -> None:
         ({"RotationOfCamera2": R[:2]}, "RotationOfCamera2 must hold 9 numbers, not 6"),
         ({"TranslationOfCamera2": np.zeros((1, 3))}, "T must not be zero"),
         ({"TranslationOfCamera2": np.array([[120.0, 0, 0]])}, "swap left and right"),
-        ({"TranslationOfCamera2": np.array([[-0.12, 0, 0]])}, "in metres (120 mm), say --unit m"),
+        ({"TranslationOfCamera2": np.array([[-0.12, 0, 0]])}, "in metres (120 mm), say unit='m'"),
         ({"TranslationOfCamera2": np.array([[np.nan, 0, 0]])}, "hold finite numbers only"),
         ({"TranslationOfCamera2": "left"}, "TranslationOfCamera2 must hold numbers"),
         ({"CameraParameters1": camera(K1, WorldUnits="furlongs")}, "WorldUnits is 'furlongs'"),

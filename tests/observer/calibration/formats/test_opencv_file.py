@@ -147,7 +147,7 @@ ONE = r"K1: !!opencv-matrix\s+rows: 3\s+cols: 3\s+dt: d\s+data: \[[^\]]*\]"
         (replaced(r"\nR: .*?\]", "\nR: [2, 0, 0, 0, 1, 0, 0, 0, 1]"), "R must be a rotation"),
         (replaced(r"\nR: .*?\]", "\nR: [1, 0, 0, 0, 1, 0, 0, 0, -1]"), "R must be a rotation"),
         (replaced(r"data: \[ -0.12, 1e-17, 0.002 \]", "data: [0, 0, 0]"), "T must not be zero"),
-        (replaced(r"-0.12, 1e-17, 0.002", "-120, 0, 0"), "in millimetres (120 mm), say --unit mm"),
+        (replaced(r"-0.12, 1e-17, 0.002", "-120, 0, 0"), "in millimetres (120 mm), say unit='mm'"),
         (replaced(r"-0.12, 1e-17, 0.002", "-12000, 0, 0"), "outside 0.001 to 2 m"),
         (replaced(r"rows: 3\s+cols: 1\s+dt: d\s+data: \[ -0.12, 1e-17, 0.002 \]",
                   "rows: 2\n   cols: 1\n   data: [-0.1, 0]"), "T must hold 3 numbers, not 2"),

@@ -150,13 +150,13 @@ def millimetres(text: str) -> str:
 def test_units_are_never_guessed() -> None:
     whole = exported("opencv")[0].content.decode()
     in_mm = texts(millimetres(whole))
-    with pytest.raises(CalibrationError, match=r"in millimetres \(120 mm\), say --unit mm"):
+    with pytest.raises(CalibrationError, match=r"in millimetres \(120 mm\), say unit='mm'"):
         read_any(in_mm)
     understood = read_any(in_mm, unit="mm")
     assert np.allclose(understood.calibration.T, [-0.12, 0.001, 0.002])
     assert "T converted from millimetres: baseline 0.12002 m" in understood.notes
     in_squares = texts(whole.replace("[ -0.12, 0.001, 0.002 ]", "[ -4.8, 0.0, 0.0 ]"))
-    with pytest.raises(CalibrationError, match=r"in squares of the board, say .* --unit 25mm$"):
+    with pytest.raises(CalibrationError, match=r"in squares of a board of 25 mm, say unit='25mm'$"):
         read_any(in_squares)
     understood = read_any(in_squares, unit=0.025)
     assert understood.calibration.baseline == pytest.approx(0.12)

@@ -10,7 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from observer.calibration.formats.recognition import named_file, read_any
-from observer.calibration.formats.units import implausible, metres, parse_unit, unit_words
+from observer.calibration.formats.units import (
+    UnitUnclear,
+    implausible,
+    metres,
+    parse_unit,
+    unit_words,
+)
 from observer.errors import CalibrationError
 
 
@@ -55,10 +61,9 @@ def test_any_text_is_a_length_or_refused(said: str) -> None:
         (71.9, "if the file is in millimetres (71.9 mm), say --unit mm; if in centimetres (719 mm),"
                " say --unit cm"),
         (1500.0, "if the file is in millimetres (1.5 m), say --unit mm"),
-        (3.0, "say --unit cm; if in squares of the board, say the size of a square, as in --unit "
-              "25mm"),
-        (9000.0, "no unit of length makes it plausible; if the file is in squares of the board, "
-                 "say the size of a square, as in --unit 25mm"),
+        (3.0, "say --unit cm; if in squares of a board of 25 mm, say --unit 25mm"),
+        (9000.0, "no unit of length makes it plausible; if the file is in squares of a board of "
+                 "25 mm, say --unit 25mm"),
     ],
 )  # fmt: skip
 def test_fitting_units_are_asked_about(baseline: float, expected: str) -> None:
@@ -66,7 +71,16 @@ def test_fitting_units_are_asked_about(baseline: float, expected: str) -> None:
     assert told.startswith(
         f"T gives a baseline of {baseline:g} m when read in metres, which is out"
     )
-    assert told.endswith(expected)
+    asked = UnitUnclear(told, baseline, "m").asking("say --unit {}")
+    assert str(asked).startswith(f"{told}; ")
+    assert str(asked).endswith(expected)
+
+
+def test_each_caller_asks_for_its_own_control() -> None:
+    unclear = UnitUnclear("too wide", 120.0, "m")
+    assert "(120 mm), say unit='mm'; if in c" in str(unclear)
+    assert "(120 mm), set unit to mm; if in c" in str(unclear.asking("set unit to {}"))
+    assert "unit=" not in str(unclear.asking("set unit to {}"))
 
 
 def test_a_pair_in_millimetres_that_another_tool_wrote(shared_data: Path) -> None:
@@ -75,7 +89,8 @@ def test_a_pair_in_millimetres_that_another_tool_wrote(shared_data: Path) -> Non
     refused = "T gives a baseline of 60.7472 m when read in metres, which is outside"
     with pytest.raises(CalibrationError, match=re.escape(refused)) as caught:
         read_any(files, size=(1280, 960))
-    assert "millimetres (60.7 mm), say --unit mm" in str(caught.value)
+    assert isinstance(caught.value, UnitUnclear)
+    assert "millimetres (60.7 mm), say unit='mm'" in str(caught.value)
     made = read_any(files, size=(1280, 960), unit="mm").calibration
     assert made.baseline == pytest.approx(0.0607, abs=1e-4)
     assert made.K1[0, 0] == pytest.approx(832.9, abs=0.1)

@@ -74,7 +74,7 @@ def test_the_projects_own_truth_is_told_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        (b"", "upload: the file is empty; understood are CSV files of Vicon Tracker"),
+        (b"", "upload: the file is empty; understood are Vicon Tracker (CSV of Obj"),
         (b" \r\n\r\n", "upload: the file is empty"),
         (b",,,\r\n" * 400, "upload: the file holds nothing but empty lines"),
         (b"PK\x03\x04 xlsx", "upload: this is a ZIP archive or a spreadsheet; unpack it, or save"),

@@ -1,0 +1,128 @@
+"""Damaged calibrations of every format: a valid calibration or one sentence, nothing else."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer.calibration.formats.exporting import ExportKind, export_calibration
+from observer.calibration.formats.recognition import named_file, read_any
+from observer.calibration.formats.understanding import NamedFile
+from observer.calibration.formats.units import parse_unit
+from observer.camera import StereoCalibration
+from observer.errors import CalibrationError
+
+from ....damage import damaged, examples, hostile_bytes, hostile_text, read_or_refused
+from . import test_oak_file, test_ost_file
+from .test_recognition import FORMATS, RIG
+
+SAMPLES: dict[str, tuple[bytes, ...]] = {
+    **{name: tuple(file.content for file in files) for name, files in FORMATS.items()},
+    "OAK": (json.dumps(test_oak_file.board(), indent=1).encode(),),
+    "ost.txt of two": (test_ost_file.LEFT.encode(), test_ost_file.RIGHT.encode()),
+    "ost.txt of one": ((test_ost_file.LEFT + test_ost_file.RIGHT).encode(),),
+}
+PIECES = tuple(
+    key.encode() + mark
+    for key in ("K1", "D1", "T", "cam0", "cameraData", "T_BS", "camera_matrix", "P0", "S_00",
+                "image_width", "distortion_model", "T_cn_cnm1", "toCameraSocket", "resolution")
+    for mark in (b": ", b": 1\n", b"=[")
+)  # fmt: skip
+
+
+def hold(contents: list[bytes], size: tuple[int, int] | None = None) -> None:
+    """Read the files, and hold what is read to what a calibration is."""
+    files = [NamedFile(f"file{i}", content) for i, content in enumerate(contents)]
+    understood = read_or_refused(lambda: read_any(files, size=size), CalibrationError)
+    if understood is not None:
+        assert_usable(understood.calibration)
+        assert all(len(note.splitlines()) == 1 for note in understood.notes)
+
+
+def assert_usable(made: StereoCalibration) -> None:
+    for each in dataclasses.fields(made):
+        value = getattr(made, each.name)
+        assert not isinstance(value, np.ndarray) or np.isfinite(value).all(), each.name
+    np.testing.assert_allclose(made.R @ made.R.T, np.eye(3), atol=1e-5)
+    assert np.linalg.det(made.R) == pytest.approx(1, abs=1e-5)
+    assert 0.001 <= made.baseline <= 2
+    assert 8 <= min(made.width, made.height) <= max(made.width, made.height) <= 16384
+    assert min(made.K1[0, 0], made.K1[1, 1], made.K2[0, 0], made.K2[1, 1]) > 0
+
+
+@pytest.mark.parametrize("format", SAMPLES)
+@examples(16)
+@given(data=st.data())
+def test_damage_is_refused_or_leaves_a_calibration(format: str, data: st.DataObject) -> None:
+    contents = list(SAMPLES[format])
+    which = data.draw(st.integers(0, len(contents) - 1))
+    contents[which] = data.draw(damaged([contents[which]], PIECES))
+    hold(contents, data.draw(st.sampled_from([None, (1241, 376)])))
+
+
+@examples(40)
+@given(contents=st.lists(hostile_bytes(PIECES), min_size=1, max_size=2))
+def test_anything_else_is_refused(contents: list[bytes]) -> None:
+    hold(contents)
+
+
+@pytest.mark.parametrize("names", [
+    ("ros_ost.txt",), ("opencv_millimetres/intrinsics.yml", "opencv_millimetres/extrinsics.yml"),
+])  # fmt: skip
+@examples(12)
+@given(data=st.data())
+def test_damaged_files_of_other_people_are_refused_or_calibrations(
+    shared_data: Path, names: tuple[str, ...], data: st.DataObject
+) -> None:
+    folder = shared_data / "wild" / "calibrations"
+    if not folder.is_dir():
+        pytest.skip(f"the calibrations of other people are not here: {folder} is no folder")
+    contents = [named_file(folder / name).content for name in names]
+    which = data.draw(st.integers(0, len(contents) - 1))
+    contents[which] = data.draw(damaged([contents[which]], PIECES))
+    hold(contents, data.draw(st.sampled_from([None, (640, 480)])))
+
+
+_small = st.floats(-0.2, 0.2)
+
+
+@st.composite
+def rigs(draw: st.DrawFn) -> StereoCalibration:
+    """Any calibration that all three tools can hold."""
+    K1, K2 = (
+        np.array([[draw(st.floats(450, 550)), 0, draw(st.floats(280, 360))],
+                  [0, draw(st.floats(450, 550)), draw(st.floats(200, 280))], [0, 0, 1]])
+        for _ in range(2)
+    )  # fmt: skip
+    # Four coefficients, of which large ones fold the image over within its border.
+    D1, D2 = (np.array([draw(_small) * scale for scale in (1, 0.1, 0.01, 0.01)]) for _ in range(2))
+    return dataclasses.replace(RIG, K1=K1, D1=D1, K2=K2, D2=D2,
+                               T=np.array([-draw(st.floats(0.02, 1.5)), 0.001, 0.002]))  # fmt: skip
+
+
+@pytest.mark.parametrize(("kind", "atol"), [("opencv", 0.0), ("kalibr", 0.0), ("ros", 1e-6)])
+@examples(10)
+@given(made=rigs())
+def test_what_is_exported_is_read_back(
+    kind: ExportKind, atol: float, made: StereoCalibration
+) -> None:
+    read = read_any(export_calibration(made, kind, "a")).calibration
+    for key in ("K1", "K2", "R", "T"):
+        np.testing.assert_allclose(getattr(read, key), getattr(made, key), atol=atol, rtol=0)
+    for key in ("D1", "D2"):
+        # ROS fills up to five coefficients.
+        np.testing.assert_array_equal(getattr(read, key)[:4], getattr(made, key))
+        assert not getattr(read, key)[4:].any()
+
+
+@examples(40)
+@given(text=hostile_text(("25", "mm", "25mm", "in", "1e3", " m ")))
+def test_a_unit_is_a_length_or_refused(text: str) -> None:
+    unit = read_or_refused(lambda: parse_unit(text), CalibrationError)
+    assert unit is None or isinstance(unit, str) or 0 < unit < 1e10

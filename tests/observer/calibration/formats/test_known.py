@@ -1,0 +1,43 @@
+"""Formats are declared once, and whoever lists them lists all."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from observer.calibration.formats.known import (
+    FORMATS,
+    FileKind,
+    formats_in_words,
+    tools,
+    tools_in_words,
+)
+
+REPOSITORY = Path(__file__).parents[4]
+
+
+def test_every_kind_of_file_is_declared_once() -> None:
+    assert set(FORMATS) == set(get_args(FileKind))
+    assert len(tools()) == len(set(tools()))
+
+
+@pytest.mark.parametrize(
+    ("place", "paragraph"),
+    [
+        ("README.md", r"\*\*Bring your own\.\*\*.*?\n\n"),
+        ("static/app/calibration/calibration-panel.js", r'"[^"\n]*recognised by content;[^"\n]*"'),
+    ],
+)
+def test_every_list_for_people_names_every_tool(place: str, paragraph: str) -> None:
+    found = re.search(paragraph, (REPOSITORY / place).read_text(), re.DOTALL)
+    assert found is not None
+    assert [tool for tool in tools() if tool not in found[0]] == []
+
+
+def test_the_files_of_a_tool_are_told_together() -> None:
+    assert "ROS (camera_info of both cameras; ost.txt)" in formats_in_words()
+    assert formats_in_words().count("KITTI") == 1
+    assert tools_in_words().startswith("OpenCV, ROS, ")

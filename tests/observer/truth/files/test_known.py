@@ -1,0 +1,36 @@
+"""Motion capture formats are declared once, and whoever lists them lists all."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import get_args
+
+import pytest
+
+from observer.truth.files.known import FORMATS, CaptureKind, formats_in_words, names_in_words
+
+REPOSITORY = Path(__file__).parents[4]
+
+
+def test_every_reader_has_a_format() -> None:
+    assert {each.kind for each in FORMATS} == set(get_args(CaptureKind))
+
+
+@pytest.mark.parametrize(
+    ("place", "paragraph"),
+    [
+        ("README.md", r"\*\*Truth\*\* may be a file of .*?\n\n"),
+        ("static/app/runs/truth-picker.js", r'"[^"\n]*recognised by content\."'),
+    ],
+)
+def test_every_list_for_people_names_every_format(place: str, paragraph: str) -> None:
+    found = re.search(paragraph, (REPOSITORY / place).read_text(), re.DOTALL)
+    assert found is not None
+    words = " ".join(found[0].split())
+    assert [each.name for each in FORMATS if each.name not in words] == []
+
+
+def test_the_list_in_words() -> None:
+    assert names_in_words().endswith("EuRoC, TUM or plain CSV")
+    assert "Nexus (CSV of Trajectories)" in formats_in_words()
