@@ -8,6 +8,13 @@ Only the command line exits and only the web layer maps these to HTTP.
 class DynamicObserverError(Exception):
     """Root of every error that this library raises on purpose."""
 
+    def __str__(self) -> str:
+        """Return the message on one line: what it quotes of a file or a path may break lines."""
+        text = super().__str__()
+        if text.isprintable():
+            return text
+        return "".join(each if each.isprintable() else repr(each)[1:-1] for each in text)
+
 
 class InputError(DynamicObserverError):
     """Refusal of input (a path, a file, a name, a value) that cannot be used as it is."""
@@ -38,4 +45,4 @@ class ParameterError(InputError):
 
     def __init__(self, problems: dict[str, str]) -> None:
         self.problems = dict(problems)
-        super().__init__("; ".join(f"{name}: {text}" for name, text in problems.items()))
+        super().__init__("; ".join(f"{name[:60]}: {text}" for name, text in problems.items()))

@@ -22,7 +22,7 @@ def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameter
         name, equals, value = text.partition("=")
         if not equals:
             raise InputError(
-                f"--set takes NAME=VALUE, as in --set ego_motion.model=affine, not {text!r}"
+                f"--set takes NAME=VALUE, as in --set ego_motion.model=affine, not {text[:80]!r}"
             )
         changes[name.strip()] = _typed(value.strip())
     return effective(preset(preset_name), changes)
@@ -32,6 +32,7 @@ def _typed(text: str) -> ParameterValue:
     """Convert numbers and true/false to their types; keep everything else as text."""
     try:
         value = json.loads(text)
-    except json.JSONDecodeError:
+    except (ValueError, RecursionError):
+        # No JSON, or more digits or brackets than any value has.
         return text
     return value if isinstance(value, int | float | bool) else text

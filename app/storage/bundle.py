@@ -30,10 +30,11 @@ _LARGEST_MANIFEST = 64 * _CHUNK
 _STORED = (".mcap", ".mp4", ".zip", ".jpg", ".png")
 
 
-# zlib.error and RuntimeError (a password) come from a zip's content.
+# zlib.error and RuntimeError (a password) come from a zip's content, ValueError (of text and
+# places that are none) and OverflowError from the headers of both.
 _BROKEN = (
     zipfile.BadZipFile, tarfile.TarError, EOFError, OSError, NotImplementedError, RuntimeError,
-    zlib.error,
+    zlib.error, ValueError, OverflowError,
 )  # fmt: skip
 
 
@@ -178,7 +179,10 @@ class Bundle:
     def _names(self) -> list[str]:
         if isinstance(self._archive, zipfile.ZipFile):
             return self._archive.namelist()
-        members = self._archive.getmembers()
+        try:
+            members = self._archive.getmembers()
+        except _BROKEN as error:
+            raise self._broken("its files cannot be listed") from error
         if not all(member.isreg() for member in members):
             raise self._broken("it holds more than files")
         return [member.name for member in members]
@@ -203,7 +207,7 @@ class Bundle:
                 )
             files = {name: Entry(**entry) for name, entry in content.pop("files").items()}
             manifest = Manifest(**content, files=files)
-        except (*_BROKEN, ValueError, KeyError, TypeError, AttributeError) as error:
+        except (*_BROKEN, KeyError, TypeError, AttributeError) as error:
             raise self._broken("its list of files cannot be read") from error
         if kind != KIND:
             raise BackupError(f"{self._path} is no backup; it was not made by {_COMMAND}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -18,6 +19,9 @@ Matrix = tuple[Vector, Vector, Vector]
 Quaternion = tuple[Finite, Finite, Finite, Finite]
 Share = Annotated[float, Field(ge=0, le=1)]
 
+# By rounding in the tools of those who write such lines themselves.
+_UNIT_WITHIN = 1e-3
+
 
 class _Entry(BaseModel):
     # Lines may hold more than evaluation needs.
@@ -29,6 +33,13 @@ class PoseEntry(_Entry):
 
     position: Vector
     orientation_wxyz: Quaternion
+
+    @field_validator("orientation_wxyz")
+    @classmethod
+    def _unit(cls, quaternion: tuple[float, ...]) -> tuple[float, ...]:
+        if abs(math.hypot(*quaternion) - 1) > _UNIT_WITHIN:
+            raise ValueError("must be a unit quaternion")
+        return quaternion
 
 
 class ObstacleEntry(_Entry):
@@ -106,7 +117,8 @@ def read_both(path: Path) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]
     for number, text in contents:
         try:
             lines.append((number, json.loads(text)))
-        except (json.JSONDecodeError, RecursionError):
+        except (ValueError, RecursionError):
+            # A plain ValueError is a whole number of thousands of digits.
             raise InputError(f"{path.name} line {number} is not valid JSON") from None
     if not lines:
         raise InputError(f"{path.name} holds no lines")
@@ -118,7 +130,7 @@ def _line(content: Any, number: int) -> Line:
         return Line.model_validate(content)
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False, include_input=False)[0]
-        place = ".".join(str(part) for part in first["loc"]) or "the line"
+        place = ".".join(str(part)[:60] for part in first["loc"]) or "the line"
         raise InputError(f"line {number}, {place}: {first['msg']}") from None
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from observer.errors import SourceError
 from observer.image_files.reading import IMAGE_SUFFIXES
+from observer.text_files import NUMBER
 
 
 @dataclass(frozen=True)
@@ -62,10 +63,8 @@ def read_times(path: Path) -> list[float]:
     """
     times = []
     for number, line in read_lines(path):
-        try:
-            value = float(line)
-        except ValueError:
-            value = math.nan
+        # Python also reads 1_000 and the digits of other scripts, which nobody means here.
+        value = float(line) if NUMBER.fullmatch(line) else math.nan
         if not math.isfinite(value):
             raise SourceError(
                 f"{path.name} line {number} must be a time in seconds, not {line[:40]!r}"

@@ -147,9 +147,9 @@ def _jpeg_damage(content: bytes) -> str | None:
 
 
 def _netpbm_damage(content: bytes) -> str | None:
-    header = re.match(rb"P([56])(?:\s|#[^\n]*\n)+(\d+)\s+(\d+)\s+(\d+)\s", content)
+    header = re.match(rb"P([56])(?:\s|#[^\n]*\n)+(\d{1,9})\s+(\d{1,9})\s+(\d{1,9})\s", content)
     if header is None:
-        return None  # unusual comments; the decoder decides
+        return None  # unusual comments or no sizes; the decoder decides
     kind, *numbers = header.groups()
     width, height, maximum = map(int, numbers)
     channels = 3 if kind == b"6" else 1

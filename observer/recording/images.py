@@ -13,6 +13,8 @@ from observer.errors import SourceError
 from observer.types import Image
 
 _VARINT, _FIXED64, _BYTES, _FIXED32 = 0, 1, 2, 5
+# Of the ten bytes that a number may have; one without end would take a time without end.
+_VARINT_BITS = 70
 # Numbers of fields in foxglove/RawImage.proto and foxglove/CompressedImage.proto.
 _RAW_WIDTH, _RAW_HEIGHT, _RAW_ENCODING, _RAW_STEP, RAW_DATA = 2, 3, 4, 5, 6
 _JPEG_DATA = 2
@@ -122,6 +124,8 @@ def _varint(message: memoryview, at: int) -> tuple[int, int]:
         shift += 7
         if byte < 0x80:
             return value, at
+        if shift >= _VARINT_BITS:
+            raise SourceError("a message of the recording is damaged")
 
 
 def _bytes(value: int | memoryview | None) -> bytes:

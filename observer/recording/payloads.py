@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from observer.errors import SourceError
 from observer.mount import CameraMount
 from observer.types import Odometry
 
@@ -68,11 +69,21 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
     anchor: Anchor = msgspec.field(default_factory=Anchor.now)
 
     def camera_mount(self) -> CameraMount | None:
-        """Return the mount that the run was observed with."""
+        """Return the mount that the run was observed with.
+
+        Raises:
+            SourceError: it is no camera's.
+        """
         if self.mount is None:
             return None
         known: dict[str, Any] = {name: v for name, v in self.mount.items() if v is not None}
-        return CameraMount(**known)
+        try:
+            return CameraMount(**known)
+        except (TypeError, ValueError):
+            raise SourceError(
+                "the recording is damaged: its camera's mount is not as this program writes it; "
+                "give an undamaged recording"
+            ) from None
 
 
 class RecordedFrame(msgspec.Struct, frozen=True, kw_only=True):

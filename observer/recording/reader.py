@@ -34,6 +34,7 @@ from observer.recording.payloads import (
     RecordedFrame,
     RobotRow,
     RunFacts,
+    SamplePayload,
     SkippedPayload,
     TruthPayload,
 )
@@ -50,6 +51,7 @@ from observer.truth.motion_capture import (
 from observer.types import Image
 
 _Payload = TypeVar("_Payload", bound=msgspec.Struct)
+_Decoded = TypeVar("_Decoded")
 _SIDES = (topics.LEFT_RAW.name, topics.RIGHT_RAW.name)
 
 
@@ -111,18 +113,20 @@ class Recording:
 
     def lines(self) -> Iterator[dict[str, Any]]:
         """Yield the observations' JSON lines, in order."""
-        for _, message in self.messages(topics.OBSERVATION.name):
-            yield msgspec.json.decode(message.data)
+        decoder = msgspec.json.Decoder(dict[str, Any])
+        for topic, message in self.messages(topics.OBSERVATION.name):
+            yield self._decoded(decoder, topic, message)
 
     @cached_property
     def positioned_revisions(self) -> tuple[tuple[int, ParameterRevision], ...]:
         """Revisions of parameters, each with the position of the first frame that it acts on."""
         found, position = [], 0
+        decoder = msgspec.json.Decoder(ParameterRevision)
         for topic, message in self.messages(topics.FRAME.name, topics.PARAMETERS.name):
             if topic == topics.FRAME.name:
                 position += 1
             else:
-                told = msgspec.json.decode(message.data, type=ParameterRevision)
+                told = self._decoded(decoder, topic, message)
                 values, difference = translated(told.values), translated(told.difference)
                 revision = msgspec.structs.replace(told, values=values, difference=difference)
                 found.append((position, revision))
@@ -142,7 +146,10 @@ class Recording:
             if found and payload.time <= found[-1].time:
                 break
             # Where a frame's number repeats, a table of them would be of no use.
-            found.append(_truth_sample(payload))
+            try:
+                found.append(_truth_sample(payload))
+            except ValueError:
+                raise self._unlike_ours(topics.TRUTH.name) from None
         return tuple(found)
 
     def truth(self) -> SampledTruth | None:
@@ -162,15 +169,10 @@ class Recording:
         """Yield the samples of live motion capture, in order of arrival."""
         for payload in self._payloads(topics.MOTION_CAPTURE, CapturePayload):
             for told in payload.samples:
-                yield BodySample(
-                    name=told.name,
-                    time=told.time,
-                    received=told.received,
-                    position=None if told.position is None else np.array(told.position),
-                    rotation=None
-                    if told.rotation is None
-                    else np.array(told.rotation).reshape(3, 3),
-                )
+                try:
+                    yield _body_sample(told)
+                except ValueError:
+                    raise self._unlike_ours(topics.MOTION_CAPTURE.name) from None
 
     def capture(self) -> Capture | None:
         """Return the samples by body, on the server's own clock; None where there are none.
@@ -290,13 +292,27 @@ class Recording:
 
     def _payloads(self, topic: Topic, kind: type[_Payload]) -> Iterator[_Payload]:
         decoder = msgspec.json.Decoder(kind)
-        for _, message in self.messages(topic.name):
-            yield decoder.decode(message.data)
+        for name, message in self.messages(topic.name):
+            yield self._decoded(decoder, name, message)
+
+    def _decoded(
+        self, decoder: msgspec.json.Decoder[_Decoded], topic: str, message: Message
+    ) -> _Decoded:
+        try:
+            return decoder.decode(message.data)
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            raise self._unlike_ours(topic) from None
+
+    def _unlike_ours(self, topic: str) -> SourceError:
+        return SourceError(
+            f"{self.path.name} is damaged: a message of {topic} is not as this program writes it; "
+            f"give an undamaged recording"
+        )
 
     def _first_facts(self) -> RunFacts:
         try:
             facts = next(self._payloads(topics.RUN, RunFacts), None)
-        except msgspec.MsgspecError:
+        except SourceError:
             facts = None
         if facts is None:
             raise SourceError(
@@ -306,14 +322,27 @@ class Recording:
         return facts
 
 
+def _body_sample(told: SamplePayload) -> BodySample:
+    return BodySample(
+        name=told.name,
+        time=told.time,
+        received=told.received,
+        position=None if told.position is None else np.array(told.position).reshape(3),
+        rotation=None if told.rotation is None else np.array(told.rotation).reshape(3, 3),
+    )
+
+
 def _truth_sample(payload: TruthPayload) -> TruthSample:
     pose = None
     if payload.camera_position is not None and payload.camera_orientation_wxyz is not None:
         pose = Pose.from_quaternion(payload.camera_orientation_wxyz, payload.camera_position)
     bodies = []
     for body in payload.bodies:
-        vectors = {name: np.array(getattr(body, name)) for name in ("position", "velocity", "size")}
-        box = None if body.box_px is None else tuple(body.box_px)
+        vectors = {
+            name: np.array(getattr(body, name)).reshape(3)
+            for name in ("position", "velocity", "size")
+        }
+        box = None if body.box_px is None else tuple(np.array(body.box_px).reshape(4).tolist())
         bodies.append(TrueBody(**{**msgspec.structs.asdict(body), **vectors, "box_px": box}))
     return TruthSample(payload.frame, payload.time, tuple(bodies), pose)
 

@@ -7,8 +7,10 @@ waits on the socket itself (``in_waiting`` is no byte count there), and closing 
 from __future__ import annotations
 
 import errno
+import os
 import select
 import socket
+import stat
 import struct
 import termios
 from typing import Any, Protocol
@@ -19,6 +21,14 @@ WRITE_TIMEOUT_S = 0.2
 _LONGEST_READ = 4096
 # Time for the other side to read the last commands before the connection is closed.
 _LAST_WORDS_S = 0.1
+# Kinds of files that are no devices one reads and writes bytes of.
+_KINDS = {
+    stat.S_IFREG: "a file",
+    stat.S_IFDIR: "a folder",
+    stat.S_IFIFO: "a named pipe",
+    stat.S_IFSOCK: "a local socket",
+    stat.S_IFBLK: "a disk",
+}
 # pyserial raises its own OSError, lets termios errors through, and fails on files that
 # another thread has closed.
 _FAILURES = (OSError, ValueError, TypeError, termios.error)
@@ -92,9 +102,32 @@ def open_port(text: str) -> Port:
     if not tcp:
         settings["exclusive"] = True
     try:
+        if not tcp:
+            _refuse_other_files(text)
         return _PySerialPort(text, serial.serial_for_url(text, **settings), tcp)
     except _FAILURES as error:
         raise PortLost(f"{text} cannot be opened: {_reason(error)}") from error
+
+
+def _refuse_other_files(path: str) -> None:
+    """Refuse what is no serial device without opening it.
+
+    Opening is not harmless: pyserial locks what it opens, a named pipe wakes up who waits at its
+    other end, and a watchdog of the machine starts to run.
+
+    Raises:
+        PortLost: it is something else. OSError: it is not there, or must not be looked at.
+    """
+    status = os.stat(path)
+    kind = _KINDS.get(stat.S_IFMT(status.st_mode))
+    if kind is None:
+        device = f"{os.major(status.st_rdev)}:{os.minor(status.st_rdev)}"
+        # Linux tells nothing here of pseudo terminals; other systems have no such folder.
+        subsystem = os.path.realpath(f"/sys/dev/char/{device}/subsystem")
+        if os.path.exists(subsystem) and os.path.basename(subsystem) != "tty":
+            kind = "another kind of device"
+    if kind is not None:
+        raise PortLost(f"{path} cannot be opened: it is {kind}, not a serial port")
 
 
 class _PySerialPort:

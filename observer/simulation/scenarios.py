@@ -16,14 +16,16 @@ from typing import Any, Literal
 import yaml
 from pydantic import Field, ValidationError
 
-from observer.errors import ScenarioError
+from observer.errors import InputError, ScenarioError
 from observer.simulation.specs.base import Spec
 from observer.simulation.specs.boards import BoardSpec
 from observer.simulation.specs.cameras import CameraSpec, FaultSpec, ShakeSpec
 from observer.simulation.specs.people import PersonSpec
 from observer.simulation.specs.places import ObjectSpec, RoomSpec, TextureSpec
 from observer.simulation.specs.vehicles import RobotSpec, VehicleSpec
-from observer.text_files import problem
+from observer.text_files import parse_text, problem, read_text
+
+_FORM = "a YAML mapping with a title and motions"
 
 
 class VariationSpec(Spec):
@@ -92,8 +94,7 @@ class Scenario(Spec):
 
 def scenario_names() -> tuple[str, ...]:
     """Return the names of the built-in scenarios, the default one first, the others sorted."""
-    files = (entry.name for entry in _folder().iterdir())
-    names = (f.removesuffix(".yaml") for f in files if f.endswith(".yaml") and f[0] != "_")
+    names = (name for name in _built_in() if name[0] != "_")
     return tuple(sorted(names, key=lambda name: (name != "lab", name)))
 
 
@@ -112,15 +113,21 @@ def load_scenario(name: str) -> Scenario:
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
         raise ScenarioError(
-            f"there is no scenario {name!r}; there are {', '.join(scenario_names())}, "
+            f"there is no scenario {name[:80]!r}; there are {', '.join(scenario_names())}, "
             f"or give the path of a .yaml file"
         )
     try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ScenarioError(f"there is no scenario file {path}") from None
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"the scenario file {path} cannot be read: {error}") from None
+        if not path.exists():
+            raise ScenarioError(f"there is no scenario file {path}")
+        text = read_text(path, "a scenario")
+    except ScenarioError:
+        raise
+    except InputError as error:
+        raise ScenarioError(str(error)) from None
+    except (OSError, ValueError) as error:
+        # Of a path that is too long, or that holds a NUL character.
+        why = getattr(error, "strerror", None) or error
+        raise ScenarioError(f"the scenario file {name[:80]} cannot be read: {why}") from None
     return scenario_from_text(text, path.stem)
 
 
@@ -138,21 +145,27 @@ def scenario_from_text(text: str, name: str) -> Scenario:
 
 def _mapping(text: str, name: str, depth: int) -> dict[str, Any]:
     try:
-        data = yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" in line {mark.line + 1}" if mark is not None else ""
-        raise ScenarioError(f"scenario {name} is not valid YAML{where}") from None
-    if not isinstance(data, dict):
-        raise ScenarioError(f"scenario {name} must be a YAML mapping with a title and motions")
+        # Refuses what could grow beyond its text, before anything is built of it.
+        parse_text(text, name=f"scenario {name}", what="a scenario", form=_FORM)
+        # Comments alone are nothing.
+        data = yaml.safe_load(text) or {}
+    except InputError as error:
+        raise ScenarioError(str(error)) from None
+    except (yaml.YAMLError, ValueError):
+        # Of dates that no calendar has, of numbers of thousands of digits, of tags.
+        raise ScenarioError(
+            f"scenario {name} holds a value that is no plain number, text, true or false"
+        ) from None
     base = data.pop("based_on", None)
     if base is None:
-        return data
-    source = _folder().joinpath(f"{base}.yaml")
-    if not isinstance(base, str) or "/" in base or not source.is_file():
-        raise ScenarioError(f"scenario {name}: based_on: there is no built-in scenario {base!r}")
+        return dict(data)
+    if not isinstance(base, str) or base not in _built_in():
+        raise ScenarioError(
+            f"scenario {name}: based_on: there is no built-in scenario {str(base)[:80]!r}"
+        )
     if depth > 5:
         raise ScenarioError(f"scenario {name}: based_on: the scenarios are based on each other")
+    source = _folder().joinpath(f"{base}.yaml")
     return _merged(_mapping(source.read_text(encoding="utf-8"), base, depth + 1), data)
 
 
@@ -166,6 +179,12 @@ def _merged(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:
             else value
         )
     return result
+
+
+def _built_in() -> set[str]:
+    """Return the names of the built-in files, those that others are based on alone included."""
+    files = (entry.name for entry in _folder().iterdir())
+    return {file.removesuffix(".yaml") for file in files if file.endswith(".yaml")}
 
 
 def _folder() -> Traversable:

@@ -130,7 +130,7 @@ class ObservedRun:
                 for entry in line["obstacles"]:
                     if entry["state"] == "confirmed":
                         rows[TrackKey(segment, int(entry["id"]))].append(_row(time, entry))
-            except (KeyError, TypeError, ValueError) as error:
+            except (KeyError, TypeError, ValueError, OverflowError) as error:
                 raise TruthError(
                     f"line {number} of the observations is not as observe writes it: "
                     f"{type(error).__name__} at {str(error)[:60]}"

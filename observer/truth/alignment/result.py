@@ -87,7 +87,7 @@ class Alignment:
                 centres={str(k): _three(c) for k, c in plain["centres"].items()},
                 notes=tuple(str(note) for note in plain["notes"]),
             )
-        except (KeyError, TypeError, ValueError, AttributeError) as error:
+        except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise TruthError(
                 f"the alignment is not as it was written: {type(error).__name__} at "
                 f"{str(error)[:60]}; align the run again"

@@ -255,7 +255,7 @@ def test_a_port_that_cannot_be_opened_is_tried_again(
     for port, words in (
         (f"socket://127.0.0.1:{free_port}", "connection refused"),
         (str(tmp_path / "nothing"), "there is no such device"),
-        (str(tmp_path / "file"), "it is no serial port"),
+        (str(tmp_path / "file"), "it is a file, not a serial port"),
     ):
         report = until(piloted(port), lambda report: report.phase is RobotPhase.WAITING)
         assert report.trouble == f"{port} cannot be opened: {report.trouble.split(': ', 1)[1]}"

@@ -1,0 +1,194 @@
+"""Valid files damaged as disks, editors, transfers and attackers damage them, for every parser.
+
+A parser either returns something valid or refuses in one sentence with an error of its own, soon
+and without memory beyond its input; ``read_or_refused`` holds it to that. ``DAMAGE_EXAMPLES``
+tries so many examples of each property in place of the few of every day.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import resource
+import sys
+import time
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from hypothesis import HealthCheck, settings
+from hypothesis import strategies as st
+
+Value = TypeVar("Value")
+
+# Numbers that mean trouble to whoever takes them for ordinary ones.
+NUMBERS = (
+    b"nan", b"NaN", b".nan", b"inf", b"-inf", b".inf", b"-Infinity", b"1e308", b"-1e308", b"1e999",
+    b"5e-324", b"0", b"-0", b"-1", b"1e-12", b"65536", b"2147483648", b"-2147483649",
+    b"9007199254740993", b"18446744073709551616", b"9" * 400, b"9" * 5000, b"1_000", b"0x1f",
+    b"1,5", b"--1", b"1e", b"+", b".", b"1.5.2", "٣".encode(), "²".encode(), "１".encode(),
+)  # fmt: skip
+# Pieces that end strings, lines or structures of one format or another.
+PIECES = (
+    b"", b"\0", b"\xff\xfe", b"\xef\xbb\xbf", b"\xc3", b"\xed\xa0\x80", b"\r", b"\n", b"\r\n",
+    b"\x1a", b"\x85", "\u2028".encode(), b" ", b"\t", b"\"", b"'", b",", b";", b":", b": ", b"=",
+    b"#", b"%", b"&a ", b"*a", b"!!python/object:os.system ", b"<<: ", b"- ", b"---\n", b"...\n",
+    b"{", b"}", b"[", b"]", b"<", b">", b"&lt;", b"\\", b"\\u0000", b"\\ud800", b"/", b"../", b"~",
+    b"null", b"true", b"[" * 2000, b"{\"a\":" * 2000, b"- " * 400, b"<a>" * 400,
+    b"2001-99-99", b"\xf0\x9f\xa4\x96",
+)  # fmt: skip
+_NUMBER = re.compile(rb"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+# Far more than the honest sample needs; a machine under load may take a hundred times as long.
+_LONGEST_S = 5.0
+_LARGEST_BYTES = 300_000_000
+# A path of 4096 characters may be quoted whole.
+_LONGEST_SENTENCE = 5000
+
+
+def examples(count: int) -> settings:
+    """Return the settings of a property that tries ``count`` examples every day."""
+    given = os.environ.get("DAMAGE_EXAMPLES")
+    return settings(
+        max_examples=int(given) if given else count,
+        deadline=None,
+        suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large],
+    )
+
+
+@st.composite
+def damaged(
+    draw: st.DrawFn, samples: Sequence[bytes], pieces: Sequence[bytes] = (), most: int = 3
+) -> bytes:
+    """Strategy of one of the samples with one to ``most`` damages.
+
+    Args:
+        pieces: that mean something to the parser, put in beside those that mean trouble to any.
+    """
+    content = draw(st.sampled_from(samples))
+    for _ in range(draw(st.integers(1, most))):
+        change = draw(st.sampled_from(_CHANGES))
+        content = change(draw, content, (*PIECES, *pieces))
+    return content
+
+
+def hostile_bytes(pieces: Sequence[bytes] = ()) -> st.SearchStrategy[bytes]:
+    """Strategy of any bytes, and of what looks like the format but was never a file of it."""
+    known = st.sampled_from((*PIECES, *NUMBERS, *pieces))
+    return st.binary(max_size=400) | st.lists(known, max_size=20).map(b"".join)
+
+
+def damaged_text(samples: Sequence[str], pieces: Sequence[str] = ()) -> st.SearchStrategy[str]:
+    """Strategy of damaged text, for parsers of text; what is no UTF-8 becomes half surrogates."""
+    encoded = damaged([each.encode() for each in samples], [each.encode() for each in pieces])
+    return encoded.map(_as_text)
+
+
+def hostile_text(pieces: Sequence[str] = ()) -> st.SearchStrategy[str]:
+    """Strategy of any text, and of what looks like the format."""
+    return st.text(max_size=200) | hostile_bytes([each.encode() for each in pieces]).map(_as_text)
+
+
+def read_or_refused(read: Callable[[], Value], *errors: type[Exception]) -> Value | None:
+    """Return what is read, or None where it is refused; fail for anything in between.
+
+    Args:
+        errors: the package's own, one of which a refusal must be.
+    """
+    began, memory = time.process_time(), _peak_bytes()
+    value: Value | None = None
+    try:
+        value = read()
+    except errors as error:
+        assert_one_sentence(str(error))
+    assert time.process_time() - began < _LONGEST_S, "a small input takes long"
+    assert _peak_bytes() - memory < _LARGEST_BYTES, "a small input takes much memory"
+    return value
+
+
+def assert_one_sentence(message: str) -> None:
+    """Fail unless people can read the message as one sentence, on one line."""
+    assert message.strip(), "it says nothing"
+    assert len(message.splitlines()) == 1, f"more than one line: {message!r}"
+    assert len(message) <= _LONGEST_SENTENCE, f"too long: {message[:200]!r} ..."
+    assert not message.endswith(": None"), f"it does not end: {message!r}"
+    assert " object at 0x" not in message, f"it shows an object: {message!r}"
+
+
+def _as_text(content: bytes) -> str:
+    return content.decode("utf-8", "surrogateescape")
+
+
+def _peak_bytes() -> int:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+# --- damages -----------------------------------------------------------------------------------
+
+
+def _cut_off(draw: st.DrawFn, content: bytes, _: Sequence[bytes]) -> bytes:
+    return content[: draw(st.integers(0, len(content)))]
+
+
+def _flip(draw: st.DrawFn, content: bytes, _: Sequence[bytes]) -> bytes:
+    if not content:
+        return content
+    at = draw(st.integers(0, len(content) - 1))
+    return content[:at] + bytes((content[at] ^ draw(st.integers(1, 255)),)) + content[at + 1 :]
+
+
+def _replace(draw: st.DrawFn, content: bytes, pieces: Sequence[bytes]) -> bytes:
+    at, length = draw(st.integers(0, len(content))), draw(st.integers(0, 20))
+    piece = draw(st.sampled_from(pieces) | st.sampled_from(NUMBERS) | st.binary(max_size=8))
+    return content[:at] + piece + content[at + length :]
+
+
+def _change_number(draw: st.DrawFn, content: bytes, _: Sequence[bytes]) -> bytes:
+    found = list(_NUMBER.finditer(content))
+    if not found:
+        return content
+    number = found[draw(st.integers(0, len(found) - 1))]
+    return content[: number.start()] + draw(st.sampled_from(NUMBERS)) + content[number.end() :]
+
+
+def _change_lines(draw: st.DrawFn, content: bytes, _: Sequence[bytes]) -> bytes:
+    lines = content.splitlines(keepends=True)
+    if not lines:
+        return content
+    a, b = (draw(st.integers(0, len(lines) - 1)) for _ in range(2))
+    match draw(st.sampled_from(("remove", "repeat", "exchange", "join", "move"))):
+        case "remove":
+            del lines[a]
+        case "repeat":
+            lines.insert(b, lines[a])
+        case "exchange":
+            lines[a], lines[b] = lines[b], lines[a]
+        case "join":
+            lines[a] = lines[a].rstrip(b"\r\n")
+        case "move":
+            lines.insert(b, lines.pop(a))
+    return b"".join(lines)
+
+
+def _repeat_part(draw: st.DrawFn, content: bytes, _: Sequence[bytes]) -> bytes:
+    at, length = draw(st.integers(0, len(content))), draw(st.integers(1, 60))
+    return content[: at + length] + content[at:]
+
+
+def _recode(draw: st.DrawFn, content: bytes, _: Sequence[bytes]) -> bytes:
+    match draw(st.sampled_from(("utf-16", "utf-8-sig", "latin-1", "crlf", "cr", "nothing"))):
+        case "crlf":
+            return content.replace(b"\n", b"\r\n")
+        case "cr":
+            return content.replace(b"\n", b"\r")
+        case "nothing":
+            return content.replace(b"\n", b"")
+        case "latin-1":
+            return content + "Größe ±1°".encode("latin-1")
+        case encoding:
+            return content.decode("latin-1").encode(encoding)
+
+
+_CHANGES: tuple[Callable[[st.DrawFn, bytes, Sequence[bytes]], bytes], ...] = (
+    _cut_off, _flip, _replace, _replace, _change_number, _change_number, _change_lines,
+    _repeat_part, _recode,
+)  # fmt: skip
