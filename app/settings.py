@@ -45,7 +45,11 @@ class Settings(BaseSettings):
         allowed_hosts: further names under which browsers may reach the server; a name with a
             port is allowed with this port only.
         tls_cert, tls_key: PEM files; both or neither.
+        session_unused_hours: a browser is signed out after so long without an open page; three
+            days last over a weekend. session_days: it signs in again after so long at the latest.
         viewer_points, viewer_rate_hz: the 3D scene's cloud: points drawn, updates per second.
+        strict: whether to end at the start if something configured cannot be used, instead of
+            serving with a warning.
         ring_at_guard_stops: whether the last half minute is saved when the guard stops a robot.
         calibration_max_bytes: largest calibration file. images_max_bytes: largest archive of
             images to calibrate with. truth_max_bytes: largest truth file.
@@ -66,12 +70,15 @@ class Settings(BaseSettings):
     allowed_hosts: Annotated[tuple[str, ...], NoDecode] = ()
     tls_cert: Path | None = None
     tls_key: Path | None = None
+    session_unused_hours: float = Field(72.0, ge=0.1, le=8760.0, allow_inf_nan=False)
+    session_days: float = Field(30.0, ge=0.1, le=365.0, allow_inf_nan=False)
     viewer_points: int = Field(12_000, ge=500, le=20_000)
     viewer_rate_hz: float = Field(10.0, ge=0.5, le=30.0, allow_inf_nan=False)
     calibration_max_bytes: int = Field(_MEGABYTE, ge=1024, le=64 * _MEGABYTE)
     images_max_bytes: int = Field(256 * _MEGABYTE, ge=1024, le=2048 * _MEGABYTE)
     truth_max_bytes: int = Field(512 * _MEGABYTE, ge=1024, le=4096 * _MEGABYTE)
     body_max_bytes: int = Field(256 * 1024, ge=1024, le=64 * _MEGABYTE)
+    strict: bool = False
     ring_at_guard_stops: bool = True
     log_level: Literal["debug", "info", "warning", "error"] = "warning"
 

@@ -13,8 +13,9 @@ from starlette.types import Scope
 
 import app as app_package
 from app.http.errors import SafeJSON
-from app.http.gate.headers import DOCS_POLICY, page_policy
-from app.http.gate.security import Policy
+from app.http.gate.admission import Refusal
+from app.http.gate.headers import DOCS_POLICY
+from app.http.gate.security import Policy, refused_page, sign_in_headers, wants_page
 from app.server import Server
 
 _ASSETS = Path(__file__).parent / "assets"
@@ -24,7 +25,8 @@ _PLAIN_SIGN_IN = """<!doctype html>
   <body>
     <h1>Dynamic Observer</h1>
     <p>Open the link that the server printed when it started, or enter the token at its end.</p>
-    <form method="get" action="/">
+    <!-- refusal -->
+    <form method="post" action="/sign-in">
       <label>Token <input name="token" type="password" required autofocus></label>
       <button>Sign in</button>
     </form>
@@ -76,22 +78,24 @@ def add_pages(app: FastAPI, server: Server, policy: Policy, folder: Path) -> Non
         return FileResponse(page, headers={"Cache-Control": "no-cache"})
 
     @router.get("/sign-in", name="sign-in")
-    async def show_sign_in() -> Response:
-        headers = {
-            "Content-Security-Policy": page_policy(policy.sign_in_page),
-            # With "no-referrer" browsers would hide the form's origin, which we require.
-            "Referrer-Policy": "same-origin",
-        }
-        return HTMLResponse(policy.sign_in_page, headers=headers)
+    async def show_sign_in(request: Request) -> Response:
+        if policy.admission.is_signed_in(request.scope):
+            return RedirectResponse("/", 303)
+        page = policy.sign_in_page
+        return HTMLResponse(page, headers=sign_in_headers(page))
 
     @router.post("/sign-in", name="sign in")
     async def sign_in(request: Request) -> Response:
         form = parse_qs((await request.body()).decode("latin-1"), max_num_fields=10)
-        refusal = policy.check_token(dict(request.scope), form.get("token", []))
-        if refusal is not None:
-            headers = {k.decode(): v.decode() for k, v in refusal.headers}
-            return SafeJSON({"detail": refusal.detail}, refusal.status, headers)
-        return RedirectResponse("/", 303, headers={"Set-Cookie": policy.cookie()})
+        cookie = await policy.admission.sign_in(request.scope, form.get("token", []))
+        if not isinstance(cookie, Refusal):
+            return RedirectResponse("/", 303, headers={"Set-Cookie": cookie})
+        headers = {k.decode(): v.decode() for k, v in cookie.headers}
+        if not wants_page(request.scope):
+            return SafeJSON({"detail": cookie.detail}, cookie.status, headers)
+        page = policy.sign_in_page
+        headers.update(sign_in_headers(page))
+        return HTMLResponse(refused_page(page, cookie), cookie.status, headers)
 
     @router.api_route("/healthz", methods=["GET", "HEAD"], name="alive")
     async def alive() -> Response:

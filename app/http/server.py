@@ -29,17 +29,21 @@ from app.http.api import (
     run_files,
     run_truths,
     runs,
+    sessions,
     sources,
     status,
     truths,
     views,
 )
 from app.http.api.common import TheServer
-from app.http.api.refusals import GATE_RESPONSES, refusal_schemas
+from app.http.api.refusals import BODY_RESPONSES, GATE_RESPONSES, refusal_schemas
 from app.http.errors import install_error_handlers
+from app.http.gate.admission import COOKIE_NAME, Admission
 from app.http.gate.origins import names_of
 from app.http.gate.security import Gate, Policy
-from app.http.gate.token import COOKIE_NAME, TokenGuard
+from app.http.gate.session_file import SESSION_FILE, SessionFile
+from app.http.gate.sessions import Sessions
+from app.http.gate.token import TokenGuard
 from app.http.pages import add_pages, sign_in_page, static_folder
 from app.http.sockets import viewer_proxy
 from app.http.sockets.drive import DriveSocket
@@ -57,7 +61,8 @@ from observer.version import library_version
 _DESCRIPTION = """
 Sees moving obstacles from a moving robot with a stereo camera.
 
-Sign in with the cookie that the printed link sets, or send `Authorization: Bearer TOKEN`.
+Open the printed link, which signs a browser in and gives it a cookie for its session, or send
+`Authorization: Bearer TOKEN`. A WebSocket whose session ends is closed with code 4401.
 
 Besides these routes there are four WebSockets:
 
@@ -87,6 +92,7 @@ _TAGS = [
     {"name": "robots", "description": "Driving. The stop is a software stop."},
     {"name": "programmes", "description": "Timed velocities for robots."},
     {"name": "views", "description": "Live images."},
+    {"name": "sessions", "description": "Signing out."},
     {"name": "pixels", "description": "Why a place in the image counts as moving or standing."},
 ]
 
@@ -123,10 +129,10 @@ def create_app(
         live_truth=settings.truth,
     )
     folder = static_folder()
+    admission = _admission(settings, token)
     policy = Policy(
         names=names_of(settings.host, settings.allowed_hosts, tls=settings.tls),
-        guard=TokenGuard(token, time.monotonic),
-        token=token,
+        admission=admission,
         body_max_bytes=settings.body_max_bytes,
         uploads={
             "/api/calibrations": settings.calibration_max_bytes,
@@ -149,6 +155,10 @@ def create_app(
             await server.start()
             hub = asyncio.create_task(live.run(), name="live hub")
             stack.push_async_callback(_cancel, hub)
+            admission.file.load()
+            stack.push_async_callback(admission.file.save)
+            keeping = asyncio.create_task(admission.file.keep(), name="sessions")
+            stack.push_async_callback(_cancel, keeping)
             # The page is served at once; the viewer takes a second and may fail.
             starting = asyncio.create_task(_start_viewer(door, viewer or real_viewer, server))
             stack.push_async_callback(_finish, starting)
@@ -170,6 +180,7 @@ def create_app(
     app.state.viewer = door
     app.state.feeds = {name: ViewFeed(server, name) for name in VIEW_NAMES}
     app.state.live = live
+    app.state.admission = admission
     install_error_handlers(app)
     _add_rest(app, live)
     app.include_router(viewer_proxy.router)
@@ -178,6 +189,19 @@ def create_app(
     _complete_description(app)
     app.add_middleware(Gate, policy=policy)
     return app
+
+
+def _admission(settings: Settings, token: str) -> Admission:
+    sessions = Sessions(
+        token,
+        time.monotonic,
+        unused_s=settings.session_unused_hours * 3600,
+        lifetime_s=settings.session_days * 86_400,
+    )
+    # Without a token file the next start has another token, with which these sessions end.
+    path = None if settings.token_file is None else settings.data / SESSION_FILE
+    file = SessionFile(path, sessions, time.time)
+    return Admission(TokenGuard(token, time.monotonic), sessions, file, settings.tls)
 
 
 def _real_processes(drive: Drive | None) -> tuple[Engine, Drive]:
@@ -210,6 +234,7 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         programmes,
         recordings,
         views,
+        sessions,
         pixels,
     ):
         api.include_router(part.router)
@@ -240,6 +265,10 @@ def _complete_description(app: FastAPI) -> None:
             "cookie": {"type": "apiKey", "in": "cookie", "name": COOKIE_NAME},
         }
         schema["security"] = [{"bearer": []}, {"cookie": []}]
+        for operations in schema["paths"].values():
+            for method, operation in operations.items():
+                if method != "get":
+                    operation["responses"].update(BODY_RESPONSES)
         return schema
 
     app.openapi = described  # type: ignore[method-assign]

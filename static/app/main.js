@@ -22,6 +22,7 @@ import "./runs/run-list.js";
 import "./shell/first-line.js";
 import "./shell/freshness-banner.js";
 import "./shell/side-tabs.js";
+import "./shell/sign-out.js";
 import "./shell/theme-choice.js";
 import "./sources/live-truth.js";
 import "./sources/playback-bar.js";

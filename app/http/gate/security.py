@@ -216,7 +216,9 @@ def sign_in_headers(page: str) -> dict[str, str]:
 
 
 def refused_page(page: str, refusal: Refusal) -> str:
-    """Return the sign-in page with the reason why somebody has to sign in."""
+    """Return the sign-in page, with the reason of the refusal if there is more to it."""
+    if not refusal.on_page:
+        return page
     detail = html.escape(refusal.detail[:1].upper() + refusal.detail[1:])
     return page.replace(_PLACE_OF_REFUSAL, f'<p role="alert">{detail}.</p>')
 

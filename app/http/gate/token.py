@@ -14,8 +14,6 @@ from pathlib import Path
 
 from observer.errors import InputError
 
-COOKIE_NAME = "dynamic_observer_token"
-
 _TOKEN_BYTES = 32
 # 128 bits in URL-safe base64.
 _LEAST_CHARACTERS = 22

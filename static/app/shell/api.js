@@ -1,6 +1,7 @@
 /** The REST interface under /api: one function to ask, one error to catch. */
 
 import { sentence } from "../elements/words.js";
+import { toSignIn } from "./session.js";
 
 /**
  * A request that was refused or did not arrive. `message` is one sentence for people;
@@ -71,7 +72,7 @@ async function send(method, path, body, signal) {
     throw new ApiError("The server does not answer; try again once it is back.", 0);
   }
   if (response.ok) return response;
-  if (response.status === 401) location.assign("/sign-in");
+  if (response.status === 401) toSignIn();
   throw refusal(response.status, await response.json().catch(() => null));
 }
 

@@ -1,5 +1,7 @@
 /** The telemetry WebSocket: opens, reads, and opens again when it is lost. */
 
+import { SESSION_OVER, leaveIfSignedOut, toSignIn } from "./session.js";
+
 /** @typedef {"connecting" | "open" | "closed"} Connection */
 
 const RETRY_MS = [250, 500, 1000, 2000];
@@ -34,6 +36,7 @@ export class LiveSocket {
     clearTimeout(this.#retry);
     this.handlers.state("connecting");
     const socket = new WebSocket(this.url);
+    let opened = false;
     this.#socket = socket;
     this.#heard = performance.now();
     socket.addEventListener("message", (event) => {
@@ -42,9 +45,15 @@ export class LiveSocket {
       this.handlers.message(JSON.parse(event.data));
     });
     socket.addEventListener("open", () => {
+      opened = true;
       if (this.#socket === socket) this.handlers.state("open");
     });
-    socket.addEventListener("close", () => this.#lost(socket));
+    socket.addEventListener("close", ({ code }) => {
+      if (code === SESSION_OVER) toSignIn();
+      // The reason of a refused handshake is kept from pages.
+      else if (!opened) void leaveIfSignedOut();
+      this.#lost(socket);
+    });
   }
 
   /** @param {object} message dropped while the socket is not open */

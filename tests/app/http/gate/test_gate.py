@@ -165,13 +165,17 @@ async def test_the_link_becomes_a_cookie_and_leaves_the_address(served: Any, tok
         assert answer.status_code == 303
         assert answer.headers["location"] == "/"
         cookie = answer.headers["set-cookie"]
-        assert cookie.startswith(f"dynamic_observer_token={token};")
+        name, _, session_id = cookie.partition(";")[0].partition("=")
+        assert name == "dynamic_observer_session"
+        assert len(session_id) * 6 >= 128
+        assert token not in cookie
+        assert f"Max-Age={30 * 24 * 3600};" in cookie
         assert "HttpOnly" in cookie
         assert "SameSite=Strict" in cookie
         assert "Path=/" in cookie
         assert "Secure" not in cookie
         assert (await client.get("/api/status")).is_success
-        jar = {"Cookie": f"dynamic_observer_token={token}; other=1"}
+        jar = {"Cookie": f"other=1; {name}={session_id}"}
         async with served.socket("/api/live", token=None, headers=jar) as socket:
             assert await socket.recv()
 

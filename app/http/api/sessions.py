@@ -1,0 +1,44 @@
+"""Signing out. Signing in is no part of REST: scripts bring the token itself."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
+
+from app.http.api.refusals import refusals
+from app.http.gate.admission import Admission, session_of
+from app.server import NotThere
+
+router = APIRouter(tags=["sessions"])
+
+
+def _admission(request: Request) -> Admission:
+    admission = request.app.state.admission
+    assert isinstance(admission, Admission)
+    return admission
+
+
+TheAdmission = Annotated[Admission, Depends(_admission)]
+
+
+@router.delete("/session", status_code=204, summary="Sign out", responses=refusals(404))
+async def sign_out(request: Request, admission: TheAdmission) -> Response:
+    """End the browser's session at once, with its WebSockets: a robot that it drives stops."""
+    session = session_of(request.scope)
+    if session is None:
+        raise NotThere("this request brought the token itself, so it has no session to sign out of")
+    return _signed_out(await admission.sign_out(session))
+
+
+@router.delete("/sessions", status_code=204, summary="Sign out everywhere")
+async def sign_out_everywhere(admission: TheAdmission) -> Response:
+    """End the sessions of all browsers, with their WebSockets: robots that they drive stop.
+
+    Scripts that bring the token stay; a new token keeps them out.
+    """
+    return _signed_out(await admission.sign_out_everywhere())
+
+
+def _signed_out(cookie: str) -> Response:
+    return Response(status_code=204, headers={"Set-Cookie": cookie})

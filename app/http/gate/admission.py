@@ -1,0 +1,161 @@
+"""Who may come in: scripts by the token itself, browsers by the session that they got for it.
+
+The only place that reads the cookie, for requests, WebSockets and the viewer alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from starlette.types import Scope
+
+from app.http.gate.session_file import SessionFile
+from app.http.gate.sessions import Session, Sessions
+from app.http.gate.strangers import SIGNED_IN
+from app.http.gate.token import TokenGuard, Verdict
+
+COOKIE_NAME = "dynamic_observer_session"
+
+# Key of a request's state: its session, None where it came with the token.
+_SESSION = "session"
+# More than a browser sends in one cookie; one request must not try a list of tokens.
+_MOST_CANDIDATES = 4
+
+_SIGN_IN_FIRST = (
+    "sign in first: open the link that the server printed at its start, or send the header "
+    "Authorization: Bearer TOKEN; --token-file keeps the token over restarts"
+)
+_SESSION_ENDED = (
+    "this session has ended; sign in again with the link that the server printed at its start"
+)
+_WRONG_TOKEN = (  # nosec B105
+    "this is not the server's token; open the link that it printed at its start"
+)
+_TOO_MANY = "too many wrong tokens from this address; wait a minute (the right token still works)"
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """Reply sent in place of the application's.
+
+    Attributes:
+        on_page: whether the sign-in page, which asks for the token anyway, gives the detail too.
+    """
+
+    status: int
+    detail: str
+    headers: tuple[tuple[bytes, bytes], ...] = ()
+    on_page: bool = True
+
+
+@dataclass(frozen=True)
+class Admission:
+    """Check of tokens and sessions, signing in and signing out.
+
+    Attributes:
+        guard: checks the token. sessions: those of browsers. file: keeps them.
+        tls: whether the cookie is for encrypted connections only.
+    """
+
+    guard: TokenGuard
+    sessions: Sessions
+    file: SessionFile
+    tls: bool
+
+    def admit(self, scope: Scope) -> Refusal | None:
+        """Return why a request may not come in, or None if it may; ``session_of`` tells by what."""
+        ids = _session_ids(scope)
+        session = next(filter(None, map(self.sessions.find, ids)), None)
+        if session is not None:
+            _note(scope, session)
+            return None
+        return self._check_token(scope, _bearer_tokens(scope), ended=bool(ids))
+
+    def is_signed_in(self, scope: Scope) -> bool:
+        """Return whether the request comes from a browser with a session."""
+        return any(self.sessions.find(each) for each in _session_ids(scope))
+
+    async def sign_in(self, scope: Scope, tokens: list[str]) -> str | Refusal:
+        """Exchange a token for a session, and return its ``Set-Cookie``.
+
+        A browser that has a session keeps it: somebody may be driving in another of its tabs.
+        """
+        refusal = self._check_token(scope, tokens)
+        if refusal is not None:
+            return refusal
+        for session_id in _session_ids(scope):
+            session = self.sessions.find(session_id)
+            if session is not None:
+                self.sessions.renew(session)
+                break
+        else:
+            session_id = self.sessions.start()
+        await self.file.save()
+        return self._cookie(session_id, int(self.sessions.lifetime_s))
+
+    async def sign_out(self, session: Session) -> str:
+        """End a session and return the ``Set-Cookie`` that takes its cookie away."""
+        self.sessions.end(session)
+        await self.file.save()
+        return self._cookie("", 0)
+
+    async def sign_out_everywhere(self) -> str:
+        """End every session and return the ``Set-Cookie`` that takes the cookie away."""
+        self.sessions.end_all()
+        await self.file.save()
+        return self._cookie("", 0)
+
+    def _check_token(
+        self, scope: Scope, tokens: list[str], *, ended: bool = False
+    ) -> Refusal | None:
+        client = scope.get("client")
+        verdict = self.guard.check(client[0] if client else None, tokens[:_MOST_CANDIDATES])
+        if verdict is Verdict.RIGHT:
+            _note(scope, None)
+            return None
+        if verdict is Verdict.LIMITED:
+            return Refusal(429, _TOO_MANY, ((b"retry-after", b"60"),))
+        # An id of a session is no guess at the token: it may have ended, or be another server's.
+        missing = _SESSION_ENDED if ended else _SIGN_IN_FIRST
+        text = missing if verdict is Verdict.MISSING else _WRONG_TOKEN
+        on_page = text is not _SIGN_IN_FIRST
+        return Refusal(401, text, ((b"www-authenticate", b"Bearer"),), on_page)
+
+    def _cookie(self, value: str, seconds: int) -> str:
+        secure = "; Secure" if self.tls else ""
+        return (
+            f"{COOKIE_NAME}={value}; Path=/; Max-Age={seconds}; HttpOnly; SameSite=Strict{secure}"
+        )
+
+
+def session_of(scope: Scope) -> Session | None:
+    """Return the session by which a request was admitted; None where it came with the token."""
+    session: Session | None = scope.get("state", {}).get(_SESSION)
+    return session
+
+
+def header_values(scope: Scope, name: bytes) -> list[str]:
+    """Return the values of a header, by its name in lower case."""
+    return [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
+
+
+def _note(scope: Scope, session: Session | None) -> None:
+    scope.setdefault("state", {}).update({SIGNED_IN: True, _SESSION: session})
+
+
+def _bearer_tokens(scope: Scope) -> list[str]:
+    pairs = [value.partition(" ") for value in header_values(scope, b"authorization")]
+    return [token.strip() for kind, _, token in pairs if kind.lower() == "bearer" and token.strip()]
+
+
+def _session_ids(scope: Scope) -> list[str]:
+    return list(_cookies(scope))[:_MOST_CANDIDATES]
+
+
+def _cookies(scope: Scope) -> Iterator[str]:
+    for value in header_values(scope, b"cookie"):
+        for part in value.split(";"):
+            name, _, session_id = part.strip().partition("=")
+            if name == COOKIE_NAME and session_id:
+                yield session_id

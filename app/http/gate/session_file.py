@@ -1,0 +1,131 @@
+"""File that keeps sessions over a restart, so that an open page goes on where it was."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import Callable
+from pathlib import Path
+
+import structlog
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from app.http.gate.sessions import SessionAge, Sessions
+from app.server.whole_files import write_whole
+from observer.errors import DynamicObserverError
+
+log = structlog.get_logger(__name__)
+
+# In the data folder.
+SESSION_FILE = "sessions.json"
+
+_LOOK_EVERY_S = 30.0
+# The times of the last use are no more exact than this after a crash.
+_LOOKS_PER_SAVE = 10
+_MOST_BYTES = 1024 * 1024
+
+
+class _Kept(BaseModel):
+    """Session in the file. Times are seconds since 1970: they must hold after a reboot."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    digest: str = Field(pattern=r"^[0-9a-f]{64}$")
+    started: float = Field(allow_inf_nan=False)
+    used: float = Field(allow_inf_nan=False)
+
+
+class _Content(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    sessions: list[_Kept]
+
+
+class SessionFile:
+    """File of the sessions.
+
+    What cannot be written ends with the process, and does no harm to what goes on. But no session
+    that was signed out comes back: if the file cannot be replaced, it is deleted.
+
+    Args:
+        path: None where the token, too, ends with the process.
+        wall_clock: seconds since 1970.
+    """
+
+    def __init__(
+        self, path: Path | None, sessions: Sessions, wall_clock: Callable[[], float]
+    ) -> None:
+        self._path = path
+        self._sessions = sessions
+        self._wall_clock = wall_clock
+        self._writing = asyncio.Lock()
+        self._in_file: set[bytes] = set()
+
+    def load(self) -> None:
+        """Go on with the sessions of an earlier process; with none if the file is damaged."""
+        if self._path is None:
+            return
+        try:
+            with self._path.open("rb") as file:
+                content = _Content.model_validate_json(file.read(_MOST_BYTES))
+        except FileNotFoundError:
+            return
+        except (OSError, ValidationError) as error:
+            log.warning("sessions_not_read", file=str(self._path), reason=str(error))
+            return
+        now = self._wall_clock()
+        ages = [
+            SessionAge(bytes.fromhex(each.digest), now - each.started, now - each.used)
+            for each in content.sessions
+        ]
+        self._in_file = {each.digest for each in ages}
+        self._sessions.restore(ages)
+
+    async def save(self) -> None:
+        """Write the sessions as they are now."""
+        if self._path is None:
+            return
+        async with self._writing:
+            now, ages = self._wall_clock(), self._sessions.ages()
+            kept = [
+                _Kept(digest=a.digest.hex(), started=now - a.age_s, used=now - a.unused_s)
+                for a in ages
+            ]
+            text = _Content(sessions=kept).model_dump_json()
+            if await asyncio.to_thread(self._write, self._path, text):
+                self._in_file = {each.digest for each in ages}
+            elif self._in_file - {each.digest for each in ages}:
+                await asyncio.to_thread(self._delete, self._path)
+                self._in_file = set()
+
+    async def keep(self) -> None:
+        """End sessions in time and keep the file up to date, until cancelled."""
+        looks = 0
+        while True:
+            await asyncio.sleep(_LOOK_EVERY_S)
+            self._sessions.sweep()
+            looks += 1
+            if looks % _LOOKS_PER_SAVE == 0:
+                await self.save()
+
+    @staticmethod
+    def _write(path: Path, text: str) -> bool:
+        try:
+            write_whole(path, text)
+        except DynamicObserverError as error:
+            log.warning("sessions_not_kept", reason=str(error))
+            return False
+        return True
+
+    @staticmethod
+    def _delete(path: Path) -> None:
+        try:
+            with contextlib.suppress(FileNotFoundError):
+                path.unlink()
+        except OSError as error:
+            log.error(
+                "signed_out_session_still_in_file",
+                file=str(path),
+                reason=str(error),
+                next="delete the file before the next start",
+            )

@@ -1,0 +1,187 @@
+"""Sessions of the browsers that have signed in.
+
+A browser exchanges the token for a random id of 256 bits and keeps that in its cookie. The server
+keeps HMAC-SHA256(token, id) only: what it stores signs nobody in, and with another token every
+session ends by itself.
+
+Signed cookies without a table would be no simpler: to sign one browser out at once, the server must
+know which ids are revoked and which connections are theirs. The table of sessions tells both.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import hmac
+import secrets
+from collections.abc import Awaitable, Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+_ID_BYTES = 32
+# Bounds the memory that repeated signing in can take.
+_MOST = 200
+
+
+@dataclass(eq=False)
+class Session:
+    """Session of one browser.
+
+    Attributes:
+        digest: of its id. started, used: monotonic seconds of signing in and of the last use.
+        over: whether it has ended. closers: each closes one of its open connections.
+    """
+
+    digest: bytes
+    started: float
+    used: float
+    over: bool = False
+    closers: set[Callable[[], Any]] = field(default_factory=set)
+
+    @contextmanager
+    def connected(self, closer: Callable[[], Any]) -> Iterator[None]:
+        """Have ``closer`` called if the session ends while the block runs."""
+        self.closers.add(closer)
+        try:
+            yield
+        finally:
+            self.closers.discard(closer)
+
+
+@dataclass(frozen=True)
+class SessionAge:
+    """Session as it outlives the process: its digest, and seconds since its start and last use."""
+
+    digest: bytes
+    age_s: float
+    unused_s: float
+
+
+class Sessions:
+    """Table of sessions; used in the event loop.
+
+    Args:
+        token: what the sessions were exchanged for.
+        clock: monotonic seconds. The wall clock may jump while somebody drives.
+        unused_s: a session ends after so long without a request or an open connection.
+        lifetime_s: it ends so long after signing in, whatever is done with it.
+        most: of more sessions, those give way that were not used for longest and have no open
+            connection.
+    """
+
+    def __init__(
+        self,
+        token: str,
+        clock: Callable[[], float],
+        *,
+        unused_s: float,
+        lifetime_s: float,
+        most: int = _MOST,
+    ) -> None:
+        self._key = token.encode("utf-8", "surrogatepass")
+        self._clock = clock
+        self._unused_s, self._lifetime_s, self._most = unused_s, lifetime_s, most
+        self._sessions: dict[bytes, Session] = {}
+
+    @property
+    def lifetime_s(self) -> float:
+        """Return the longest life of a session in seconds."""
+        return self._lifetime_s
+
+    def start(self) -> str:
+        """Start a session and return its id."""
+        session_id, now = secrets.token_urlsafe(_ID_BYTES), self._clock()
+        session = Session(self._digest(session_id), now, now)
+        self._sessions[session.digest] = session
+        self._make_room(session)
+        return session_id
+
+    def find(self, session_id: str) -> Session | None:
+        """Return the session of this id and note its use; None if there is none, or it has ended.
+
+        The time that it takes reveals nothing: without the token nobody can choose a digest.
+        """
+        session = self._sessions.get(self._digest(session_id))
+        if session is None:
+            return None
+        now = self._clock()
+        if self._is_old(session, now):
+            self.end(session)
+            return None
+        session.used = now
+        return session
+
+    def renew(self, session: Session) -> None:
+        """Begin a session's lifetime again: its browser has brought the token once more."""
+        session.started = session.used = self._clock()
+
+    def end(self, session: Session) -> None:
+        """End a session and close its connections."""
+        session.over = True
+        self._sessions.pop(session.digest, None)
+        for close in tuple(session.closers):
+            close()
+
+    def end_all(self) -> None:
+        """End every session."""
+        for session in tuple(self._sessions.values()):
+            self.end(session)
+
+    def sweep(self) -> None:
+        """End the sessions that are too old, and note that those with open connections are used."""
+        now = self._clock()
+        for session in tuple(self._sessions.values()):
+            if session.closers:
+                session.used = now
+            if self._is_old(session, now):
+                self.end(session)
+
+    def ages(self) -> list[SessionAge]:
+        """Return what a later process needs in order to go on with the sessions."""
+        now = self._clock()
+        return [
+            SessionAge(each.digest, now - each.started, now - each.used)
+            for each in self._sessions.values()
+        ]
+
+    def restore(self, ages: Iterable[SessionAge]) -> None:
+        """Add the sessions of an earlier process, but for those that have ended meanwhile."""
+        now = self._clock()
+        for each in ages:
+            # The wall clock, by which these ages were reckoned, may have been set back.
+            session = Session(
+                each.digest, now - max(0.0, each.age_s), now - max(0.0, each.unused_s)
+            )
+            if not self._is_old(session, now):
+                self._sessions[session.digest] = session
+                self._make_room(session)
+
+    def _digest(self, session_id: str) -> bytes:
+        return hmac.digest(self._key, session_id.encode("utf-8", "surrogatepass"), hashlib.sha256)
+
+    def _is_old(self, session: Session, now: float) -> bool:
+        unused_s = 0.0 if session.closers else now - session.used
+        return now - session.started > self._lifetime_s or unused_s > self._unused_s
+
+    def _make_room(self, new: Session) -> None:
+        """End the session that was not used for longest, if there are too many."""
+        if len(self._sessions) <= self._most:
+            return
+        idle = [each for each in self._sessions.values() if not each.closers and each is not new]
+        if idle:
+            self.end(min(idle, key=lambda each: each.used))
+
+
+async def run_in_session(session: Session, job: Awaitable[None]) -> bool:
+    """Run a connection's job, cancelled where its session ends; return whether it ended so."""
+    task = asyncio.ensure_future(job)
+    with session.connected(task.cancel):
+        try:
+            await task
+        except asyncio.CancelledError:
+            # Otherwise it is the server that shuts down, and cancels this one.
+            caller = asyncio.current_task()
+            if not session.over or (caller is not None and caller.cancelling()):
+                raise
+    return session.over

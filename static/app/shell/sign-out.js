@@ -1,0 +1,35 @@
+/** The button that signs this browser out, or every one. */
+
+import { h, iconButton } from "../elements/dom.js";
+import { request } from "./api.js";
+import { showModal } from "./modal.js";
+import { attempt } from "./notice.js";
+import { toSignIn } from "./session.js";
+
+/** The resource that ends. @type {Record<string, string>} */
+const ENDS = { here: "/session", everywhere: "/sessions" };
+
+class SignOut extends HTMLElement {
+  connectedCallback() {
+    if (this.childElementCount) return;
+    this.append(iconButton("leave", "Sign out", () => this.#ask()));
+  }
+
+  async #ask() {
+    const answer = await showModal(
+      "question",
+      "Sign out?",
+      [
+        h("p", "This browser will need the token to sign in again. A robot it is driving stops."),
+        h("p.hint", "Everywhere: all other browsers, too, and the robots they are driving stop."),
+      ],
+      h("button.button", { value: "" }, "Cancel"),
+      h("button.button", { value: "everywhere" }, "Sign out everywhere"),
+      h("button.button.primary", { value: "here" }, "Sign out"),
+    );
+    const ended = ENDS[answer];
+    if (ended && (await attempt(() => request("DELETE", ended)))) toSignIn();
+  }
+}
+
+customElements.define("observer-sign-out", SignOut);

@@ -1,0 +1,361 @@
+"""The table of sessions, and the file in which it outlives a restart."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import stat
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
+
+from app.http.gate import session_file
+from app.http.gate.session_file import SessionFile
+from app.http.gate.sessions import Sessions, run_in_session
+
+TOKEN = "t" * 43
+UNUSED_S, LIFETIME_S = 100.0, 1000.0
+
+
+class Clock:
+    def __init__(self, now: float = 5000.0) -> None:
+        self.now = now
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def table(clock: Clock, token: str = TOKEN, most: int = 200) -> Sessions:
+    return Sessions(token, clock, unused_s=UNUSED_S, lifetime_s=LIFETIME_S, most=most)
+
+
+def found(sessions: Sessions, session_id: str) -> Any:
+    session = sessions.find(session_id)
+    assert session is not None
+    return session
+
+
+# --- the table ---------------------------------------------------------------------------
+
+
+class AgainstAModel(RuleBasedStateMachine):
+    """Whatever happens in whatever order, exactly those are signed in who should be."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.clock = Clock()
+        self.sessions = table(self.clock)
+        # Id: when it signed in and was last used, open connections, the session.
+        self.known: dict[str, list[Any]] = {}
+        self.gone: set[str] = set()
+
+    def _is_over(self, session_id: str) -> bool:
+        started, used, connections, _ = self.known[session_id]
+        unused_s = 0.0 if connections else self.clock.now - used
+        return self.clock.now - started > LIFETIME_S or unused_s > UNUSED_S
+
+    def _use(self, session_id: str) -> Any:
+        session = self.sessions.find(session_id)
+        assert (session is None) == self._is_over(session_id)
+        if session is None:
+            self._forget(session_id)
+            return None
+        self.known[session_id][1] = self.clock.now
+        return session
+
+    def _forget(self, session_id: str) -> None:
+        _, _, connections, session = self.known.pop(session_id)
+        assert session.over
+        assert all(each["closed"] for each in connections)
+        self.gone.add(session_id)
+
+    @rule()
+    def sign_in(self) -> None:
+        session_id = self.sessions.start()
+        session = found(self.sessions, session_id)
+        self.known[session_id] = [self.clock.now, self.clock.now, [], session]
+
+    @rule(seconds=st.sampled_from([1.0, 60.0, 99.0, 101.0, 400.0]))
+    def wait(self, seconds: float) -> None:
+        self.clock.now += seconds
+
+    @rule(data=st.data())
+    def use(self, data: st.DataObject) -> None:
+        if self.known:
+            self._use(data.draw(st.sampled_from(sorted(self.known))))
+
+    @rule(data=st.data())
+    def connect(self, data: st.DataObject) -> None:
+        if not self.known:
+            return
+        session_id = data.draw(st.sampled_from(sorted(self.known)))
+        session = self._use(session_id)
+        if session is not None:
+            connection: dict[str, Any] = {"closed": False}
+            connection["context"] = session.connected(lambda: connection.update(closed=True))
+            connection["context"].__enter__()
+            self.known[session_id][2].append(connection)
+
+    @rule(data=st.data())
+    def disconnect(self, data: st.DataObject) -> None:
+        connected = sorted(
+            each for each, (_, _, connections, _) in self.known.items() if connections
+        )
+        if not connected:
+            return
+        session_id = data.draw(st.sampled_from(connected))
+        # The last one is used until it goes.
+        if self._use(session_id) is not None:
+            self.known[session_id][2].pop()["context"].__exit__(None, None, None)
+
+    @rule(data=st.data())
+    def renew(self, data: st.DataObject) -> None:
+        if not self.known:
+            return
+        session_id = data.draw(st.sampled_from(sorted(self.known)))
+        session = self._use(session_id)
+        if session is not None:
+            self.sessions.renew(session)
+            self.known[session_id][0] = self.clock.now
+
+    @rule(data=st.data())
+    def sign_out(self, data: st.DataObject) -> None:
+        if self.known:
+            session_id = data.draw(st.sampled_from(sorted(self.known)))
+            self.sessions.end(self.known[session_id][3])
+            self._forget(session_id)
+
+    @rule()
+    def sign_out_everywhere(self) -> None:
+        self.sessions.end_all()
+        for session_id in tuple(self.known):
+            self._forget(session_id)
+
+    @rule()
+    def sweep(self) -> None:
+        over = [each for each in self.known if self._is_over(each)]
+        self.sessions.sweep()
+        for session_id in over:
+            self._forget(session_id)
+        for session_id, (_, _, connections, _) in self.known.items():
+            if connections:
+                self.known[session_id][1] = self.clock.now
+
+    @rule(token=st.sampled_from([TOKEN, TOKEN, "another" + TOKEN]))
+    def restart(self, token: str) -> None:
+        """With another token as well: then nobody is signed in any more."""
+        if any(connections for _, _, connections, _ in self.known.values()):
+            return
+        old, self.sessions = self.sessions, table(self.clock, token)
+        self.sessions.restore(old.ages())
+        for session_id in tuple(self.known):
+            if token != TOKEN or self._is_over(session_id):
+                assert self.sessions.find(session_id) is None
+                del self.known[session_id]
+                self.gone.add(session_id)
+            else:
+                self.known[session_id][3] = found(self.sessions, session_id)
+                self.known[session_id][1] = self.clock.now
+        if token != TOKEN:
+            self.sessions = table(self.clock)
+
+    @invariant()
+    def who_is_gone_stays_out(self) -> None:
+        assert not any(self.sessions.find(each) for each in self.gone)
+
+    @invariant()
+    def nothing_that_is_kept_signs_in(self) -> None:
+        for each in self.sessions.ages():
+            assert self.sessions.find(each.digest.hex()) is None
+
+
+AgainstAModel.TestCase.settings = settings(max_examples=25, stateful_step_count=25, deadline=None)
+test_against_a_model = AgainstAModel.TestCase
+
+
+def test_ids_have_at_least_128_random_bits() -> None:
+    sessions = table(Clock())
+    ids = {sessions.start() for _ in range(50)}
+    assert len(ids) == 50
+    assert all(6 * len(each) >= 128 for each in ids)
+
+
+@pytest.mark.parametrize("session_id", ["", TOKEN, "\u00e9\udcff", 10_000 * "x"])
+def test_what_is_no_id_is_nobody(session_id: str) -> None:
+    sessions = table(Clock())
+    sessions.start()
+    assert sessions.find(session_id) is None
+
+
+def test_of_too_many_those_give_way_that_nobody_uses() -> None:
+    clock = Clock()
+    sessions = table(clock, most=3)
+    driving, idle, third = (sessions.start() for _ in range(3))
+    with found(sessions, driving).connected(lambda: pytest.fail("a page in use was cut off")):
+        for each in (idle, third):
+            clock.now += 1
+            assert sessions.find(each)
+        fourth = sessions.start()
+        assert sessions.find(idle) is None
+        assert all(sessions.find(each) for each in (driving, third, fourth))
+
+
+async def test_a_job_ends_with_its_session_and_tidies_up() -> None:
+    sessions = table(Clock())
+    session = found(sessions, sessions.start())
+    tidied = asyncio.Event()
+
+    async def job() -> None:
+        try:
+            await asyncio.sleep(60)
+        finally:
+            tidied.set()
+
+    running = asyncio.create_task(run_in_session(session, job()))
+    await asyncio.sleep(0)
+    await asyncio.sleep(0)
+    sessions.end(session)
+    async with asyncio.timeout(5):
+        assert await running
+    assert tidied.is_set()
+
+
+async def test_a_job_that_ends_by_itself_is_not_the_session_s_end() -> None:
+    sessions = table(Clock())
+    session = found(sessions, sessions.start())
+    assert not await run_in_session(session, asyncio.sleep(0))
+
+    async def gives_up() -> None:
+        raise asyncio.CancelledError
+
+    with pytest.raises(asyncio.CancelledError):
+        await run_in_session(session, gives_up())
+    running = asyncio.create_task(run_in_session(session, asyncio.sleep(60)))
+    await asyncio.sleep(0)
+    running.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await running
+    assert not session.closers
+
+
+# --- the file ----------------------------------------------------------------------------
+
+
+async def test_the_file_signs_nobody_in_and_carries_over_a_restart(tmp_path: Path) -> None:
+    path = tmp_path / "sessions.json"
+    clock, wall = Clock(), Clock(1.8e9)
+    sessions = table(clock)
+    kept, ended = sessions.start(), sessions.start()
+    file = SessionFile(path, sessions, wall)
+    await file.save()
+    sessions.end(found(sessions, ended))
+    await file.save()
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert kept not in path.read_text()
+    # The next process has another monotonic clock, and 90 s have passed.
+    wall.now += 90
+    later = table(Clock(3.0))
+    SessionFile(path, later, wall).load()
+    assert later.find(kept)
+    assert later.find(ended) is None
+    wall.now += 20
+    too_late = table(Clock(3.0))
+    SessionFile(path, too_late, wall).load()
+    assert too_late.ages() == []
+
+
+async def test_a_wall_clock_that_was_set_back_ends_no_session(tmp_path: Path) -> None:
+    wall = Clock(1.8e9)
+    sessions = table(Clock())
+    kept = sessions.start()
+    await SessionFile(tmp_path / "s", sessions, wall).save()
+    wall.now = 0.0
+    for unused_s in (99, 101):
+        later_clock = Clock()
+        later = table(later_clock)
+        SessionFile(tmp_path / "s", later, wall).load()
+        later_clock.now += unused_s
+        assert (later.find(kept) is not None) == (unused_s == 99)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"\xff",
+        b"[]",
+        b'{"sessions": 1}',
+        b'{"sessions": [{"digest": "ab", "started": 0, "used": 0}]}',
+        b'{"sessions": [{"digest": "' + 64 * b"0" + b'", "started": NaN, "used": 0}]}',
+        b'{"sessions": []' + 2_000_000 * b" " + b"}",
+    ],
+)
+def test_a_damaged_file_is_told_and_signs_nobody_in(
+    tmp_path: Path, content: bytes, capsys: Any
+) -> None:
+    path = tmp_path / "sessions.json"
+    path.write_bytes(content)
+    sessions = table(Clock())
+    SessionFile(path, sessions, Clock()).load()
+    assert sessions.ages() == []
+    assert "sessions_not_read" in capsys.readouterr().out
+
+
+async def test_without_a_path_nothing_is_written(tmp_path: Path) -> None:
+    sessions = table(Clock())
+    sessions.start()
+    file = SessionFile(None, sessions, Clock())
+    file.load()
+    await file.save()
+    assert list(tmp_path.iterdir()) == []
+
+
+async def test_who_signed_out_stays_out_though_the_disk_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    path = tmp_path / "sessions.json"
+    sessions = table(Clock())
+    first, second = sessions.start(), sessions.start()
+    file = SessionFile(path, sessions, Clock())
+    await file.save()
+    monkeypatch.setattr("os.replace", full)
+    await file.save()
+    # Nobody left, so what is there still holds.
+    assert len(json.loads(path.read_text())["sessions"]) == 2
+    sessions.end(found(sessions, first))
+    await file.save()
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.undo()
+    await file.save()
+    later = table(Clock())
+    SessionFile(path, later, Clock()).load()
+    assert later.find(second)
+    assert later.find(first) is None
+
+
+async def test_it_is_kept_up_to_date_by_itself(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(session_file, "_LOOK_EVERY_S", 0.001)
+    clock, wall = Clock(), Clock()
+    sessions = table(clock)
+    connected = found(sessions, sessions.start())
+    closed = asyncio.Event()
+    file = SessionFile(tmp_path / "s", sessions, wall)
+    keeping = asyncio.create_task(file.keep())
+    with connected.connected(closed.set):
+        async with asyncio.timeout(10):
+            while not (tmp_path / "s").exists():
+                await asyncio.sleep(0.001)
+            # Used all the time, but over after its lifetime.
+            clock.now += LIFETIME_S + 1
+            await closed.wait()
+    keeping.cancel()
+    await asyncio.gather(keeping, return_exceptions=True)
