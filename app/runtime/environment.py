@@ -1,4 +1,4 @@
-"""Command and environment of our processes that keep native libraries quiet."""
+"""Command and environment of our processes that keep native libraries quiet and frugal."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ NATIVE_ENVIRONMENT: Mapping[str, str] = {
     # A faulty image or video is reported once, in our words, not a second time in theirs.
     "OPENCV_LOG_LEVEL": "SILENT",
     "OPENCV_FFMPEG_LOGLEVEL": "-8",
+    # A small file may decode to gigabytes; no camera here has a hundred megapixels.
+    "OPENCV_IO_MAX_IMAGE_PIXELS": str(100_000_000),
 }
 
 
