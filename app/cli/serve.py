@@ -33,6 +33,14 @@ def serve(
     ] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Certificate chain, PEM.")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
+    strict: Annotated[
+        bool,
+        typer.Option(
+            "--strict",
+            help="End with exit code 1 if the source, the rig or anything else that is configured "
+            "cannot be used; else the page says so.",
+        ),
+    ] = False,
 ) -> None:
     """Serve the panel; prints the link to open."""
     from app.http.run_server import run
@@ -48,5 +56,6 @@ def serve(
         allowed_hosts=tuple(allowed_host) if allowed_host else None,
         tls_cert=tls_cert,
         tls_key=tls_key,
+        strict=strict or None,
     )
     raise typer.Exit(run(settings))

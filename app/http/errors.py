@@ -8,7 +8,7 @@ be invalid JSON (NaN, an infinity) or invalid text.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from itertools import islice
 from typing import Any
@@ -18,6 +18,7 @@ from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.responses import Response
+from starlette.routing import Match
 
 from app.contract.refusals import Problem, Problems, Refused
 from app.contract.values import json_text
@@ -28,6 +29,7 @@ from observer.errors import DynamicObserverError, InputError, ParameterError
 
 log = structlog.get_logger(__name__)
 
+_METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
 _LONGEST_TEXT = 200
 _MOST_PROBLEMS = 50
 # Several handlers match if one class derives from another, so the narrower ones come first.
@@ -83,10 +85,20 @@ async def _invalid(_: Request, error: Exception) -> Response:
     return _refused((each["loc"], str(each["msg"]), str(each["type"])) for each in error.errors())
 
 
-async def _http(_: Request, error: Exception) -> Response:
+async def _http(request: Request, error: Exception) -> Response:
     assert isinstance(error, HTTPException)
-    headers = dict(error.headers) if error.headers else None
+    headers = dict(error.headers or {})
+    if "Allow" in headers:
+        headers["Allow"] = ", ".join(_methods_at(request))
     return _answer(error.status_code, error.detail, headers)
+
+
+def _methods_at(request: Request) -> Iterator[str]:
+    """Yield all methods of a path; the framework names those of its first route only."""
+    for method in _METHODS:
+        scope = {**request.scope, "method": method}
+        if any(route.matches(scope)[0] is Match.FULL for route in request.app.routes):
+            yield method
 
 
 async def _ours(request: Request, error: Exception) -> Response:

@@ -12,28 +12,36 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from typing import TextIO, cast
 
 import structlog
 import uvicorn
 from fastapi import FastAPI
 
+from app.contract.events import EngineState
 from app.http.gate.strangers import GuardedListener, Strangers, guarded_protocol
 from app.http.gate.token import load_token
 from app.http.library_log import LibraryLog
 from app.http.server import create_app
 from app.runtime.heap import keep_for_good
+from app.server import Server
 from app.settings import Settings
 from app.storage.occupancy import occupied
-from observer.errors import InputError
+from observer.errors import DynamicObserverError, InputError
+from observer.opening import shown_spec
 
 _EXIT_FAILED = 1
+_EVERY_ADDRESS = "0.0.0.0"  # nosec B104
 # Camera poses and acknowledgements are small; WebSockets receive nothing else.
 _LARGEST_MESSAGE = 1024 * 1024
 _SHUTDOWN_S = 2
 _BACKLOG = 128
 # Viewers, each with several sockets, on top of files and strangers.
 _DESCRIPTORS = 16_384
+# Of the first source; a large data set is indexed first.
+_OPENING_S = 90.0
+_LOOK_EVERY_S = 0.05
 
 
 def run(settings: Settings) -> int:
@@ -43,6 +51,7 @@ def run(settings: Settings) -> int:
         InputError: the port, a certificate or the token file cannot be used, or another server
             uses the data folder; one sentence.
         StorageError, ProcessUnavailable: the database or the engine cannot be used.
+        StartRefused: the settings are strict, and something configured cannot be used.
     """
     # What runs hold is its owner's.
     os.umask(0o077)
@@ -55,7 +64,8 @@ def run(settings: Settings) -> int:
         _use_all_descriptors()
         keep_for_good()
         link = _link(settings, listener.getsockname()[1], token)
-        asyncio.run(serve(app, server, listener, ready=lambda: _announce(link)))
+        announce = partial(_announce, link)
+        asyncio.run(serve(app, server, listener, ready=announce, strict=settings.strict))
         return 0 if server.started else _EXIT_FAILED
 
 
@@ -65,21 +75,49 @@ async def serve(
     listener: GuardedListener,
     *,
     ready: Callable[[], None] = lambda: None,
+    strict: bool = False,
 ) -> None:
     """Start what the application owns, serve, and shut it all down.
 
     Args:
         ready: called once all that the application owns has started.
+        strict: whether to end if anything that is configured cannot be used.
+
+    Raises:
+        StartRefused: with ``strict``; names all that cannot be used.
 
     uvicorn's own startup would turn a one-sentence error into a traceback.
     """
     async with app.router.lifespan_context(app):
+        if strict:
+            await _check_configuration(app.state.server)
         ready()
         watching = asyncio.create_task(listener.strangers.watch())
         try:
             await server.serve(sockets=[listener])
         finally:
             watching.cancel()
+
+
+class StartRefused(DynamicObserverError):
+    """Refusal to serve with a configuration that cannot be used as it is."""
+
+
+async def _check_configuration(server: Server) -> None:
+    """Wait until the first source is open; raise StartRefused if something cannot be used."""
+    source = server.source
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_OPENING_S):
+            while source.state.state is EngineState.IDLE:
+                await asyncio.sleep(_LOOK_EVERY_S)
+    problems = list(server.shared.warnings)
+    if source.state.state in (EngineState.IDLE, EngineState.FAILED):
+        why = source.state.reason or f"it was not open within {_OPENING_S:g} s"
+        problems.append(f"{shown_spec(source.wanted.source)} cannot be opened: {why}")
+    if problems:
+        raise StartRefused(
+            f"{'; '.join(problems)}; correct this, or start without --strict to serve all the same"
+        )
 
 
 class _Server(uvicorn.Server):
@@ -179,7 +217,7 @@ def _refusal(settings: Settings, error: OSError) -> str:
 
 
 def _link(settings: Settings, port: int, token: str) -> str:
-    host = "localhost" if settings.host in ("0.0.0.0", "::", "") else settings.host
+    host = "localhost" if settings.host in (_EVERY_ADDRESS, "::", "") else settings.host
     if ":" in host:
         host = f"[{host}]"
     return f"{'https' if settings.tls else 'http'}://{host}:{port}/?token={token}"

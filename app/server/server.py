@@ -142,9 +142,8 @@ class Server:
         self.storage.open()
         self.shared.warnings.extend(self.storage.warnings)
         self.runs.load()
-        loaded = (self.parameters.load(), self.rig.load())
+        loaded = (self.parameters.load(), self.rig.load(), self.live_truth.load())
         self.shared.warnings.extend(warning for warning in loaded if warning is not None)
-        self.live_truth.load()
         self.source.load()
 
     async def change_rig(self, changed: Callable[[], Rig]) -> None:

@@ -175,8 +175,8 @@ class PeerEngine:
                 self.publish(self.state())
                 return PlaybackStatus(**self.playback)
             case SetTruth():
-                assert self.opened is not None
-                self.opened = replace(self.opened, truth=command.truth)
+                if self.opened is not None:
+                    self.opened = replace(self.opened, truth=command.truth)
                 self.publish(self.state())
                 return self.state().truth
             case StopRun():

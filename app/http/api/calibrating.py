@@ -79,7 +79,7 @@ async def get_calibrating(server: TheServer) -> CalibratingStatus:
     "",
     status_code=201,
     summary="Look for a board in a source's images",
-    responses=refusals(409, 415, 422, 503),
+    responses=refusals(409, 422, 503),
 )
 async def begin(start: CalibratingStart, server: TheServer) -> CalibratingStatus:
     """Replaces what was being calibrated; observing pauses meanwhile."""
@@ -95,9 +95,7 @@ async def leave(server: TheServer) -> Status:
     return status(server)
 
 
-@router.patch(
-    "", summary="Capture, undo, remove a view", responses=refusals(404, 409, 415, 422, 503)
-)
+@router.patch("", summary="Capture, undo, remove a view", responses=refusals(404, 409, 422, 503))
 async def change(change: CalibratingChange, server: TheServer) -> CalibratingStatus:
     """Applies the given fields. ``cover_check`` begins or ends the question which lens is left."""
     await server.calibrating.change(ChangeCalibration(**change.model_dump()))
@@ -127,7 +125,7 @@ async def get_picture(
 @router.post(
     "/images",
     summary="Send in image pairs as a ZIP archive",
-    responses=refusals(409, 413, 415, 422, 503, 507),
+    responses=refusals(409, 422, 503, 507),
 )
 async def post_images(
     file: Annotated[UploadFile, File(description="left/ and right/ with equal file names.")],
@@ -153,7 +151,7 @@ async def post_images(
     "/compute",
     status_code=202,
     summary="Compute the calibration of the captured views",
-    responses=refusals(409, 415, 422),
+    responses=refusals(409, 422),
 )
 async def compute(start: ComputeStart, server: TheServer) -> CalibratingStatus:
     """It goes on in the background; ``computing`` tells how far it is."""
@@ -190,7 +188,7 @@ async def get_preview(server: TheServer) -> Response:
     "/save",
     status_code=201,
     summary="Save what was computed",
-    responses=refusals(409, 415, 422, 503, 507),
+    responses=refusals(409, 422, 503, 507),
 )
 async def save(save: CalibrationSave, server: TheServer) -> Calibration:
     """``activate`` observes its cameras with it from now on, and ends calibrating."""

@@ -49,7 +49,7 @@ async def get_check(
 @router.post(
     "/check",
     status_code=201,
-    responses={201: {"model": CheckNow}, **refusals(409, 415, 422)},
+    responses={201: {"model": CheckNow}, **refusals(409, 422)},
     summary="Begin a guided check",
 )
 async def start_check(
@@ -65,7 +65,7 @@ async def start_check(
 
 @router.post(
     "/check/skip",
-    responses={**_NOW, **refusals(409, 415, 422, 507)},
+    responses={**_NOW, **refusals(409, 422, 507)},
     summary="Leave the present step out",
 )
 async def skip_step(

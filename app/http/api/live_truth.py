@@ -36,9 +36,7 @@ async def get_live_truth(server: TheServer) -> LiveTruthStatus | None:
     return server.source.state.truth
 
 
-@router.put(
-    "", summary="Listen to live motion capture", responses=refusals(413, 415, 422, 503, 507)
-)
+@router.put("", summary="Listen to live motion capture", responses=refusals(422, 503, 507))
 async def put_live_truth(choice: LiveTruthChoice, server: TheServer) -> LiveTruthStatus | None:
     """Keeps the source open, also during a run. The setting survives restarts of the server."""
     order = None

@@ -32,7 +32,7 @@ async def get_parameters(server: TheServer) -> ParametersNow:
     return _now(server.parameters.current)
 
 
-@router.patch("/parameters", summary="Change parameters", responses=refusals(415, 422, 503))
+@router.patch("/parameters", summary="Change parameters", responses=refusals(422, 503))
 async def patch_parameters(
     changes: Annotated[
         Changes, Body(examples=[{"ego_motion.ransac_threshold_px": 2.0, "stereo.matcher": "bm"}])
@@ -64,7 +64,7 @@ async def get_presets(server: TheServer) -> list[Preset]:
     "/presets",
     status_code=201,
     summary="Save the values in force as a preset",
-    responses=refusals(409, 415, 422, 503, 507),
+    responses=refusals(409, 422, 503, 507),
 )
 async def post_preset(wanted: PresetName, server: TheServer) -> Preset:
     return await server.parameters.save_preset(wanted.name, wanted.help)

@@ -67,9 +67,7 @@ async def list_programmes(server: TheServer) -> list[ProgrammeEntry]:
     return [_entry(each) for each in await asyncio.to_thread(server.programmes.all)]
 
 
-@router.post(
-    "", status_code=201, summary="Keep a programme", responses=refusals(409, 415, 422, 507)
-)
+@router.post("", status_code=201, summary="Keep a programme", responses=refusals(409, 422, 507))
 async def keep_programme(wanted: ProgrammeText, server: TheServer) -> ProgrammeDetail:
     """Under the name it gives itself; your own of the same name is replaced."""
     return _detail(await asyncio.to_thread(server.programmes.save, wanted.text))

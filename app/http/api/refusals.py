@@ -11,8 +11,6 @@ from app.contract.refusals import Problems, Refused
 _MEANINGS: dict[int, str] = {
     404: "There is no such thing.",
     409: "Not possible in the present state.",
-    413: "The body is too large.",
-    415: "The body is of the wrong kind.",
     503: "Not possible for the moment; try again.",
     507: "The disk is full.",
 }
@@ -31,6 +29,11 @@ GATE_RESPONSES: dict[int | str, dict[str, Any]] = {
     401: _answer(Refused, "No token, or a wrong one."),
     403: _answer(Refused, "Sent by a page of another site."),
     429: _answer(Refused, "Too many wrong tokens from this address."),
+}
+# And of requests that may have a body.
+BODY_RESPONSES: dict[str, dict[str, Any]] = {
+    "413": _answer(Refused, "The body is too large."),
+    "415": _answer(Refused, "The body is of the wrong kind."),
 }
 
 

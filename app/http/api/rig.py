@@ -64,7 +64,7 @@ async def get_rig(server: TheServer) -> RigNow:
     return _facts(server)
 
 
-@router.put("", summary="Change the rig", responses=refusals(409, 415, 422, 503, 507))
+@router.put("", summary="Change the rig", responses=refusals(409, 422, 503, 507))
 async def put_rig(change: RigChange, server: TheServer) -> RigNow:
     """The open source begins again with it; bodies of a mocap system stay as they are."""
 
@@ -91,7 +91,7 @@ async def get_file(server: TheServer) -> Response:
     return attachment(server.rig.text, "rig.yaml", "application/yaml")
 
 
-@router.put("/file", summary="Take a rig.yaml", responses=refusals(409, 415, 422, 503, 507))
+@router.put("/file", summary="Take a rig.yaml", responses=refusals(409, 422, 503, 507))
 async def put_file(file: RigFile, server: TheServer) -> RigNow:
     rig = await asyncio.to_thread(server.rig.parsed, file.text)
     await server.change_rig(lambda: rig)

@@ -65,7 +65,7 @@ async def reset_stop(request: Request, server: TheServer) -> Response:
 
 @router.post(
     "/programme",
-    responses={**_ROBOTS, **refusals(404, 409, 415, 422, 503)},
+    responses={**_ROBOTS, **refusals(404, 409, 422, 503)},
     summary="Drive a programme",
 )
 async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response:
@@ -85,7 +85,7 @@ async def stop_programme(server: TheServer) -> Response:
 
 @router.post(
     "/{role}/arm",
-    responses={200: {"model": RobotNow}, **refusals(404, 409, 415, 422, 503)},
+    responses={200: {"model": RobotNow}, **refusals(404, 409, 422, 503)},
     summary="Switch a robot's motors on",
 )
 async def arm_robot(
@@ -109,7 +109,7 @@ async def disarm_robot(role: Role, server: TheServer) -> Response:
 
 @router.put(
     "/{role}/port",
-    responses={**_ROBOTS, **refusals(415, 422, 503, 507)},
+    responses={**_ROBOTS, **refusals(422, 503, 507)},
     summary="Reach a real robot by a port",
 )
 async def put_port(role: Role, choice: PortChoice, server: TheServer) -> Response:

@@ -75,7 +75,7 @@ class RerunStart(In):
 @router.post(
     "/{id}/align",
     summary="Lay truth over a run",
-    responses=refusals(404, 409, 415, 422, 503, 507),
+    responses=refusals(404, 409, 422, 503, 507),
 )
 async def align_run(
     id: NameInPath, wanted: AlignStart, server: TheServer, request: Request
@@ -96,7 +96,7 @@ async def align_run(
     "/{id}/rerun",
     status_code=201,
     summary="Observe a run's recording again",
-    responses=refusals(404, 409, 415, 422, 503, 507),
+    responses=refusals(404, 409, 422, 503, 507),
 )
 async def rerun(id: NameInPath, wanted: RerunStart, server: TheServer) -> StartedRun:
     """Once through, as fast as it goes, with the run's own parameters where none are given.

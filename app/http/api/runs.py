@@ -53,7 +53,7 @@ class RunChange(In):
 
 
 @router.post(
-    "", status_code=201, summary="Start a run", responses=refusals(404, 409, 415, 422, 503, 507)
+    "", status_code=201, summary="Start a run", responses=refusals(404, 409, 422, 503, 507)
 )
 async def start_run(wanted: RunStart, server: TheServer) -> StartedRun:
     """Keep what is observed from now on, from the source's beginning, with all its settings.
@@ -88,7 +88,7 @@ async def get_run(id: NameInPath, server: TheServer) -> Run:
 
 
 @router.patch(
-    "/{id}", summary="Name, tags and notes of a run", responses=refusals(404, 415, 422, 503, 507)
+    "/{id}", summary="Name, tags and notes of a run", responses=refusals(404, 422, 503, 507)
 )
 async def change_run(id: NameInPath, change: RunChange, server: TheServer) -> Run:
     run = await server.runs.history.annotate(

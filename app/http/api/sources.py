@@ -18,6 +18,9 @@ from app.server.status import status
 
 router = APIRouter(tags=["source"])
 
+# A year at 30 Hz.
+_LAST_FRAME = 1_000_000_000
+
 
 class SourceChoice(In):
     source: Spec
@@ -34,7 +37,7 @@ class PlaybackChange(In):
         0, description="Show so many further frames while paused."
     )
     restart: StrictBool = False
-    seek: Annotated[StrictInt, Field(ge=0)] | None = Field(
+    seek: Annotated[StrictInt, Field(ge=0, le=_LAST_FRAME)] | None = Field(
         None, description="Go on from this frame of a recording, and show it also while paused."
     )
 
@@ -45,7 +48,7 @@ def get_sources() -> list[SourceEntry]:
     return list(source_entries())
 
 
-@router.put("/source", summary="Open another source", responses=refusals(409, 415, 422, 503))
+@router.put("/source", summary="Open another source", responses=refusals(409, 422, 503))
 async def put_source(choice: SourceChoice, server: TheServer) -> Status:
     """Observe it without keeping anything. What cannot be opened leaves the old one open."""
     await server.source.open(choice.source, choice.calibration)
@@ -55,7 +58,7 @@ async def put_source(choice: SourceChoice, server: TheServer) -> Status:
 @router.post(
     "/playback",
     summary="Pause, step, seek, change the rate, loop, restart",
-    responses=refusals(409, 415, 422, 503),
+    responses=refusals(409, 422, 503),
 )
 async def post_playback(change: PlaybackChange, server: TheServer) -> PlaybackStatus:
     """The playback as it is afterwards. Live sources cannot be paused."""

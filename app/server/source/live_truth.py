@@ -38,14 +38,21 @@ class LiveTruthManager:
         self._storage = shared.storage
         self._spec = spec
 
-    def load(self) -> None:
-        """Load the earlier choice; the server starts in another thread."""
-        kept = _order(self._storage.get_setting(_KEY))
+    def load(self) -> str | None:
+        """Load the earlier choice; return a warning if it could not be used.
+
+        Runs in a worker thread, before any other call.
+        """
+        stored = self._storage.get_setting(_KEY)
+        kept = _order(stored)
         if self._spec is not None and (kept is None or kept.spec != self._spec):
             # The chosen bodies have the names of another system.
             kept = LiveTruthOrder(self._spec)
             self._storage.set_setting(_KEY, plain(kept))
         self.order = kept
+        if kept is None and stored is not None:
+            return "the live motion capture chosen before cannot be used; choose it again"
+        return None
 
     async def choose(self, order: LiveTruthOrder | None) -> LiveTruthStatus | None:
         """Listen to this motion capture from now on and store the choice; the source stays open.
