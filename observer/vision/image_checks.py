@@ -17,6 +17,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array
 from observer.robust import MAD_TO_SIGMA
 from observer.types import Image
+from observer.vision.swapped import swapped_sentence
 
 # Brightness is judged on about so many samples on a grid, whatever the size of the picture; each
 # is the mean of some neighbours, which halves their noise.
@@ -238,10 +239,7 @@ def mismatch_reason(left: Image, right: Image, max_disparity_px: int) -> str | N
     as_given = _support(small_left, small_right, count)
     swapped = _support(small_right, small_left, count)
     if swapped >= max(_SWAP_MIN_SUPPORT, _SWAP_RATIO * as_given):
-        return (
-            f"left and right seem to be swapped: {100 * swapped:.0f} % of the image have a stereo "
-            f"partner in the other order and {100 * as_given:.0f} % in this one"
-        )
+        return swapped_sentence(swapped, as_given)
     shifts = [rows for rows in range(-_MOST_ROWS, _MOST_ROWS + 1) if rows]
     shifted = [_support(*_shifted(small_left, small_right, rows), count) for rows in shifts]
     best = int(np.argmax(shifted))

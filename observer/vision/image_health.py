@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
+
+import cv2
+
 from observer.camera import StereoCamera
 from observer.parameters import StereoParameters
+from observer.vision.flicker import FLICKER_WINDOW_S, flicker_reason
 from observer.vision.image_checks import (
     exposure_reason,
     frozen_reason,
@@ -33,7 +39,9 @@ class ImageHealth:
         self._frames = 0
         self._rows: str | None = None
         self._mismatch: str | None = None
-        self._poor_frames = 0
+        self._doubtful_frames = 0
+        self._asked = False
+        self._light: deque[tuple[float, float]] = deque()
 
     def look(
         self,
@@ -51,10 +59,18 @@ class ImageHealth:
         """
         exposure = exposure_reason(view.left, view.right)
         frozen = self._look_frozen(view)
+        flicker = self._look_at_light(view)
         if exposure is None and stereo_share is not None:
             self._look_at_stereo(view, parameters, stereo_share, rows)
         self._frames += 1
-        return tuple(r for r in (exposure, frozen, self._mismatch, self._rows) if r is not None)
+        reasons = (exposure, frozen, flicker, self._mismatch, self._rows)
+        return tuple(r for r in reasons if r is not None)
+
+    def _look_at_light(self, view: View) -> str | None:
+        self._light.append((view.time, math.log1p(cv2.mean(view.left)[0])))
+        while view.time - self._light[0][0] > FLICKER_WINDOW_S:
+            self._light.popleft()
+        return flicker_reason([level for _, level in self._light])
 
     def _look_frozen(self, view: View) -> str | None:
         previous, self._previous = self._previous, view
@@ -72,12 +88,15 @@ class ImageHealth:
         rows: StereoRows | None,
     ) -> None:
         poor = stereo_share < _POOR_STEREO or (rows is not None and len(rows.px) < _FEW_MATCHES)
-        if not poor:
-            self._mismatch, self._poor_frames = None, 0
-        else:
-            if self._poor_frames % _ASK_EVERY == 0:
+        # A swapped pair may match by chance, even well: the first one is asked in any case, and
+        # what was found stays until a later look says otherwise.
+        if poor or self._mismatch is not None or not self._asked:
+            self._asked = True
+            if self._doubtful_frames % _ASK_EVERY == 0:
                 self._mismatch = mismatch_reason(view.left, view.right, parameters.max_disparity_px)
-            self._poor_frames += 1
+            self._doubtful_frames += 1
+        else:
+            self._doubtful_frames = 0
         if rows is not None and self._frames % _ROWS_EVERY == 0:
             error = vertical_error(rows.px, rows.offset_px, self._camera)
             self._rows = None if error is None else rectification_reason(error)

@@ -117,11 +117,6 @@ def test_lenses_see_nothing(system: System, name: str, level: int, lenses: str) 
     worst_of(6, f"{lenses} {name}", once, within=ZERO_S)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    raises=AssertionError,
-    reason="POST /api/runs does not ask whether they are swapped",
-)
 def test_left_and_right_are_swapped(system: System) -> None:
     request = system.server.request
     right_way = request("GET", "/status")["source"]["spec"]

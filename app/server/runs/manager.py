@@ -39,7 +39,10 @@ from app.versions import versions
 from observer.opening import shown_spec
 from observer.recording.payloads import Images
 from observer.rig.rig import ROLES
+from observer.vision.swapped import swapped_reason
 
+# Within so many frames of its beginning a run ends if left and right turn out to be swapped.
+_FIRST_FRAMES = 30
 # Interval; at most this much of the robots' data is lost with the server.
 _TELL_S = 0.5
 
@@ -154,6 +157,8 @@ class RunManager:
             self._shared.refuse_calibrating()
             if programme is not None:
                 self._robots.check_programme(programme)
+            if source is None and calibration_id is None:
+                self._refuse_swapped()
             revision = self._parameters.plan(preset, parameters)
             opening = self._source.wanted
             if source is not None or calibration_id is not None:
@@ -181,6 +186,12 @@ class RunManager:
                 await self._start_programme(run, programme)
             self._shared.followers.status_changed()
             return run.snapshot()
+
+    def _refuse_swapped(self) -> None:
+        latest = self._source.latest
+        reason = None if latest is None else swapped_reason(latest.line["reasons"])
+        if reason is not None:
+            raise Conflict(f"{reason}; open the source with its cameras the other way round")
 
     async def _create(
         self,
@@ -279,6 +290,9 @@ class RunManager:
         """Handle the observation of a frame."""
         run = self.running
         if run is not None and event.run_id == run.id:
+            reason = swapped_reason(event.line["reasons"])
+            if reason is not None and run.frames < _FIRST_FRAMES:
+                self._soon(self._end_swapped(run, reason))
             run.observed(event, [role for role in ROLES if self._robots.is_driven(role)])
 
     def state_changed(self, event: StateEvent) -> None:
@@ -308,6 +322,12 @@ class RunManager:
             if self.running is not None and self.running.id == run_id:
                 self._shared.refuse_in_run("stop it before you delete it")
             await self.history.discard(run_id)
+
+    async def _end_swapped(self, run: CurrentRun, reason: str) -> None:
+        """End a run that has just begun: whatever it would go on to measure would be invented."""
+        async with self._shared.lock:
+            if self.running is run:
+                await self.close(RunState.FAILED, reason)
 
     async def _finish_played(self, run: CurrentRun) -> None:
         async with self._shared.lock:

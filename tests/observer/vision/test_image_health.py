@@ -374,6 +374,27 @@ def test_where_little_matches_the_cause_is_told(
     assert bool(told) == bool(cause)
 
 
+def test_swapped_cameras_stay_told_until_a_look_clears_them(pair: Pair) -> None:
+    def rows(count: int) -> StereoRows:
+        zeros = np.zeros(count)
+        return StereoRows(np.full((count, 2), 50.0), zeros, zeros + 9.0, np.arange(count))
+
+    def told(index: int, pair: Pair, count: int) -> bool:
+        grain = np.random.default_rng(index).integers(0, 2, pair[0].shape, dtype=np.uint8)
+        view = View(index, index / 15, None, pair[0] // 2 + grain, pair[1] // 2 + grain)
+        reasons = health.look(view, StereoParameters(), 0.9, rows(count))
+        return any("swapped" in reason for reason in reasons)
+
+    health = ImageHealth(scene("lab")[0])
+    swapped = pair[::-1]
+    assert told(0, swapped, 15)
+    # Now and then enough match by chance.
+    assert all(told(k, swapped, 60 - 30 * (k % 2)) for k in range(1, 25))
+    cleared = [told(k, pair, 60) for k in range(25, 40)]
+    assert not any(cleared[10:])
+    assert not told(40, pair, 15)
+
+
 @pytest.mark.parametrize("max_disparity_px", [16, 64, 128, 256])
 def test_the_order_is_seen_with_any_largest_disparity(pair: Pair, max_disparity_px: int) -> None:
     left, right = pair

@@ -1,0 +1,27 @@
+"""The sentence for a pair whose left and right images are swapped, and how to recognise it.
+
+All depths of such a pair are invented, so that it is refused where other faults only degrade.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+_BEGIN = "left and right seem to be swapped"
+
+
+def swapped_sentence(swapped: float, as_given: float) -> str:
+    """Return the sentence.
+
+    Args:
+        swapped, as_given: share of the image with a stereo partner, in either order.
+    """
+    return (
+        f"{_BEGIN}: {100 * swapped:.0f} % of the image have a stereo partner in the other order "
+        f"and {100 * as_given:.0f} % in this one"
+    )
+
+
+def swapped_reason(reasons: Iterable[str]) -> str | None:
+    """Return the reason of a frame that says so; None if none does."""
+    return next((reason for reason in reasons if reason.startswith(_BEGIN)), None)
