@@ -205,10 +205,11 @@ class ChildProcess:
             await asyncio.gather(self._reading, return_exceptions=True)
         if self._writer is not None:
             self._writer.transport.abort()
-        return _ending(self._process.returncode)
+        return exit_words(self._process.returncode)
 
 
-def _ending(code: int | None) -> str:
+def exit_words(code: int | None) -> str:
+    """Describe how a process ended, by its return code; None: it has not."""
     if code is None:
         return "hangs inside the kernel and cannot be ended yet"
     if code < 0:

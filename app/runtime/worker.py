@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import logging
 import os
-import select
 import signal
 import subprocess
 import threading
@@ -18,6 +18,7 @@ from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass, field
 from typing import Any, BinaryIO, TypeVar, cast
 
+from app.runtime.child import exit_words
 from app.runtime.environment import module_command, program_environment
 from app.runtime.errors import ChannelError
 from app.runtime.jobs import Progress, Refused
@@ -26,6 +27,7 @@ from observer.errors import DynamicObserverError
 
 _COMMAND = module_command("app.runtime.worker_main")
 _GRACE_S = 2.0
+_log = logging.getLogger(__name__)
 
 _Result = TypeVar("_Result")
 
@@ -118,9 +120,9 @@ async def _heard(process: Process, message: bytes, progress: Callable[[Progress]
         if not isinstance(heard, Progress):
             return heard
         progress(heard)
-    code = await process.wait()
+    how = exit_words(await process.wait())
     raise JobFailed(
-        f"the computation ended without a result (exit code {code}); its messages are in the "
+        f"the computation {how}, without a result; start it again, or look for its messages in the "
         f"server's log"
     )
 
@@ -147,23 +149,33 @@ class LastingWorker:
         None where the process was lost, took too long or must not be used any more. A lost process
         has forgotten everything; the next job begins with a new one.
         """
+        # Writing and reading both wait for a process that is stopped or hangs.
+        patience = threading.Timer(self._longest_s, self._kill)
+        patience.daemon = True
+        patience.start()
+        try:
+            result = self._answered(encode(job))
+        except OSError as error:
+            _log.warning("%s cannot be used: %s", self._worker.module, error)
+            result = None
+        finally:
+            patience.cancel()
+        if isinstance(result, kind):
+            return result
+        # Also of a process that was ended between two jobs: killed, but not yet waited for.
+        self._let_go()
+        return None
+
+    def _answered(self, message: bytes) -> object:
         process = self._started()
         if process is None:
-            # It was ended between two jobs: killed, but not yet waited for.
-            self._let_go()
             return None
         assert process.stdin is not None
         assert process.stdout is not None
-        try:
-            process.stdin.write(encode(job))
+        with contextlib.suppress(BrokenPipeError):
+            process.stdin.write(message)
             process.stdin.flush()
-            ready, _, _ = select.select([process.stdout], [], [], self._longest_s)
-            result = load_message(cast(BinaryIO, process.stdout)) if ready else None
-        except OSError:
-            result = None
-        if isinstance(result, kind):
-            return result
-        self._let_go()
+            return load_message(cast(BinaryIO, process.stdout))
         return None
 
     def end(self) -> None:
@@ -203,4 +215,8 @@ class LastingWorker:
             if pipe is not None:
                 with contextlib.suppress(OSError):
                     pipe.close()
-        process.wait()
+        how = exit_words(process.wait())
+        if not self._ended:
+            _log.warning(
+                "%s was lost: it %s; the next job starts it anew", self._worker.module, how
+            )

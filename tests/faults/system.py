@@ -33,10 +33,11 @@ class System:
     """A lab in which things go wrong.
 
     Args:
-        folder: of the data. environment: of the server's processes, beside the own one.
+        folder: for the data. environment: of the server's processes, beside the own one.
 
     Attributes:
         left, right: cameras. robot: behind its port. server: restarted by ``restart``.
+        folder: of the data.
     """
 
     def __init__(self, folder: Path, environment: Mapping[str, str] | None = None) -> None:
@@ -48,7 +49,7 @@ class System:
         self.robot: Serving[EmulatedRobot] = serve_tcp(robot)
         self.server: Server
         self.operator: Operator | None = None
-        self._folder = folder
+        self.folder = folder
         self._environment = environment
         self._serving = ExitStack()
         self._calibration_id: str | None = None
@@ -59,7 +60,7 @@ class System:
     def start(self) -> None:
         """Begin to serve, on what was kept before."""
         self.server = self._serving.enter_context(
-            served(self._folder, self.source, self._environment)
+            served(self.folder, self.source, self._environment)
         )
         if self._calibration_id is None:
             text = calibration_text(self._calibration).encode()
@@ -80,7 +81,7 @@ class System:
     @contextmanager
     def running(self) -> Iterator[System]:
         """With everything at work."""
-        self._folder.mkdir(parents=True, exist_ok=True)
+        self.folder.mkdir(parents=True, exist_ok=True)
         camera = self.world.scenario.camera
         rig = _RIG.format(
             height=camera.height_m,
@@ -89,7 +90,7 @@ class System:
             left=camera.baseline_m / 2,
             port=self.robot.port,
         )
-        (self._folder / "rig.yaml").write_text(rig)
+        (self.folder / "rig.yaml").write_text(rig)
         with self.left, self.right, self.robot:
             try:
                 self.start()

@@ -6,7 +6,9 @@ Only the server's processes see the jump (``wall_clock.c``), so it needs a C com
 
 from __future__ import annotations
 
+import os
 import shutil
+import signal
 import struct
 import subprocess
 import sys
@@ -106,6 +108,46 @@ def test_the_wall_clock_jumps(tmp_path: Path) -> None:
     assert backward < 1.0
     times = [row["time"] for row in rows]
     assert max(times) - min(times) < elapsed + 1.0
+
+
+def test_the_wall_clock_jumps_before_the_drive_process_starts(tmp_path: Path) -> None:
+    """And once more while it runs: each of its processes begins in another hour."""
+    clock = WallClock(tmp_path)
+    jumps = cycle((HOUR_S, -HOUR_S, 0))
+    # Everything begins an hour late.
+    clock.jump(-HOUR_S)
+    zeros: list[float] = []
+    backs: list[float] = []
+    with System(tmp_path / "data", clock.environment).running() as system:
+        system.move()
+        zeros.append(_silence(system))
+        for trial in range(TRIALS):
+            clock.jump(next(jumps))
+            backs.append(_begin_anew(system))
+            _drive_through(system, clock, next(jumps))
+            zeros.append(_silence(system) if trial % 2 == 0 else _blindness(system))
+    tell(
+        f"fault 12, drive process begun in another hour: zero within {1000 * max(zeros):.0f} ms, "
+        f"connected again {max(backs):.1f} s after its predecessor's end (worst of {TRIALS})"
+    )
+    assert max(zeros) <= ZERO_S
+
+
+def _begin_anew(system: System) -> float:
+    """Kill the drive process; seconds until the next one has connected the robot."""
+
+    def pid() -> int:
+        found: int = system.server.request("GET", "/robots")["process"]["pid"]
+        return found
+
+    killed, before = time.monotonic(), pid()
+    os.kill(before, signal.SIGKILL)
+
+    def is_back() -> bool:
+        return pid() != before and system.server.robot().get("state") == "disarmed"
+
+    wait_until("the robot is connected again", is_back, 15.0)
+    return time.monotonic() - killed
 
 
 def _drive_through(system: System, clock: WallClock, shift_s: int) -> None:

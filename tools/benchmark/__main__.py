@@ -1,4 +1,4 @@
-"""``python -m tools.benchmark served|capture|recording``: measure the running system."""
+"""``python -m tools.benchmark served|capture|recording|soak``: measure the running system."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ cli = typer.Typer(
 def served(
     source: Annotated[str, typer.Argument(help="What is served.")] = "simulated:lab",
     seconds: SecondsOption = 15.0,
-    viewers: Annotated[int, typer.Option(min=1, max=50, help="Viewers on the server.")] = 5,
+    viewers: Annotated[int, typer.Option(min=1, max=50, help="Viewers on the server.")] = 20,
     as_json: JsonOption = False,
     output: OutputOption = None,
 ) -> None:
@@ -78,6 +78,32 @@ def recording(
         output,
         as_json=as_json,
     )
+
+
+@cli.command()
+def soak(
+    minutes: Annotated[float, typer.Option(min=0.1, help="Duration.")] = 60.0,
+    run_seconds: Annotated[float, typer.Option(min=1, help="Duration of each run.")] = 10.0,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+) -> None:
+    """Keep a server busy and see whether its processes grow; exit code 1 if they do."""
+    from tools.benchmark.soak import SoakFigures, soak_figures
+    from tools.benchmark.soak_report import soak_markdown
+
+    measured: list[SoakFigures] = []
+
+    def measure() -> SoakFigures:
+        measured.append(soak_figures(minutes=minutes, run_s=run_seconds, say=_say_line))
+        return measured[0]
+
+    tell_measured("soak", measure, soak_markdown, SoakFigures.as_dict, output, as_json=as_json)
+    if measured[0].failed:
+        raise typer.Exit(1)
+
+
+def _say_line(line: str) -> None:
+    typer.echo(line, err=True)
 
 
 def _say(what: str) -> None:

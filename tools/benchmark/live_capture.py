@@ -163,7 +163,7 @@ def capture_figures(
     """
     world = World(load_scenario(SCENARIO))
     say("what cameras will show: being drawn")
-    encoded = _encoded(world, pictures)
+    encoded = encoded_pairs(world, pictures)
     decoded = [tuple(_decoded(data) for data in pair) for pair in encoded]
     live, memory, slow, tending = _Notes(), _Notes(), _Notes(), _Notes()
     reports: list[LiveReport] = []
@@ -174,7 +174,7 @@ def capture_figures(
         observer.observe(frame)
 
     with tempfile.TemporaryDirectory(prefix="dynamic-observer-benchmark-") as folder:
-        _write(Path(folder), encoded)
+        write_pairs(Path(folder), encoded)
         with camera_streams(Path(folder), RATE) as addresses:
             for turn in range(turns):
                 say(f"the loop with cameras and from memory, turn {turn + 1} of {turns}")
@@ -315,7 +315,7 @@ def _cameras(addresses: tuple[str, str], reports: list[LiveReport]) -> Iterator[
         reports.append(source.report())
 
 
-def _encoded(world: World, count: int) -> list[tuple[bytes, ...]]:
+def encoded_pairs(world: World, count: int) -> list[tuple[bytes, ...]]:
     """Return JPEG files of left and right, at the cameras' rate."""
     imager = StereoImager(world)
     quality = [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY]
@@ -332,7 +332,8 @@ def _decoded(data: bytes) -> Image:
     return np.asarray(cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR), np.uint8)
 
 
-def _write(folder: Path, encoded: Sequence[tuple[bytes, ...]]) -> None:
+def write_pairs(folder: Path, encoded: Sequence[tuple[bytes, ...]]) -> None:
+    """Write them as ``camera_streams`` serves them, into an empty folder."""
     for side, pictures in zip(SIDES, zip(*encoded, strict=True), strict=True):
         (folder / side).mkdir()
         for k, picture in enumerate(pictures):

@@ -10,16 +10,21 @@ from statistics import mean
 from typing import Any
 
 from app.client.server_process import MeasurementError, RunningServer, running_server
+from observer.evaluation.targets import Target
 from tools.benchmark.browser import PageFigures, page_figures
-from tools.benchmark.viewers import scene_viewer, viewers
+from tools.benchmark.viewers import Drained, scene_viewer, stalled_viewer, viewers
 
 # Wait for a new client after which it counts as never served.
 _PATIENCE_S = 45.0
 _FAST = 4.0
+_SETTLING_S = 1.0
 # Turns with and without the cloud alternate, because a noisy machine drifts within seconds.
 _TURNS = 3
 # Same window as the status's rates.
 _RATE_WINDOW_S = 2.0
+# Least part of its rate that the loop keeps with all viewers, and that viewers keep beside one that
+# reads nothing. Rates of short measurements differ by some per cent by themselves.
+LEAST_WITH_VIEWERS, _LEAST_BESIDE_STALLED = 0.9, 0.9
 
 
 @dataclass(frozen=True)
@@ -105,16 +110,73 @@ class DenseCloudRates:
 
 
 @dataclass(frozen=True)
+class ServedRates:
+    """Per second: frames observed, and messages that all reading viewers together received."""
+
+    frames: float
+    observations: float
+    images: float
+
+
+@dataclass(frozen=True)
+class StalledRates:
+    """What viewers receive without and beside one that reads nothing.
+
+    Attributes:
+        viewers: number of those that read. without: mean of before and after.
+        failures: of all of them.
+    """
+
+    viewers: int
+    without: ServedRates
+    beside: ServedRates
+    failures: tuple[str, ...]
+
+    @property
+    def ratio(self) -> float:
+        """Return the least of the three rates beside it over those without it."""
+        pairs = zip(asdict(self.beside).values(), asdict(self.without).values(), strict=True)
+        return min(beside / without if without else 0.0 for beside, without in pairs)
+
+
+@dataclass(frozen=True)
 class ServedFigures:
     """All figures measured from outside; ``page`` is a sentence if it could not be measured."""
 
     rates: tuple[LoopRates, ...]
+    stalled: StalledRates
     dense_cloud: DenseCloudRates
     page: PageFigures | str
+
+    @property
+    def targets(self) -> tuple[Target, ...]:
+        """Return the targets."""
+        rates = [
+            Target(
+                f"loop's rate with {each.viewers} viewers, played at {each.playback_rate:g} x, of "
+                f"that alone",
+                LEAST_WITH_VIEWERS,
+                None,
+                each.ratio,
+                each.observation_messages,
+            )
+            for each in self.rates
+        ]
+        stalled = Target(
+            f"what {self.stalled.viewers} viewers receive beside one that reads nothing, of that "
+            f"without it",
+            _LEAST_BESIDE_STALLED,
+            None,
+            self.stalled.ratio,
+            self.stalled.viewers,
+        )
+        return (*rates, stalled)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values for JSON."""
         return {
+            "targets": [target.as_dict() for target in self.targets],
+            "stalled": asdict(self.stalled) | {"ratio": self.stalled.ratio},
             "loop": [asdict(each) | {"ratio": each.ratio} for each in self.rates],
             "dense_cloud": asdict(self.dense_cloud) | {"ratio": self.dense_cloud.ratio},
             "page": asdict(self.page) if isinstance(self.page, PageFigures) else self.page,
@@ -145,8 +207,9 @@ def served_figures(
             # that it cannot hide a cost of the viewers.
             for playback_rate in (1.0, _FAST)
         )
+        stalled = _stalled_rates(server, seconds, viewer_count, say)
         dense_cloud = _dense_cloud_rates(server, _FAST, seconds, say)
-    return ServedFigures(rates, dense_cloud, page)
+    return ServedFigures(rates, stalled, dense_cloud, page)
 
 
 def _loop_rates(
@@ -183,6 +246,37 @@ def _loop_rates(
         drive,
         recorded,
     )
+
+
+def _stalled_rates(
+    server: RunningServer, seconds: float, viewer_count: int, say: Callable[[str], None]
+) -> StalledRates:
+    # At this rate the loop has time to spare, so that it is the server that may hold viewers up.
+    server.request("POST", "/api/playback", {"rate": 1.0, "loop": True})
+    say(f"{viewer_count} viewers without and beside one that reads nothing")
+    with viewers(server, viewer_count) as drained:
+        before = _served_rates(server, drained, seconds / 2)
+        with stalled_viewer(server) as stalled:
+            beside = _served_rates(server, drained, seconds)
+        after = _served_rates(server, drained, seconds / 2)
+    without = ServedRates(
+        (before.frames + after.frames) / 2,
+        (before.observations + after.observations) / 2,
+        (before.images + after.images) / 2,
+    )
+    failures = (*drained.failures, *stalled.failures)
+    return StalledRates(viewer_count, without, beside, failures)
+
+
+def _served_rates(server: RunningServer, drained: Drained, seconds: float) -> ServedRates:
+    time.sleep(_SETTLING_S)
+    first, first_at = _observed(server)
+    observations, images = drained.observations, drained.images
+    time.sleep(seconds)
+    observations, images = drained.observations - observations, drained.images - images
+    last, last_at = _observed(server)
+    passed = last_at - first_at
+    return ServedRates((last - first) / passed, observations / passed, images / passed)
 
 
 @contextmanager
@@ -232,7 +326,7 @@ def observed_rate(server: RunningServer, seconds: float) -> float:
     """Return unique frames per second over ``seconds``, from the engine's own count of
     observations.
     """
-    time.sleep(1.0)
+    time.sleep(_SETTLING_S)
     first, first_at = _observed(server)
     time.sleep(seconds)
     last, last_at = _observed(server)

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from observer.evaluation.evaluate import markdown_table
+from observer.evaluation.targets import targets_table
 from tools.benchmark.browser import PageFigures
-from tools.benchmark.served import DenseCloudRates, DriveLateness, ServedFigures
+from tools.benchmark.served import DenseCloudRates, DriveLateness, ServedFigures, StalledRates
 
 
 def served_markdown(served: ServedFigures) -> str:
-    """Return tables of the loop with and without viewers and dense cloud, and of one page."""
+    """Return tables of the targets, the loop with and without viewers and dense cloud, viewers
+    beside one that reads nothing, and one page.
+    """
     return "\n".join(
         [
+            "## Viewers, to reach\n",
+            targets_table({"measured": served.targets}, "figure"),
             "## The loop in a running server, unique frames per second\n",
             markdown_table(
                 ["played at", "alone", "with viewers", "ratio", "viewers", "scene messages",
@@ -25,6 +30,8 @@ def served_markdown(served: ServedFigures) -> str:
                 ],
             ),
             f"\n{drive_line(served)}",
+            "\n## Viewers beside one that reads nothing, per second\n",
+            _stalled_table(served.stalled),
             "\n## The dense cloud beside the loop\n",
             _dense_cloud_table(served.dense_cloud),
             "\n## One visible page\n",
@@ -45,6 +52,20 @@ def drive_line(served: ServedFigures) -> str:
 
 def _late(drive: DriveLateness | None) -> str:
     return "there was no drive process" if drive is None else drive.words
+
+
+def _stalled_table(stalled: StalledRates) -> str:
+    return markdown_table(
+        ["figure", "without", "beside it"],
+        [
+            [name, f"{without:.1f}", f"{beside:.1f}"]
+            for name, without, beside in (
+                ("frames observed", stalled.without.frames, stalled.beside.frames),
+                ("observations", stalled.without.observations, stalled.beside.observations),
+                ("images", stalled.without.images, stalled.beside.images),
+            )
+        ],
+    ) + "".join(f"\nA viewer failed: {each}." for each in stalled.failures)
 
 
 def _dense_cloud_table(rates: DenseCloudRates) -> str:

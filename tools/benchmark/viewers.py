@@ -41,6 +41,13 @@ def viewers(server: RunningServer, count: int) -> Iterator[Drained]:
 
 
 @contextmanager
+def stalled_viewer(server: RunningServer) -> Iterator[Drained]:
+    """Run one viewer that signs in everywhere and then reads nothing, during the block."""
+    with _clients(server, (_stall,)) as drained:
+        yield drained
+
+
+@contextmanager
 def scene_viewer(server: RunningServer) -> Iterator[Drained]:
     """Run one viewer of the 3D scene alone, dense cloud included, during the block."""
     with _clients(server, (_drain_scene,)) as drained:
@@ -95,6 +102,19 @@ async def _drain_view(server: RunningServer, drained: Drained) -> None:
         async for _ in socket:
             drained.images += 1
             await socket.send("ack")
+
+
+async def _stall(server: RunningServer, drained: Drained) -> None:
+    scene = _socket(server, "/viewer", drained, f"viser-v{viser.__version__}")
+    live, view = (_socket(server, path, drained) for path in ("/api/live", "/api/views/left"))
+    async with scene as a, live as b, view as c:
+        try:
+            # What nobody takes from a socket fills its queue, and then the connection.
+            await asyncio.get_running_loop().create_future()
+        finally:
+            # Behind what was not read no answer to a farewell is found.
+            for socket in (a, b, c):
+                socket.transport.abort()
 
 
 @contextlib.asynccontextmanager

@@ -16,10 +16,13 @@ from tools.benchmark.served import (
     DriveLateness,
     LoopRates,
     ServedFigures,
+    ServedRates,
+    StalledRates,
     _dense_cloud_rates,
     _loop_rates,
+    _stalled_rates,
 )
-from tools.benchmark.served_report import drive_line
+from tools.benchmark.served_report import drive_line, served_markdown
 
 pytestmark = pytest.mark.slow
 
@@ -91,6 +94,7 @@ def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
             ),
             rates(2.0, DriveLateness(None, None, "normal"), None),
         ),
+        StalledRates(20, ServedRates(30, 600, 600), ServedRates(30, 588, 480), ()),
         DenseCloudRates(4.0, 30.0, 29.0, 2.0, 0.5, 100.0, 1, ()),
         "no page in this test",
     )
@@ -100,9 +104,27 @@ def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
         "priority realtime; at 2 x not told, priority normal, with a run recorded besides there "
         "was no drive process."
     )
+    text = served_markdown(figures)
+    assert (
+        "loop's rate with 3 viewers, played at 1 x, of that alone | >= 0.9 | 0.967 | yes |" in text
+    )
+    assert "20 viewers receive beside one that reads nothing, of that without it" in text
+    assert "| >= 0.9 | 0.800 | **no** |" in text
+    assert "| observations | 600.0 | 588.0 |" in text
     assert figures.as_dict()["loop"][0]["drive"] == {
         "late_p99_ms": 0.312, "late_max_ms": 4.5, "priority": "realtime",
     }  # fmt: skip
+
+
+@pytest.mark.patient
+def test_viewers_are_measured_beside_one_that_reads_nothing(server: RunningServer) -> None:
+    rates = _stalled_rates(server, 1.0, 2, lambda _: None)
+    assert rates.failures == ()
+    for each in (rates.without, rates.beside):
+        # Two viewers receive each frame, as far as they keep up.
+        assert 0 < each.observations < 3 * each.frames
+        assert each.images > 0
+    assert rates.ratio <= rates.beside.frames / rates.without.frames
 
 
 @pytest.mark.patient

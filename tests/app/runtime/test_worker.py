@@ -1,0 +1,83 @@
+"""Workers that do job after job: lost, stopped or not to be started, and the next job is done."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+import app.runtime.worker as worker_module
+from app.runtime.worker import LastingWorker, Worker
+
+LONGEST_S = 2.5
+ECHO = "from app.runtime.jobs import do_jobs\n\ndo_jobs(lambda job, _: job)\n"
+# More than a pipe holds.
+LARGE = b"x" * 1_000_000
+
+
+@pytest.fixture
+def echo(tmp_path: Path, repository: Path) -> Iterator[LastingWorker]:
+    """A worker whose results are its jobs."""
+    (tmp_path / "echo.py").write_text(ECHO)
+    paths = os.pathsep.join((str(repository), str(tmp_path)))
+    made = LastingWorker(Worker("echo", 5, {"PYTHONPATH": paths}), longest_s=LONGEST_S)
+    yield made
+    made.close()
+    assert psutil.Process().children() == []
+
+
+def process() -> psutil.Process:
+    (child,) = psutil.Process().children()
+    return child
+
+
+def test_one_that_is_killed_is_told_of_and_replaced(
+    echo: LastingWorker, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert echo.do(LARGE, bytes) == LARGE
+    first = process()
+    assert echo.do("again", str) == "again"
+    assert process() == first
+    first.kill()
+    assert echo.do(LARGE, bytes) is None
+    assert [record.getMessage() for record in caplog.records] == [
+        "echo was lost: it ended by SIGKILL; the next job starts it anew"
+    ]
+    assert echo.do(LARGE, bytes) == LARGE
+    assert process() != first
+
+
+# One waits with the job half written, the other for the answer.
+@pytest.mark.parametrize("job", [LARGE, b"small"])
+def test_one_that_stands_still_is_given_up(echo: LastingWorker, job: bytes) -> None:
+    assert echo.do(job, bytes) == job
+    process().suspend()
+    began = time.monotonic()
+    assert echo.do(job, bytes) is None
+    assert time.monotonic() - began < LONGEST_S + 2.0
+    assert psutil.Process().children() == []
+    assert echo.do(job, bytes) == job
+
+
+def test_one_that_cannot_be_started_is_told_of(
+    echo: LastingWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(worker_module, "_COMMAND", ("/no/such/python",))
+        assert echo.do("a job", str) is None
+    assert "echo cannot be used: [Errno 2] No such file" in caplog.text
+    assert echo.do("a job", str) == "a job"
+
+
+def test_one_that_was_ended_is_not_replaced(
+    echo: LastingWorker, caplog: pytest.LogCaptureFixture
+) -> None:
+    assert echo.do("a job", str) == "a job"
+    echo.end()
+    assert echo.do("a job", str) is None
+    # What was wanted is no news.
+    assert caplog.records == []
