@@ -17,6 +17,7 @@ from observer.vision.image_checks import (
     rectification_reason,
     vertical_error,
 )
+from observer.vision.swapped import swapped_reason
 from observer.vision.view import StereoRows, View
 
 # One equal pair may be a repeated frame of a video.
@@ -90,13 +91,15 @@ class ImageHealth:
         poor = stereo_share < _POOR_STEREO or (rows is not None and len(rows.px) < _FEW_MATCHES)
         # A swapped pair may match by chance, even well: the first one is asked in any case, and
         # what was found stays until a later look says otherwise.
-        if poor or self._mismatch is not None or not self._asked:
+        swapped = swapped_reason((self._mismatch or "",)) is not None
+        if poor or swapped or not self._asked:
             self._asked = True
             if self._doubtful_frames % _ASK_EVERY == 0:
-                self._mismatch = mismatch_reason(view.left, view.right, parameters.max_disparity_px)
+                found = mismatch_reason(view.left, view.right, parameters.max_disparity_px)
+                self._mismatch = found if poor else swapped_reason((found or "",))
             self._doubtful_frames += 1
         else:
-            self._doubtful_frames = 0
+            self._mismatch, self._doubtful_frames = None, 0
         if rows is not None and self._frames % _ROWS_EVERY == 0:
             error = vertical_error(rows.px, rows.offset_px, self._camera)
             self._rows = None if error is None else rectification_reason(error)

@@ -28,6 +28,8 @@ from observer.types import MotionState, TrackState
 # Seconds out of sight after which nothing is known of how a body moves.
 _FORGOTTEN_S = 0.4
 _LEVEL = np.diag([1.0, 0.0, 1.0])
+# (m/s)^2: by how much a limb's velocity differs from that of its body.
+_LIMB_COV = np.diag([0.5, 0.05, 0.5]) ** 2
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 
 
@@ -137,9 +139,15 @@ class BodyTrack:
         return self.missed_s > _FORGOTTEN_S
 
     def loosen(self) -> None:
-        """Count it as a body with limbs, of whose yaw nothing is known."""
+        """Count it as a body with limbs, of whose yaw nothing is known.
+
+        What moved as one until now may have been a limb, which is faster or slower than the body.
+        That is not doubted where only legs are in view, for then nothing tells better.
+        """
         self.rigid, self.rigidity = False, 0.0
         self.filter = self.filter.straightened()
+        if self.outline is None or not self.outline.only_legs:
+            self.filter = self.filter.doubted(_LIMB_COV)
 
     def stiffen(self, motion: BodyFilter) -> None:
         """Count it as a rigid body, which moves as points on it were found to."""

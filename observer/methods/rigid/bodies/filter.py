@@ -139,6 +139,12 @@ class BodyFilter:
         covs[:, YAW_RATE, YAW_RATE] = _STRAIGHT**2
         return BodyFilter(means, covs, self.probabilities)
 
+    def doubted(self, velocity_cov: Float64Array) -> BodyFilter:
+        """The same motion, whose velocity may differ further, by a covariance (3, 3) (m/s)^2."""
+        covs = self.covariances.copy()
+        covs[:, VELOCITY, VELOCITY] += velocity_cov
+        return BodyFilter(self.means, covs, self.probabilities)
+
     def _updated(
         self, which: NDArray[np.intp], measured: Float64Array, noise: Float64Array
     ) -> BodyFilter:

@@ -12,7 +12,7 @@ from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
 from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whole
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
 from observer.methods.rigid.bodies.shape import BodyShape, Box
-from observer.methods.rigid.bodies.trunk_motion import measure_trunk
+from observer.methods.rigid.bodies.trunk_motion import measure_trunk, shows_only_legs
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
@@ -134,6 +134,7 @@ def measure_limbs(
             track.outline.lose_trunk()
             continue
         on_body = _surely_on(track.outline, track.id, points, scene)
+        track.outline.only_legs = shows_only_legs(track.outline, scene)
         judge_rigidity(track, obstacle[on_body[motion.judged[on_body]]] == track.id)
         if not track.rigid:
             obstacle[obstacle == track.id] = NO_OBSTACLE

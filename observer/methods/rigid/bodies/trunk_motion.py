@@ -46,7 +46,6 @@ def measure_trunk(
     """
     assert track.outline is not None
     _keep_level(track, scene)
-    track.outline.only_legs = _shows_only_legs(track.outline, scene)
     if track.outline.only_legs:
         track.outline.lose_trunk()
         return
@@ -61,7 +60,7 @@ def measure_trunk(
     track.filter = depths.measure(track.filter, chosen, points, sightings, scene, dt)
 
 
-def _shows_only_legs(outline: Outline, scene: DenseScene) -> bool:
+def shows_only_legs(outline: Outline, scene: DenseScene) -> bool:
     """Return whether the image ends below the trunk: legs do not move as the body does."""
     segment = outline.segment
     if not segment.cut[2] or scene.ground is None:

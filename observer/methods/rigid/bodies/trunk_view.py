@@ -96,12 +96,36 @@ class TrunkView:
         place = self._roughly(image, expected, spread, reach)
         if place is None:
             return None
+        # By the noise of the edges first, so that none of them counts as a stranger while it is
+        # far off; then closely. How well it is found is told by the former.
+        about = self._fitted(image, place, spread, self._steep)
+        close = about and self._fitted(image, about[0], spread, np.ones_like(self._steep))
+        if about is None or close is None:
+            return None
+        place, cov = close[0], about[1]
+        stood = self._cost(image, standing, spread)
+        if np.isinf(stood) or self._cost(image, place, spread) > _CLEARLY_LESS * stood:
+            cov += np.outer(place - standing, place - standing)
+        return place, cov
+
+    def _fitted(
+        self,
+        image: Image,
+        place: Float64Array,
+        spread: Float64Array,
+        chosen: NDArray[np.bool_],
+    ) -> tuple[Float64Array, Float64Array] | None:
+        """(2,) where the middle is near a place, and the covariance (2, 2), as of ``found_in``.
+
+        Args:
+            chosen: (N,) the cells whose differences tell the noise.
+        """
         J = self._gradient
         difference, inside = self._difference(image, place, spread)
         light = _median(difference[inside])
         for _ in range(_STEPS):
             residual = difference - light
-            noise = max(_LEAST_NOISE, MAD_TO_SIGMA * _median(np.abs(residual[inside])))
+            noise = max(_LEAST_NOISE, MAD_TO_SIGMA * _median(np.abs(residual[inside & chosen])))
             weight = inside / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2)
             weighted = J * weight[:, None]
             information = weighted.T @ J + np.eye(3) * _RIDGE
@@ -112,11 +136,7 @@ class TrunkView:
             difference, inside = self._difference(image, place, spread)
             if not _mostly(inside):
                 return None
-        cov = _covariance(information, noise, float(weight.sum()))
-        stood = self._cost(image, standing, spread)
-        if np.isinf(stood) or self._cost(image, place, spread) > _CLEARLY_LESS * stood:
-            cov += np.outer(place - standing, place - standing)
-        return place, cov
+        return place, _covariance(information, noise, float(weight.sum()))
 
     def _roughly(
         self, image: Image, expected: Float64Array, spread: Float64Array, reach: int
@@ -151,6 +171,16 @@ class TrunkView:
             for along in ((1, 0), (0, 1))
         )
         return np.stack([across, down, np.ones(len(rows))], axis=1).astype(np.float64)
+
+    @cached_property
+    def _steep(self) -> NDArray[np.bool_]:
+        """(N,) which cells tell where it is.
+
+        On plain clothes before a plain wall they are few, and differ most: by the noise of all
+        cells just these would count as strangers.
+        """
+        steepness = np.abs(self._gradient[:, :2]).sum(axis=1)
+        return np.asarray(steepness >= steepness.mean())
 
     @cached_property
     def _levels(self) -> Float64Array:

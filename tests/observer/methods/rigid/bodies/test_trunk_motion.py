@@ -15,7 +15,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import VELOCITY
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.tracker import BodyTracker
-from observer.methods.rigid.bodies.trunk_motion import measure_trunk
+from observer.methods.rigid.bodies.trunk_motion import measure_trunk, shows_only_legs
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of
@@ -116,9 +116,10 @@ def test_what_shows_only_legs_has_no_trunk(
     ground = GroundPlane(np.array([0.0, 1.0, 0.0]), float(top[1]) + height_m)
     unknown.outline = replace(outline, segment=above)
     scene = replace(scene, ground=ground)
+    unknown.outline.only_legs = shows_only_legs(unknown.outline, scene)
+    assert unknown.outline.only_legs is not trunk
     measure_trunk(unknown, np.zeros(0, np.intp), *no_points(), scene, DT)
     assert (unknown.outline.trunk is not None) is trunk
-    assert unknown.outline.only_legs is not trunk
 
 
 def test_legs_alone_make_the_velocity_less_sure(unknown: BodyTrack) -> None:
@@ -131,3 +132,17 @@ def test_legs_alone_make_the_velocity_less_sure(unknown: BodyTrack) -> None:
         tracker.note_lasting_errors(now_at(), Parameters().evidence)
         sigmas.append(float(np.sqrt(unknown.lasting_cov[0, 0])))
     assert sigmas[1] > 1.4 * sigmas[0]
+
+
+@pytest.mark.parametrize("only_legs", [False, True])
+def test_the_velocity_of_what_turns_out_to_have_limbs_is_doubted(
+    make_track: MakeTrack, only_legs: bool
+) -> None:
+    """Unless only legs are in view: then nothing tells better."""
+    track = make_track(tuple(PLACE), (0.4, 0.0, -0.6), sigma=0.1)
+    track.outline = replace(scene_at(PLACE)[1], only_legs=only_legs)
+    before = np.sqrt(np.diag(track.filter.covariance[VELOCITY, VELOCITY]))
+    track.loosen()
+    after = np.sqrt(np.diag(track.filter.covariance[VELOCITY, VELOCITY]))
+    np.testing.assert_allclose(track.mean[VELOCITY], (0.4, 0.0, -0.6))
+    np.testing.assert_allclose(after**2 - before**2, 0 if only_legs else [0.25, 0.0025, 0.25])
