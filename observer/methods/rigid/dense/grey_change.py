@@ -21,6 +21,8 @@ _LAG_S, _LAG_SLACK_S = 0.13, 0.07
 # A difference that is no noise: standard deviations, and grey values at least.
 _SIGMAS, _LEAST_GREY = 4.0, 4.0
 _LEAST_CELLS = 100
+# From and down to these grey values a camera may have cut off what is brighter or darker.
+_SATURATED, _BLACK = 250, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,4 +92,6 @@ class GreyChange:
         difference = now - gain * then
         noise = MAD_TO_SIGMA * float(np.median(np.abs(difference[visible])))
         limit = max(_SIGMAS * noise, _LEAST_GREY)
+        # What was cut off at either end then or is now may be as it was.
+        visible &= (np.maximum(now, high) < _SATURATED) & (np.minimum(now, low) > _BLACK)
         return visible & ((now - gain * high > limit) | (gain * low - now > limit))

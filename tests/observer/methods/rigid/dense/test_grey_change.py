@@ -68,3 +68,15 @@ def test_it_compares_with_a_moment_ago_only(ago: float) -> None:
     assert not changed(
         look(0.0, [*ROOM, HAND], bright=HAND), look(ago, there, bright=ELSEWHERE)
     ).any()
+
+
+@pytest.mark.parametrize("gains", [(1.0, 1.6), (1.6, 1.0)])
+def test_what_was_cut_off_cannot_be_compared(gains: tuple[float, float]) -> None:
+    """A bright hand (180) that stays where it is, overexposed in one of the two frames."""
+    shapes = [*ROOM, HAND]
+    frames = [look(time, shapes, bright=HAND) for time in (0.0, LAG_S)]
+    lit = [
+        (frame, np.clip(grey * gain, 0, 255).astype(np.uint8))
+        for (frame, grey), gain in zip(frames, gains, strict=True)
+    ]
+    assert not changed(*lit).any()
