@@ -8,6 +8,8 @@
 #                 TRIALS=100 times each, which takes hours
 #   make clients-test  set up, bring Rerun (half a gigabyte), then read a recording and its exports
 #                 with it and with the other tools that make test has
+#   make image-test  build the image with Debian's buildah and debootstrap, which it installs, and
+#                 try it; takes minutes and gigabytes, and root
 #   make lint     ruff, mypy, import-linter, the page's JavaScript, bandit, pip-audit
 #   make coverage as make test but for promises in real time, with a report of what is not run
 #   make bench    set up, then time the method and the server
@@ -42,7 +44,7 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test clients-test system faults lint coverage bench soak wheel constraints clean
+.PHONY: moved help setup setup-dev run test clients-test image-test system faults lint coverage bench soak wheel constraints clean
 .DELETE_ON_ERROR:
 
 help:
@@ -80,6 +82,17 @@ faults: setup-dev
 clients-test: setup-dev
 	@$(PIP) rerun-sdk || { $(registry_hint); exit 1; }
 	$(BIN)/pytest tests/clients $(ARGS)
+
+# Neither an engine nor a registry is needed.
+image-test: setup-dev
+	@missing=; for tool in buildah debootstrap; do \
+	  command -v $$tool >/dev/null || missing="$$missing $$tool"; \
+	done; \
+	if [ -n "$$missing" ]; then \
+	  echo "Installing$$missing"; \
+	  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $$missing >/dev/null; \
+	fi
+	IMAGE_TEST=1 $(BIN)/pytest -s tests/image $(ARGS)
 
 lint: setup-dev
 	$(BIN)/ruff check .

