@@ -12,6 +12,7 @@ from pathlib import Path
 
 import structlog
 
+from app.runtime.child import exit_words
 from app.runtime.worker import Worker
 from app.server.errors import NotAvailable
 from app.server.whole_files import told_as_ours
@@ -121,7 +122,7 @@ def _error(name: str, code: int, said: str) -> DynamicObserverError:
         return CommandRefused(lines[-1].removeprefix(_SAYS))
     log.error("command_failed", command=name, code=code, said=said[-_LOGGED:])
     return NotAvailable(
-        f"the command {name} ended without a result (exit code {code}); its messages are in the "
+        f"the command {name} {exit_words(code)}, without a result; its messages are in the "
         f"server's log"
     )
 
