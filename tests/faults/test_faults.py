@@ -112,6 +112,8 @@ def test_lenses_see_nothing(system: System, name: str, level: int, lenses: str) 
         _stays_still(system, stood, 0.3)
         sight = system.server.request("GET", "/robots")["sight"]
         assert sight["status"] != "ok", sight
+        for camera in cameras:
+            camera.behave()
         return seconds
 
     worst_of(6, f"{lenses} {name}", once, within=ZERO_S)

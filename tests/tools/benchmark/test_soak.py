@@ -137,6 +137,7 @@ def test_a_process_that_is_gone_is_told() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.patient
 def test_a_busy_server_keeps_neither_threads_nor_descriptors() -> None:
     said: list[str] = []
     told = soak_figures(
