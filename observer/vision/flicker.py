@@ -21,29 +21,27 @@ def flicker_reason(levels: Sequence[float]) -> str | None:
     Args:
         levels: logarithms of the mean grey level of successive images, ``FLICKER_WINDOW_S`` long.
     """
-    turns, swing = _turns(levels)
-    if turns < _LEAST_TURNS:
+    if _turns(levels) < _LEAST_TURNS:
         return None
+    swing = max(levels) - min(levels)
     return (
         f"the exposure flickers: the brightness changes by {100 * math.expm1(swing):.0f} % and "
         f"back within a second; fix the exposure, or match it to the lamps' mains frequency"
     )
 
 
-def _turns(levels: Sequence[float]) -> tuple[int, float]:
-    """Return how often the levels turned by ``_LEAST_SWING`` or more, and the largest swing."""
-    turns, largest = 0, 0.0
-    low = high = extreme = levels[0]
+def _turns(levels: Sequence[float]) -> int:
+    """Return how often the levels turned by ``_LEAST_SWING`` or more."""
+    turns = 0
     rising: bool | None = None
-    for level in levels[1:]:
+    # Since the last turn.
+    low = high = levels[0]
+    for level in levels:
         low, high = min(low, level), max(high, level)
-        if rising is None:
-            if high - low >= _LEAST_SWING:
-                rising, extreme, largest = level == high, level, high - low
-            continue
-        ahead = level - extreme if rising else extreme - level
-        if ahead >= 0:
-            extreme, largest = level, max(largest, high - low)
-        elif -ahead >= _LEAST_SWING:
-            turns, rising, extreme = turns + 1, not rising, level
-    return turns, max(largest, high - low) if rising is not None else 0.0
+        if rising is not False and high - level >= _LEAST_SWING:
+            turns += rising is True
+            rising, low = False, level
+        elif rising is not True and level - low >= _LEAST_SWING:
+            turns += rising is False
+            rising, high = True, level
+    return turns

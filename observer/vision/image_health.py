@@ -17,7 +17,7 @@ from observer.vision.image_checks import (
     rectification_reason,
     vertical_error,
 )
-from observer.vision.swapped import swapped_reason
+from observer.vision.swapped import says_swapped
 from observer.vision.view import StereoRows, View
 
 # One equal pair may be a repeated frame of a video.
@@ -68,6 +68,9 @@ class ImageHealth:
         return tuple(r for r in reasons if r is not None)
 
     def _look_at_light(self, view: View) -> str | None:
+        if self._light and view.time < self._light[-1][0]:
+            # Time went back: nothing of before is of the last second.
+            self._light.clear()
         self._light.append((view.time, math.log1p(cv2.mean(view.left)[0])))
         while view.time - self._light[0][0] > FLICKER_WINDOW_S:
             self._light.popleft()
@@ -91,12 +94,11 @@ class ImageHealth:
         poor = stereo_share < _POOR_STEREO or (rows is not None and len(rows.px) < _FEW_MATCHES)
         # A swapped pair may match by chance, even well: the first one is asked in any case, and
         # what was found stays until a later look says otherwise.
-        swapped = swapped_reason((self._mismatch or "",)) is not None
-        if poor or swapped or not self._asked:
+        if poor or says_swapped(self._mismatch) or not self._asked:
             self._asked = True
             if self._doubtful_frames % _ASK_EVERY == 0:
                 found = mismatch_reason(view.left, view.right, parameters.max_disparity_px)
-                self._mismatch = found if poor else swapped_reason((found or "",))
+                self._mismatch = found if poor or says_swapped(found) else None
             self._doubtful_frames += 1
         else:
             self._mismatch, self._doubtful_frames = None, 0

@@ -22,6 +22,11 @@ def swapped_sentence(swapped: float, as_given: float) -> str:
     )
 
 
+def says_swapped(reason: str | None) -> bool:
+    """Return whether a reason is that sentence."""
+    return reason is not None and reason.startswith(_BEGIN)
+
+
 def swapped_reason(reasons: Iterable[str]) -> str | None:
     """Return the reason of a frame that says so; None if none does."""
-    return next((reason for reason in reasons if reason.startswith(_BEGIN)), None)
+    return next((reason for reason in reasons if says_swapped(reason)), None)

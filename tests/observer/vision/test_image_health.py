@@ -410,3 +410,12 @@ def test_without_depth_or_texture_the_order_is_not_judged(pair: Pair) -> None:
     blank = np.full_like(left, 100)
     assert mismatch_reason(blank, blank, 96) is None
     assert mismatch_reason(noisy(blank), noisy(blank.T).T, 96) is None
+
+
+def test_brightness_of_before_time_went_back_is_forgotten(pair: Pair) -> None:
+    health = ImageHealth(scene("lab")[0])
+    for index, time in enumerate([0.0, 5.0, 9.9, 10.0, 0.0, 0.5, 0.9]):
+        grain = np.random.default_rng(index).integers(0, 2, pair[0].shape, dtype=np.uint8)
+        dark = 1 + index % 2
+        view = View(index, time, None, pair[0] // dark // 2 + grain, pair[1] // dark // 2 + grain)
+        assert not any("flickers" in each for each in health.look(view, StereoParameters()))
