@@ -88,10 +88,7 @@ image-test: setup-dev
 	@missing=; for tool in buildah debootstrap; do \
 	  command -v $$tool >/dev/null || missing="$$missing $$tool"; \
 	done; \
-	if [ -n "$$missing" ]; then \
-	  echo "Installing$$missing"; \
-	  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $$missing >/dev/null; \
-	fi
+	$(install_missing)
 	IMAGE_TEST=1 $(BIN)/pytest -s tests/image $(ARGS)
 
 lint: setup-dev
@@ -149,19 +146,7 @@ $(VENDORED): static/package-lock.json tools/packaging/frontend.py | $(MADE)
 
 # With apt-get, as root or where sudo asks for no password; fails where something stays missing.
 system:
-	@$(find_missing); as=; \
-	if command -v apt-get >/dev/null; then \
-	  if [ "$$(id -u)" = 0 ]; then as=env; \
-	  elif sudo -n true 2>/dev/null; then as="sudo -n env"; fi; \
-	fi; \
-	if [ -n "$$missing" ] && [ -n "$$as" ]; then \
-	  echo "Installing$$missing for the tests"; \
-	  $$as apt-get update -qq; \
-	  for package in $$missing; do \
-	    $$as DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$package" >/dev/null; \
-	  done; \
-	  $(find_missing); \
-	fi; \
+	@$(find_missing); $(install_missing); $(find_missing); \
 	$(call tell_left_out,sudo apt-get install $$package) >&2; \
 	[ -z "$$missing" ]
 
@@ -222,6 +207,22 @@ missing=; \
 command -v ffmpeg >/dev/null || missing="$$missing ffmpeg"; \
 { command -v initdb || { set -- $(POSTGRES_HOME)/*/bin/initdb; command -v "$$1"; }; } >/dev/null \
   || missing="$$missing postgresql"
+endef
+
+# Installs the packages in $missing, where apt-get may: as root, or where sudo asks for no password.
+define install_missing
+as=; \
+if command -v apt-get >/dev/null; then \
+  if [ "$$(id -u)" = 0 ]; then as=env; \
+  elif sudo -n true 2>/dev/null; then as="sudo -n env"; fi; \
+fi; \
+if [ -n "$$missing" ] && [ -n "$$as" ]; then \
+  echo "Installing$$missing for the tests"; \
+  $$as apt-get update -qq; \
+  for package in $$missing; do \
+    $$as DEBIAN_FRONTEND=noninteractive apt-get install -y -qq "$$package" >/dev/null; \
+  done; \
+fi
 endef
 
 # $(call tell_left_out,what brings $package): a line for each of $missing.

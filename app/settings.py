@@ -8,6 +8,7 @@ Environment variables are named ``DYNAMIC_OBSERVER_`` and the setting, as in
 
 from __future__ import annotations
 
+import ipaddress
 import os
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self
@@ -30,6 +31,14 @@ def default_data_folder() -> Path:
     # The specification says to ignore relative paths.
     root = Path(base) if base.startswith("/") else Path.home() / ".local" / "share"
     return root / "dynamic-observer"
+
+
+def is_every_address(host: str) -> bool:
+    """Return whether who listens there listens on every address, as on 0.0.0.0 or ::."""
+    try:
+        return ipaddress.ip_address(host).is_unspecified
+    except ValueError:
+        return False
 
 
 class Settings(BaseSettings):

@@ -57,7 +57,7 @@ def check_port(port: str) -> None:
         InputError: it does not.
     """
     if not port or any(ord(each) < 32 or ord(each) == 127 for each in port):
-        raise InputError(f"{_FORMS}, not {shown_port(port)[:80]!r}")
+        raise InputError(f"{_FORMS}, not {_quoted(port)}")
     if port.startswith(SOCKET):
         _check_address(port)
     elif port.startswith(EXTERNAL):
@@ -69,16 +69,16 @@ def check_port(port: str) -> None:
 
         parse_robot(port)
     elif not re.match(r"\.{0,2}/[^/]", port):
-        raise InputError(f"{_FORMS}, not {shown_port(port)[:80]!r}")
+        raise InputError(f"{_FORMS}, not {_quoted(port)}")
 
 
 def _check_address(port: str) -> None:
     found = _HOST_AND_PORT.fullmatch(port.removeprefix(SOCKET))
     if found is None or not 1 <= int(found["port"]) <= 65535:
-        raise InputError(
-            f"{shown_port(port)[:80]!r} lacks a host or a port from 1 to 65535; {_FORMS}"
-        )
+        raise InputError(f"{_quoted(port)} lacks a host or a port from 1 to 65535; {_FORMS}")
     if (found["rest"] or "/") != "/":
-        raise InputError(
-            f"{shown_port(port)[:80]!r} has more behind its port than belongs there; {_FORMS}"
-        )
+        raise InputError(f"{_quoted(port)} has more behind its port than belongs there; {_FORMS}")
+
+
+def _quoted(port: str) -> str:
+    return repr(shown_port(port)[:80])

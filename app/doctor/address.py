@@ -8,11 +8,10 @@ import json
 import socket
 
 from app.doctor.finding import Finding, Section
-from app.settings import Settings
+from app.settings import Settings, is_every_address
 
 _SECTION = Section("Address")
 _WAIT_S = 1.0
-_EVERY_ADDRESS = "0.0.0.0"  # nosec B104
 # Reply of /healthz.
 _HEALTHY = {"status": "ok"}
 
@@ -56,7 +55,7 @@ def _taken(where: str, settings: Settings, error: OSError) -> Finding:
 
 def _is_ours(settings: Settings) -> bool:
     """Return whether this program answers at the address."""
-    host = "127.0.0.1" if settings.host in (_EVERY_ADDRESS, "") else settings.host
+    host = "127.0.0.1" if is_every_address(settings.host) else settings.host
     connection = http.client.HTTPConnection(host, settings.port, timeout=_WAIT_S)
     try:
         connection.request("GET", "/healthz")

@@ -26,13 +26,12 @@ from app.http.library_log import LibraryLog
 from app.http.server import create_app
 from app.runtime.heap import keep_for_good
 from app.server import Server
-from app.settings import Settings
+from app.settings import Settings, is_every_address
 from app.storage.occupancy import occupied
 from observer.errors import DynamicObserverError, InputError
 from observer.opening import shown_spec
 
 _EXIT_FAILED = 1
-_EVERY_ADDRESS = "0.0.0.0"  # nosec B104
 # Camera poses and acknowledgements are small; WebSockets receive nothing else.
 _LARGEST_MESSAGE = 1024 * 1024
 _SHUTDOWN_S = 2
@@ -217,7 +216,7 @@ def _refusal(settings: Settings, error: OSError) -> str:
 
 
 def _link(settings: Settings, port: int, token: str) -> str:
-    host = "localhost" if settings.host in (_EVERY_ADDRESS, "::", "") else settings.host
+    host = "localhost" if is_every_address(settings.host) else settings.host
     if ":" in host:
         host = f"[{host}]"
     return f"{'https' if settings.tls else 'http'}://{host}:{port}/?token={token}"

@@ -23,6 +23,7 @@ from observer.geometry import Float64Array
 from observer.jsonl import line_pose
 from observer.observer import Observer
 from observer.parameters import Parameters, preset
+from observer.parameters.fields import PLANAR
 from observer.recording.payloads import MatchedTruth
 from observer.recording.replay import replay_revisions
 from observer.recording.source import RecordingSource
@@ -34,7 +35,7 @@ CANDIDATES = 8
 # Pixels this close to a body's outline belong to it: a feature's window reaches so far with its
 # corner.
 _MARGIN_PX = 12.0
-_PLANAR, _MONOCULAR = ("affine", "homography"), "monocular"
+_MONOCULAR = "monocular"
 # Signs of a box's corners in its own axes; (8, 3).
 CORNERS = np.array(list(product((-1, 1), repeat=3)))
 
@@ -71,7 +72,7 @@ class Moment:
     @property
     def is_planar(self) -> bool:
         """Return true where images are transformed, as the paper does."""
-        return self.model in _PLANAR
+        return self.model in PLANAR
 
     @property
     def is_monocular(self) -> bool:

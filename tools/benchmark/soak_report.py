@@ -48,9 +48,6 @@ def soak_markdown(figures: SoakFigures) -> str:
 def _row(growth: Growth) -> list[str]:
     memory = growth.memory
     told = "too few samples" if memory is None else f"{memory.per_hour:.2f} ± {memory.std:.2f}"
-    counts = ["grow" if each else "do not grow" for each in _counts(growth)]
+    grow = (growth.threads_grow, growth.descriptors_grow)
+    counts = ["grow" if each else "do not grow" for each in grow]
     return [growth.process, told, *counts, _VERDICTS[growth.held]]
-
-
-def _counts(growth: Growth) -> tuple[bool, bool]:
-    return growth.threads_grow, growth.descriptors_grow

@@ -66,7 +66,7 @@ class Admission:
     def admit(self, scope: Scope) -> Refusal | None:
         """Return why a request may not come in, or None if it may; ``session_of`` tells by what."""
         ids = _session_ids(scope)
-        session = next(filter(None, map(self.sessions.find, ids)), None)
+        _, session = self._found(ids)
         if session is not None:
             _note(scope, session)
             return None
@@ -74,7 +74,7 @@ class Admission:
 
     def is_signed_in(self, scope: Scope) -> bool:
         """Return whether the request comes from a browser with a session."""
-        return any(self.sessions.find(each) for each in _session_ids(scope))
+        return self._found(_session_ids(scope))[1] is not None
 
     async def sign_in(self, scope: Scope, tokens: list[str]) -> str | Refusal:
         """Exchange a token for a session, and return its ``Set-Cookie``.
@@ -84,11 +84,9 @@ class Admission:
         refusal = self._check_token(scope, tokens)
         if refusal is not None:
             return refusal
-        for session_id in _session_ids(scope):
-            session = self.sessions.find(session_id)
-            if session is not None:
-                self.sessions.renew(session)
-                break
+        session_id, session = self._found(_session_ids(scope))
+        if session is not None:
+            self.sessions.renew(session)
         else:
             session_id = self.sessions.start()
         await self.file.save()
@@ -105,6 +103,11 @@ class Admission:
         self.sessions.end_all()
         await self.file.save()
         return self._cookie("", 0)
+
+    def _found(self, ids: list[str]) -> tuple[str, Session | None]:
+        """Return the first of the ids that has a session, with it."""
+        found = ((each, self.sessions.find(each)) for each in ids)
+        return next((each for each in found if each[1] is not None), ("", None))
 
     def _check_token(
         self, scope: Scope, tokens: list[str], *, ended: bool = False

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import ipaddress
 import re
 from dataclasses import dataclass
 from urllib.parse import urlsplit
+
+from app.settings import is_every_address
 
 _LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
 _DEFAULT_PORTS = {"http": 80, "https": 443}
@@ -84,7 +85,7 @@ def names_of(bound_to: str, allowed_hosts: tuple[str, ...], *, tls: bool) -> Nam
     """Return the names of a server that listens on ``bound_to``, with the given further ones."""
     own = set(_LOOPBACK)
     bound = bound_to.lower().strip("[]")
-    if not _is_wildcard(bound):
+    if not is_every_address(bound):
         own.add(bound)
     with_port = set()
     explicit = set()
@@ -98,10 +99,3 @@ def names_of(bound_to: str, allowed_hosts: tuple[str, ...], *, tls: bool) -> Nam
         else:
             with_port.add(host)
     return Names(frozenset(own), frozenset(with_port), frozenset(explicit), tls)
-
-
-def _is_wildcard(address: str) -> bool:
-    try:
-        return ipaddress.ip_address(address).is_unspecified
-    except ValueError:
-        return False

@@ -290,9 +290,8 @@ class RunManager:
         """Handle the observation of a frame."""
         run = self.running
         if run is not None and event.run_id == run.id:
-            reason = swapped_reason(event.line["reasons"])
-            if reason is not None and run.frames < _FIRST_FRAMES:
-                self._soon(self._end_swapped(run, reason))
+            if run.frames < _FIRST_FRAMES:
+                self._end_swapped(run, event)
             run.observed(event, [role for role in ROLES if self._robots.is_driven(role)])
 
     def state_changed(self, event: StateEvent) -> None:
@@ -300,7 +299,7 @@ class RunManager:
         run = self.running
         playback = event.playback
         if run is not None and event.run_id == run.id and playback and playback.ended:
-            self._soon(self._finish_played(run))
+            self._soon(self._end(run, RunState.FINISHED, None))
 
     # --- ending ----------------------------------------------------------------------------
 
@@ -323,16 +322,16 @@ class RunManager:
                 self._shared.refuse_in_run("stop it before you delete it")
             await self.history.discard(run_id)
 
-    async def _end_swapped(self, run: CurrentRun, reason: str) -> None:
-        """End a run that has just begun: whatever it would go on to measure would be invented."""
-        async with self._shared.lock:
-            if self.running is run:
-                await self.close(RunState.FAILED, reason)
+    def _end_swapped(self, run: CurrentRun, event: ObservationEvent) -> None:
+        """End a run of swapped cameras: whatever it would go on to measure would be invented."""
+        reason = swapped_reason(event.line["reasons"])
+        if reason is not None:
+            self._soon(self._end(run, RunState.FAILED, reason))
 
-    async def _finish_played(self, run: CurrentRun) -> None:
+    async def _end(self, run: CurrentRun, state: RunState, reason: str | None) -> None:
         async with self._shared.lock:
             if self.running is run:
-                await self.close(RunState.FINISHED, None)
+                await self.close(state, reason)
 
     async def close(self, state: RunState, reason: str | None) -> RunRecord:
         """End the run in progress; call this with the shared lock held, or at shutdown.

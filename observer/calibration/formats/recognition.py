@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-import numpy as np
-
 from observer.calibration.formats.euroc_file import euroc_draft
 from observer.calibration.formats.kalibr_file import kalibr_draft
 from observer.calibration.formats.kitti_file import kitti_odometry_draft, kitti_raw_draft
@@ -124,10 +122,8 @@ def read_any(
             f"together (left and right, or intrinsics and extrinsics)"
         )
     wanted = Wanted(size=size or expected_size, unit=unit, cameras=cameras)
-    # What overflows becomes infinite, which every check of a calibration refuses.
-    with np.errstate(over="ignore", invalid="ignore"):
-        draft = _draft([_recognised(file) for file in _told_apart(files)], wanted)
-        return understood(draft, unit=unit, expected_size=expected_size or size)
+    draft = _draft([_recognised(file) for file in _told_apart(files)], wanted)
+    return understood(draft, unit=unit, expected_size=expected_size or size)
 
 
 def _told_apart(files: Sequence[NamedFile]) -> list[NamedFile]:

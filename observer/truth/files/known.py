@@ -45,6 +45,11 @@ def names_in_words() -> str:
     return f"{', '.join(others)} or {last}"
 
 
+def understood_in_words() -> str:
+    """Return the end of a refusal: which formats are read."""
+    return f"understood are {formats_in_words()}"
+
+
 def formats_in_words() -> str:
     """Return every format with its files, as in ``Nexus (CSV of Trajectories)``."""
     return ", ".join(f"{each.name} ({each.files})" for each in FORMATS)

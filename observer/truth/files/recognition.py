@@ -8,7 +8,7 @@ from typing import BinaryIO, Literal
 from observer.errors import TruthError
 from observer.truth.files.angles import AngleReading
 from observer.truth.files.c3d_file import is_c3d, read_c3d
-from observer.truth.files.known import CaptureKind, formats_in_words
+from observer.truth.files.known import CaptureKind, understood_in_words
 from observer.truth.files.motive_csv import is_motive, read_motive
 from observer.truth.files.text_lines import TextLines
 from observer.truth.files.timed_poses import (
@@ -108,7 +108,7 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
     head = file.read(_HEAD_BYTES)
     file.seek(0)
     if not head.strip():
-        raise TruthError(f"{name}: the file is empty; {_understood()}")
+        raise TruthError(f"{name}: the file is empty; {understood_in_words()}")
     if is_c3d(head):
         return "c3d", None
     if head.startswith(b"PK\x03\x04"):
@@ -121,7 +121,7 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
         lines.next()
         first = lines.look(_LOOKED_AT)
     if not first:
-        raise TruthError(f"{name}: the file holds nothing but empty lines; {_understood()}")
+        raise TruthError(f"{name}: the file holds nothing but empty lines; {understood_in_words()}")
     if is_own_truth(first[0]):
         return "truth.csv", lines
     if first[0].lstrip().startswith(_TRC):
@@ -143,12 +143,8 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
         return "tum", lines
     raise TruthError(
         f"{name}: no motion capture was recognised (it begins with {first[0].strip()[:60]!r}); "
-        f"{_understood()}"
+        f"{understood_in_words()}"
     )
-
-
-def _understood() -> str:
-    return f"understood are {formats_in_words()}"
 
 
 def _gaps(capture: Capture) -> list[str]:

@@ -7,7 +7,7 @@ import io
 from typing import BinaryIO
 
 from observer.errors import TruthError
-from observer.truth.files.known import formats_in_words
+from observer.truth.files.known import understood_in_words
 
 # Enough for tens of thousands of markers in a row.
 _MOST_CHARACTERS = 1 << 20
@@ -40,9 +40,7 @@ class TextLines:
                 f"{name}: the text is UTF-16; save it as UTF-8, or export it once more as CSV"
             )
         if b"\0" in head:
-            raise TruthError(
-                f"{name}: this is neither text nor C3D; understood are {formats_in_words()}"
-            )
+            raise TruthError(f"{name}: this is neither text nor C3D; {understood_in_words()}")
         self.is_utf8 = _is_utf8(head)
         encoding = "utf-8-sig" if self.is_utf8 else "cp1252"
         self._file = io.TextIOWrapper(file, encoding=encoding, errors="replace")
