@@ -47,7 +47,7 @@ class Run:
     notes: Annotated[str, means("A person's own words.")]
     truth_id: Annotated[str | None, means("The truth file that it is compared with.")]
     aligned: Annotated[bool, means("Whether motion capture was laid over it.")]
-    rerun_of: Annotated[str | None, means("The run whose recording it observed again.")]
+    rerun_of: Annotated[str | None, means("The run that this is a re-run of.")]
     deleted_at: Annotated[str | None, means("Since when it is hidden.")]
 
 

@@ -231,7 +231,7 @@ class Drops:
     frames_skipped: Annotated[int, means("Frames of the source that could not be read.")]
     observations_lost: Annotated[int, means("Not passed on, because the server was busy.")]
     live_messages_dropped: Annotated[int, means("Not sent, because a page was slow.")]
-    writes_dropped: Annotated[int, means("Not kept, because the database was not to be had.")]
+    writes_dropped: Annotated[int, means("Dropped while the database was unavailable.")]
 
 
 @dataclass(frozen=True)

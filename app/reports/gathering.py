@@ -93,7 +93,7 @@ def gather(
         for row in rows
         if row.role == _OBSTACLE and row.facts.get("state", _DRIVEN[0]) in _DRIVEN
     ]
-    commanded = _robot_curve(rows if driven else (), "sent_speed", "as commanded")
+    commanded = _robot_curve(rows if driven else (), "sent_speed", "commanded")
     if not commanded:
         # Nobody drove it: the zeros sent to it meanwhile commanded nothing.
         commanded = _commanded_of_truth(matched)
@@ -105,7 +105,7 @@ def gather(
         seen=seen,
         unmatched=unmatched,
         commanded=commanded,
-        encoder=_robot_curve(rows, "encoder_speed", "by its encoders"),
+        encoder=_robot_curve(rows, "encoder_speed", "wheel encoders"),
         truth_words=words,
         alignment=alignment,
     )
@@ -223,4 +223,4 @@ def _commanded_of_truth(matched: Iterable[MatchedTruth]) -> tuple[Curve, ...]:
         for body in payload.bodies:
             if body.role == _OBSTACLE and body.commanded_speed is not None:
                 rows[body.name].append((payload.time, abs(body.commanded_speed)))
-    return tuple(Curve(f"{name} as commanded", *np.array(found).T) for name, found in rows.items())
+    return tuple(Curve(f"{name}, commanded", *np.array(found).T) for name, found in rows.items())

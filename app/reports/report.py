@@ -192,8 +192,8 @@ def _speeds(facts: RunFacts, gathered: Gathered) -> ReportFigure:
     ]
     without = f" The recording holds no {', no '.join(unknown)}." if unknown else ""
     caption = (
-        f"Each track of the observer with its band of 95 %, a dot and its number "
-        f"(segment:track) where an identity begins. Lines end at gaps.{without}"
+        f"Each track with its 95 % interval; a dot and the number "
+        f"(segment:track) mark where a track begins. Lines break at gaps.{without}"
     )
     figure = speed_figure([(facts.name or facts.id, gathered)])
     return ReportFigure(*place, caption, figure, "chart")

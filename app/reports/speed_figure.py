@@ -47,13 +47,13 @@ def _chart(axes: Axes, gathered: Gathered) -> int:
     Returns:
         The number of rows in the legend.
     """
-    stray = "of no known body" if gathered.true else "by the observer"
-    groups = ((gathered.seen, BLUE, "by the observer"), (gathered.unmatched, PURPLE, stray))
+    stray = "unmatched track" if gathered.true else "estimate"
+    groups = ((gathered.seen, BLUE, "estimate"), (gathered.unmatched, PURPLE, stray))
     for motions, color, label in groups:
         for number, motion in enumerate(motions):
             _seen(axes, motion, color, None if number else label)
     for true in gathered.true:
-        _line(axes, Curve(f"{true.body} by truth", true.times, true.speeds), "true")
+        _line(axes, Curve(f"{true.body}, ground truth", true.times, true.speeds), "true")
     for curve in gathered.commanded:
         _line(axes, curve, "commanded")
     for curve in gathered.encoder:
@@ -78,7 +78,7 @@ def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None
     low = np.maximum(speeds - BAND_95 * stds, 0.0)
     axes.fill_between(
         times, low, speeds + BAND_95 * stds, where=list(known), color=color, alpha=0.18,
-        linewidth=0, label=None if label is None else "its band of 95 %", zorder=2,
+        linewidth=0, label=None if label is None else "95 % interval", zorder=2,
     )  # fmt: skip
     if len(motion.times) >= _NAMED_FROM:
         # Start of an identity, so that its changes are visible.

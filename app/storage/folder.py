@@ -47,7 +47,7 @@ class DataFolder:
             StorageMissing: no run can have this id.
         """
         if not _ID.fullmatch(run_id):
-            raise StorageMissing(f"there is no run {run_id[:80]!r}; GET /api/runs lists them")
+            raise StorageMissing(f"there is no run {run_id[:80]!r}; it may have been deleted")
         return self.path / RUNS / run_id
 
     def remove_run(self, run_id: str) -> None:

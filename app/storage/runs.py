@@ -287,7 +287,7 @@ def existing_run(session: Session, run_id: str) -> Run:
     """
     row = session.get(Run, run_id)
     if row is None:
-        raise StorageMissing(f"there is no run {run_id}; GET /api/runs lists them")
+        raise StorageMissing(f"there is no run {run_id}; it may have been deleted")
     return row
 
 

@@ -41,7 +41,7 @@ class Anchor(msgspec.Struct, frozen=True):
 
 
 class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
-    """Facts known when a run begins, and all it needs to be observed again.
+    """Facts known when a run begins, and all that a re-run needs.
 
     Attributes:
         id, name: of the run. source: the text it was opened by, without passwords.

@@ -266,7 +266,7 @@ export interface components {
       observations_lost: number;
       /** @description Not sent, because a page was slow. */
       live_messages_dropped: number;
-      /** @description Not kept, because the database was not to be had. */
+      /** @description Dropped while the database was unavailable. */
       writes_dropped: number;
     };
     /** @description Motion of the camera from the frame that the newest one was compared with. */
@@ -1402,7 +1402,7 @@ export interface components {
       truth_id: string | null;
       /** @description Whether motion capture was laid over it. */
       aligned: boolean;
-      /** @description The run whose recording it observed again. */
+      /** @description The run that this is a re-run of. */
       rerun_of: string | null;
       /** @description Since when it is hidden. */
       deleted_at: string | null;

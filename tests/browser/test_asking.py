@@ -122,7 +122,7 @@ def test_an_obstacles_row_opens_the_figures_behind_its_reason(standing: Standing
     expect(why).to_contain_text(told["obstacle"]["why"][:20])
     expect(why.locator("dl")).to_be_hidden()
     row.locator("td").first.click()
-    expect(why.locator("dl")).to_contain_text("Stands out by")
+    expect(why.locator("dl")).to_contain_text("Significance")
     expect(row.get_by_role("button")).to_have_attribute("aria-expanded", "true")
     row.get_by_role("button").press("Escape")
     expect(why.locator("dl")).to_be_hidden()

@@ -1,4 +1,4 @@
-"""Kept runs: found, described, compared with truth, observed again, brought back."""
+"""Kept runs: found, described, compared with truth, re-run, brought back."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     # What is live is not looked at here, and its work would be waited for.
     server.api.post("/api/playback", json={"paused": True})
     page.get_by_role("tab", name="Runs").click()
-    page.get_by_role("link", name="Find, compare").click()
+    page.get_by_role("link", name="All runs").click()
     expect(page.locator("#history-title")).to_be_focused()
     search, rows = page.get_by_label("Find runs"), page.locator(".run-rows li")
     search.fill("no such words")
@@ -132,7 +132,7 @@ def test_a_run_is_observed_again_compared_and_played(
     form.get_by_label("RANSAC threshold", exact=True).fill("2.5")
     page.keyboard.press("Tab")
     expect(form).to_contain_text(f"{name}: {before} → 2.5")
-    form.get_by_role("button", name="Observe again").click()
+    form.get_by_role("button", name="Re-run").click()
     form.get_by_role("link", name="Compare both").click(timeout=_MADE_MS)
     compared = page.locator("observer-run-compare")
     expect(compared.locator(".compared")).to_contain_text("2.5", timeout=_MADE_MS)

@@ -29,7 +29,7 @@ def test_a_run_is_started_stopped_listed_and_deleted(
     expect(page.get_by_role("button", name="Start run")).to_be_visible(timeout=10_000)
     assert server.get(f"/runs/{run['id']}")["state"] == "finished"
 
-    page.get_by_role("link", name="Find, compare").click()
+    page.get_by_role("link", name="All runs").click()
     rings = page.locator("observer-saved-clips")
     expect(rings.get_by_role("link", name="of this run")).to_be_visible()
     keep_picture(page, "rings")
@@ -38,7 +38,7 @@ def test_a_run_is_started_stopped_listed_and_deleted(
     (ring,) = server.get("/recording/rings")
     assert server.get("/status")["source"]["spec"] == ring["source"]
     assert server.api.put("/api/source", json={"source": "simulated:lab"}).is_success
-    page.get_by_role("link", name="Find, compare").click()
+    page.get_by_role("link", name="All runs").click()
     rings.get_by_role("button", name="Delete the half minute").click()
     page.get_by_role("button", name="Delete half minute", exact=True).click()
     expect(rings.locator("li")).to_have_count(0)

@@ -39,10 +39,11 @@ def test_a_change_acts_on_the_next_frames_and_can_be_undone(
     eventually(lambda: server.get("/parameters")["values"][_NAME] == 3.2)
     revision = server.get("/parameters")["revision"]
     assert revision > before["revision"]
-    # "in force" is said only once an observation carries the new revision.
-    expect(form.locator(".revision")).to_have_text(
-        re.compile(rf"Revision {revision}, acts from frame \d+, in force")
+    # "Applied" is said only once an observation carries the new revision.
+    frame = eventually(
+        lambda: (now := server.get("/parameters"))["revision"] == revision and now["frame"]
     )
+    expect(form.locator(".revision")).to_have_text(f"Applied at frame {frame}")
     field = form.locator(f'observer-parameter[data-name="{_NAME}"]')
     expect(field).to_have_attribute("data-changed", "")
 
@@ -110,6 +111,6 @@ def test_the_detector_acts_in_space_and_what_does_not_says_so(
     expect(of("max_count")).to_contain_text("Not used by rigid.")
     expect(of("detector")).not_to_contain_text("Not used by rigid.")
     form.locator("#parameter-features-detector").select_option("fast")
-    in_force = re.compile(r"Revision \d+, acts from frame \d+, in force")
+    in_force = re.compile(r"Applied at frame \d+")
     expect(form.locator(".revision")).to_have_text(in_force, timeout=10_000)
     eventually(lambda: server.get("/parameters")["values"]["features.detector"] == "fast")

@@ -55,7 +55,7 @@ def test_an_obstacle_is_confirmed_with_box_and_row(
     row = page.locator("observer-obstacles tbody tr").first
     expect(row).to_contain_text(re.compile(rf"{number}\s*\d\.\d\d ± \d\.\d\d"))
     why = page.locator("observer-obstacles tr.why").first
-    expect(why).to_contain_text(re.compile(r"Moving\. \d+ points that keep their places"))
+    expect(why).to_contain_text(re.compile(r"Moving\. \d+ feature points on one rigid body"))
     # The rectangle in the picture is pure yellow, the arrows of what moves are red.
     for view, colour in (("left", (0, 235, 255)), ("residual", (60, 60, 255))):
         canvas = page.locator(f'observer-live-view[data-view="{view}"] canvas')
@@ -117,7 +117,7 @@ def test_the_model_is_changed_live_and_back(
         expect(line).to_have_text(_MOVES, timeout=40_000)
         numbers.append(int(_MOVES.search(line.inner_text()).group(1)))
         page.locator(_MODEL).select_option(model)
-        revision = re.compile(r"Revision \d+, acts from frame \d+, in force")
+        revision = re.compile(r"Applied at frame \d+")
         expect(page.locator(".revision")).to_have_text(revision, timeout=10_000)
         ego = eventually(
             lambda model=model: (

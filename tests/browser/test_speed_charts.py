@@ -76,7 +76,7 @@ def _stored(name: str, rerun_of: str | None = None, rmse: float = 0.02) -> dict[
             *(curve("estimate", f"track 0:{n}", own, track_id=n, segment=0, body="cart")
               for n, own in tracks.items()),
             curve("truth", "cart", times, body="cart"),
-            curve("commanded", "as commanded", times),
+            curve("commanded", "commanded", times),
         ],
         "changes": [{"time": 8.0, "body": "cart", "before": "0:3", "after": "0:5"}],
         "errors": [{**errors, "group": "all", "label": "whole run"},
@@ -165,7 +165,7 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
     page.keyboard.press("+")
     assert math.isclose(np.diff(_range(page))[0], 10)
     page.keyboard.press("ArrowRight")
-    expect(chart.locator(".chart-panel [role=status]")).to_contain_text("as commanded 0.40")
+    expect(chart.locator(".chart-panel [role=status]")).to_contain_text("commanded 0.40")
     # Shown anew, as while a run is going, what is zoomed into stays.
     page.evaluate(_SHOW, [_stored("crossing")])
     assert math.isclose(np.diff(_range(page))[0], 10)
@@ -186,9 +186,9 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
     assert "crossing: Obstacle 5" in read
     assert "affine: Obstacle 5" in read
     # Both are of one recording: what is not the observer's own is the same.
-    assert read.count("as commanded") == 1
-    chart.get_by_label("As commanded").uncheck()
-    assert "as commanded" not in _read_middle(page)
+    assert read.count("commanded") == 1
+    chart.get_by_label("Commanded").uncheck()
+    assert "commanded" not in _read_middle(page)
     keep_picture(page, "runs-overlaid")
 
     expect(chart.locator(".chart-note")).to_have_count(0)

@@ -1,4 +1,4 @@
-"""Truth laid over a run, and a run observed again."""
+"""Ground truth added to a run, and re-runs."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class RerunStart(In):
 
 @router.post(
     "/{id}/align",
-    summary="Lay truth over a run",
+    summary="Add ground truth to a run",
     responses=refusals(404, 409, 422, 503, 507),
 )
 async def align_run(

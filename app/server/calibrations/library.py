@@ -128,7 +128,7 @@ def find_kept_calibration(storage: Storage, id: str) -> CalibrationRecord:
     """
     record = storage.get_calibration(id)
     if record is None:
-        raise NotThere(f"there is no calibration {id[:80]!r}; GET /api/calibrations lists them")
+        raise NotThere(f"there is no calibration {id[:80]!r}; it may have been deleted")
     return record
 
 

@@ -166,7 +166,7 @@ class ParameterManager:
             raise Conflict(f"the preset {name} is built in and stays")
         deleted = await asyncio.to_thread(self._storage.delete_preset, name)
         if self._saved.pop(name, None) is None and not deleted:
-            raise NotThere(f"there is no preset {name!r}; GET /api/presets lists them")
+            raise NotThere(f"there is no preset {name!r}; it may have been deleted")
         self._rename()
 
     def _rename(self) -> None:

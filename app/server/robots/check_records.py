@@ -90,7 +90,7 @@ class CheckRecords:
                 text = self._file(name, suffix).read_text(encoding="utf-8")
                 if text:
                     return text
-        raise NotThere(f"there is no check {name[:80]!r}; GET /api/robots/checks lists them")
+        raise NotThere(f"there is no check {name[:80]!r}; it may have been deleted")
 
     def _newest(self) -> Iterator[tuple[str, CheckRecord]]:
         """Yield the newest hundred valid records with their names, newest first."""

@@ -59,7 +59,7 @@ class ProfileLibrary:
         own = self._own(name) if name in self._own_names() else None
         if own is not None:
             return own
-        raise NotThere(f"there is no programme {name[:80]!r}; GET /api/programmes lists them")
+        raise NotThere(f"there is no programme {name[:80]!r}; it may have been deleted")
 
     def save(self, text: str) -> KeptProfile:
         """Save a programme under its own name; replace the user's older version.
@@ -93,7 +93,7 @@ class ProfileLibrary:
         if name in profile_names():
             raise Conflict(f"the programme {name} comes with the project and stays")
         if name not in self._own_names():
-            raise NotThere(f"there is no programme {name[:80]!r}; GET /api/programmes lists them")
+            raise NotThere(f"there is no programme {name[:80]!r}; it may have been deleted")
         self._file(name).unlink(missing_ok=True)
 
     def _own(self, name: str) -> KeptProfile | None:

@@ -44,7 +44,7 @@ class RunArchive:
             return current
         record = await asyncio.to_thread(self._storage.get_run, run_id)
         if record is None or record.deleted_at is not None:
-            raise NotThere(f"there is no run {run_id[:80]!r}; GET /api/runs lists them")
+            raise NotThere(f"there is no run {run_id[:80]!r}; it may have been deleted")
         return record
 
     async def recording(self, run_id: str) -> Path:
@@ -77,7 +77,7 @@ class RunArchive:
             record = before
         if record.record == "none":
             raise NotThere(
-                f"the run {asked.name} was recorded without images, so it cannot be observed again"
+                f"the run {asked.name} was recorded without images, so it cannot be re-run"
             )
         return await self._recording_of(record)
 

@@ -267,7 +267,7 @@ class RunManager:
             own = {key: value for key, value in original.parameters.items() if key in known}
             parameters = {**own, **parameters}
         return await self.start(
-            name=name or f"{original.name}, observed again"[:100],
+            name=name or f"{original.name[:90]} (re-run)",
             source=str(recording),
             calibration_id=None,
             preset=preset,

@@ -44,8 +44,8 @@ def _curve(rows: Sequence[SpeedRow]) -> ChartCurve:
     labels = {
         "estimate": f"track {first.segment}:{first.track_id}",
         "truth": first.body or f"body {first.track_id}",
-        "commanded": "as commanded",
-        "encoder": "by its encoders",
+        "commanded": "commanded",
+        "encoder": "wheel encoders",
     }
     seen = first.source == "estimate"
     times, speeds, stds = zip(*_broken(rows), strict=True)

@@ -104,7 +104,7 @@ class TruthFiles:
             NotThere: there is no truth with that id.
         """
         if not await asyncio.to_thread(self._storage.delete_truth, id):
-            raise NotThere(f"there is no truth {id[:80]!r}; GET /api/truth lists them")
+            raise NotThere(f"there is no truth {id[:80]!r}; it may have been deleted")
 
     async def align(
         self,
@@ -114,7 +114,7 @@ class TruthFiles:
         *,
         heard_by: str | None = None,
     ) -> AlignedRunEntry:
-        """Lay truth over a run; an earlier alignment is replaced only by a successful one.
+        """Add ground truth to a run; an earlier alignment is replaced only by a successful one.
 
         Args:
             truth_id: None for the motion capture received live with the run.

@@ -32,7 +32,7 @@ class CalibrationHealth extends Part {
 
   build() {
     this.append(
-      h("h3", "How it holds"),
+      h("h3", "Calibration health"),
       this.#words,
       this.#spoken,
       this.#chart,

@@ -40,7 +40,7 @@ class CalibrationPanel extends Part {
   #cameras = select({ id: "calibration-cameras" }, CAMERAS);
   #error = h("p.field-error", { id: "calibration-error", role: "alert" });
   #open = details(
-    "Where the files leave something open",
+    "Advanced",
     h(
       "div.stack",
       field("Image size, where no file tells it", this.#size),

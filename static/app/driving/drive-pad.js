@@ -58,11 +58,7 @@ export class DrivePad extends Part {
         h("div.pad-cell", this.#ring.element, this.#sonar),
       ),
       this.#state,
-      h(
-        "div.field",
-        h("label", { for: "drive-share" }, "Speed at full deflection ", this.#fastest),
-        this.#share,
-      ),
+      h("div.field", h("label", { for: "drive-share" }, "Max speed ", this.#fastest), this.#share),
       this.#sent,
       this.#limit,
       h("div.row", this.#link, this.#delay),

@@ -91,7 +91,7 @@ export function figuresOf({ report, sent }) {
   return [
     ["Speed sent", `${fixed(sent.speed_mps, 2)} m/s`, "what really goes to the robot"],
     [
-      "By its encoders",
+      "Wheel encoders",
       report.speed_mps === null ? "–" : `${fixed(report.speed_mps, 2)} m/s`,
       "as its wheels turn",
     ],

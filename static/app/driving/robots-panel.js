@@ -39,7 +39,7 @@ class RobotsPanel extends Part {
   #arm = this.#act("Arm", ({ driver }) => driver.arm(driver.role), { class: "button primary" });
   #disarm = this.#act("Disarm", ({ driver }) => request("POST", `/robots/${driver.role}/disarm`));
   #takeOver = this.#act("Take over", ({ driver }) => driver.take(driver.role, true));
-  #giveBack = button("Give back", () => this.hub.driver.link.release(this.hub.driver.role), {
+  #giveBack = button("Release control", () => this.hub.driver.link.release(this.hub.driver.role), {
     title: "It is stopped and disarmed; others may drive it",
   });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
@@ -71,7 +71,7 @@ class RobotsPanel extends Part {
         h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
       ),
       this.#pad,
-      details("Everything it tells", this.#figures),
+      details("Telemetry", this.#figures),
       this.#happened,
       details(
         "Your name",

@@ -9,10 +9,10 @@ import { fixed } from "./words.js";
 /** @type {Record<string, [string, string, number]>} */
 const NAMES = {
   residual_px: ["Residual motion", " px", 2],
-  threshold_px: ["Counts above", " px", 2],
-  significance: ["Stands out by", " σ", 1],
-  threshold: ["Counts above", " σ", 1],
-  min_significance: ["Needed", " σ", 1],
+  threshold_px: ["Threshold", " px", 2],
+  significance: ["Significance", " σ", 1],
+  threshold: ["Threshold", " σ", 1],
+  min_significance: ["Required", " σ", 1],
   speed_mps: ["Speed", " m/s", 2],
   speed_std_mps: ["Speed ±", " m/s", 3],
   least_speed_mps: ["Slowest to be seen", " m/s", 2],

@@ -121,9 +121,9 @@ function fillRow([figures, why], obstacle, truth) {
 /** @param {ObstacleEntry} obstacle @returns {import("../elements/figure-list.js").Figure[]} */
 function figuresBehind({ points, significance, closing_speed, size, state }) {
   return [
-    ["Stands out by", `${fixed(significance, 1)} σ`],
-    ["Points that move", String(points)],
-    ["Comes nearer by", closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s`],
+    ["Significance", `${fixed(significance, 1)} σ`],
+    ["Moving points", String(points)],
+    ["Closing speed", closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s`],
     ["Size seen", `${size.map((m) => fixed(m, 2)).join(" × ")} m`],
     ["State", state],
   ];

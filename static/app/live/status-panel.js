@@ -101,8 +101,12 @@ function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops }) 
     ["Engine restarts", String(engine.restarts), "since the server was started"],
     ["Frames skipped", String(drops.frames_skipped), "that the source could not read"],
     ["Observations lost", String(drops.observations_lost), "between engine and server"],
-    ["Messages left out", String(drops.live_messages_dropped), "for pages slower than the frames"],
-    ["Not kept", String(drops.writes_dropped), "because the database was not to be had"],
+    [
+      "Messages dropped",
+      String(drops.live_messages_dropped),
+      "by pages slower than the frame rate",
+    ],
+    ["Writes dropped", String(drops.writes_dropped), "while the database was unavailable"],
   ];
 }
 

@@ -80,10 +80,9 @@ class ParameterForm extends Part {
   #renderRevision() {
     const { revision, frame } = this.#store.state;
     const seen = this.hub.observation?.line.parameters_revision;
-    const force =
-      seen === undefined ? "" : seen >= revision ? ", in force" : ", waiting for the next frame";
-    const since = frame === null ? "" : `, acts from frame ${frame}`;
-    setText(this.#revision, `Revision ${revision}${since}${force}`);
+    const applied = seen !== undefined && seen >= revision;
+    const since = frame === null ? "" : ` at frame ${frame}`;
+    setText(this.#revision, applied ? `Applied${since}` : "Applies from the next frame");
   }
 
   /** @param {Record<string, string>} problems sentence by name */

@@ -39,7 +39,7 @@ export class AlignmentPanel extends Part {
   #align = button("Align", () => this.#alignAnew(), { class: "button primary" });
   #state = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert" });
-  #another = details("Lay truth over this run");
+  #another = details("Add ground truth");
   /** @type {RunChart | null} */
   #chart = null;
   #busy = false;

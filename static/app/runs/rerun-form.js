@@ -57,7 +57,7 @@ export class RerunForm extends Part {
   #search = input("search", "rerun-search", { placeholder: "Find a parameter" });
   #differing = h("ul.plain-list");
   #differs = h("p.hint", { role: "status" });
-  #start = h("button.button.primary", { type: "submit" }, "Observe again");
+  #start = h("button.button.primary", { type: "submit" }, "Re-run");
   #error = h("p.field-error", { role: "alert" });
   #progress = h("p", { role: "status" });
   #form = h("form.stack", { novalidate: true });
@@ -119,7 +119,7 @@ export class RerunForm extends Part {
         ? "Possible once the run has ended."
         : run.rerun_of
           ? "Its images are in the recording of the run it was made from; observe that one again."
-          : "Its recording holds no images, so it cannot be observed again.",
+          : "Its recording holds no images, so it cannot be re-run.",
     );
     if (!other) return;
     this.#begun = null;

@@ -45,7 +45,7 @@ function ofOne(errors) {
     errorTable([], rows(errors.filter(({ group }) => group !== "track"))),
     tracks.length
       ? details(
-          tracks.length === 1 ? "The one track" : `Each of ${tracks.length} tracks`,
+          tracks.length === 1 ? "Track details" : `Each of ${tracks.length} tracks`,
           errorTable([], rows(tracks)),
         )
       : null,

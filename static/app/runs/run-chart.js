@@ -21,13 +21,19 @@ const ZOOM = 2;
 
 /** @type {{choice: Choice, label: string, kind: string, colour: string | null, shown: boolean}[]} those without a colour have that of the first track */
 const CHOICES = [
-  { choice: "matched", label: "By the observer", kind: "estimate", colour: null, shown: true },
-  { choice: "band", label: "Its band of 95 %", kind: "band", colour: null, shown: true },
-  { choice: "truth", label: "Truth", kind: "truth", colour: "--text", shown: true },
-  { choice: "commanded", label: "As commanded", kind: "commanded", colour: "--muted", shown: true },
-  { choice: "encoder", label: "By its encoders", kind: "encoder", colour: "--warn", shown: true },
-  { choice: "stray", label: "Of no known body", kind: "stray", colour: "--muted", shown: true },
-  { choice: "own", label: "The observer's own", kind: "encoder", colour: "--accent", shown: false },
+  { choice: "matched", label: "Estimate", kind: "estimate", colour: null, shown: true },
+  { choice: "band", label: "95 % interval", kind: "band", colour: null, shown: true },
+  { choice: "truth", label: "Ground truth", kind: "truth", colour: "--text", shown: true },
+  { choice: "commanded", label: "Commanded", kind: "commanded", colour: "--muted", shown: true },
+  { choice: "encoder", label: "Wheel encoders", kind: "encoder", colour: "--warn", shown: true },
+  { choice: "stray", label: "Unmatched", kind: "stray", colour: "--muted", shown: true },
+  {
+    choice: "own",
+    label: "Observer's own speed",
+    kind: "encoder",
+    colour: "--accent",
+    shown: false,
+  },
 ];
 
 let made = 0;

@@ -25,7 +25,7 @@ class RunList extends Part {
     "p.empty",
     "No run yet. Start one at the top of the page; it is recorded and listed here.",
   );
-  #history = h("a.button.primary", { href: "#history" }, "Find, compare and look at runs");
+  #history = h("a.button.primary", { href: "#history" }, "All runs");
   #save = button("Save the last half minute", () => this.#saveClip(), {
     "aria-describedby": "save-clip-help",
   });
@@ -68,7 +68,7 @@ class RunList extends Part {
       /** @type {{file: string, bytes: number, seconds: number}} */
       const { file, bytes, seconds } = await request("POST", "/recording/ring");
       notify(
-        `The last ${fixed(seconds, 0)} s are kept in the data folder as ${file} (${size(bytes)}), listed under Find, compare and look at runs.`,
+        `Saved the last ${fixed(seconds, 0)} s as ${file} (${size(bytes)}). It is listed under All runs.`,
       );
       this.hub.tell("saved-clips");
     });

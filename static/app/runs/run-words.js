@@ -32,7 +32,7 @@ export function facts(run) {
     .join(" · ");
 }
 
-/** Say whether its recording can be played and observed again. @param {Run} run */
+/** Say whether its recording can be played and re-run. @param {Run} run */
 export function hasImages({ state, record }) {
   return state !== "running" && record !== null && record !== "none";
 }

@@ -70,7 +70,7 @@ def test_a_robot_that_nobody_drove_was_commanded_by_its_scenario(tmp_path: Path)
     path = record(tmp_path / "r.mcap", images="none", frames=4, sent=(0.0, "disarmed"))
     with Recording(path) as recording:
         (commanded,) = gather(recording).commanded
-    assert commanded.label == "P3-DX as commanded"
+    assert commanded.label == "P3-DX, commanded"
     assert commanded.speeds.max() > 0.3
 
 

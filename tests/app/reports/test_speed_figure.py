@@ -31,7 +31,7 @@ def gathered() -> Gathered:
         span=(0.0, 3.9), lines=(), matched=(),
         true=(TrueMotion("cart", TIMES, speeds, words, words, np.isfinite(speeds)),),
         seen=(first, second), unmatched=(),
-        commanded=(Curve("as commanded", TIMES, np.full(40, 0.3)),), encoder=(),
+        commanded=(Curve("commanded", TIMES, np.full(40, 0.3)),), encoder=(),
         truth_words="", alignment=None,
     )  # fmt: skip
 
@@ -52,23 +52,23 @@ def test_gaps_break_lines() -> None:
 def test_identities_are_drawn_apart_and_truth_has_its_gap(gathered: Gathered) -> None:
     (axes,) = speed_figure([("an experiment", gathered)]).axes
     drawn = _lines(axes)
-    assert set(drawn) >= {"by the observer", "cart by truth", "as commanded"}
-    assert len(drawn["by the observer"]) == 20
-    assert np.isnan(drawn["cart by truth"]).sum() == 4
+    assert set(drawn) >= {"estimate", "cart, ground truth", "commanded"}
+    assert len(drawn["estimate"]) == 20
+    assert np.isnan(drawn["cart, ground truth"]).sum() == 4
     assert {text.get_text() for text in axes.texts} == {"0:1", "0:2"}
     # Two bands, none between the tracks.
     bands = [np.asarray(each.get_paths()[0].vertices)[:, 0] for each in axes.collections]
     assert [(float(x.min()), float(x.max())) for x in bands] == [(0.0, 1.9), (2.5, 3.9)]
 
 
-def test_tracks_of_no_body_are_said_to_be(gathered: Gathered) -> None:
+def test_unmatched_tracks_are_labelled(gathered: Gathered) -> None:
     stray = [replace(gathered.seen[1], body="")]
     labels = _lines(
         speed_figure(
             [("x", replace(gathered, seen=gathered.seen[:1], unmatched=tuple(stray)))]
         ).axes[0]
     )
-    assert {"by the observer", "of no known body"} <= set(labels)
+    assert {"estimate", "unmatched track"} <= set(labels)
 
 
 def test_a_chart_takes_its_colours_from_the_page(gathered: Gathered) -> None:

@@ -88,7 +88,7 @@ test("figures say what is not known, which wheel stalls and which bumper is pres
     );
   const unknown = told({});
   assert.deepEqual(
-    ["By its encoders", "Wheels", "Hardware stop", "Bumpers"].map((term) => unknown[term]),
+    ["Wheel encoders", "Wheels", "Hardware stop", "Bumpers"].map((term) => unknown[term]),
     ["–", "–", "–", "none fitted"],
   );
   assert.equal(told({ stalled: [false, true] })["Wheels"], "right one stalled");

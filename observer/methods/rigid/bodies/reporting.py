@@ -58,16 +58,16 @@ def describe_body(
 def _why(track: BodyTrack, speed: float) -> str:
     moving = track.motion is MotionState.MOVING
     if track.rigid:
-        moves = "move at" if moving else "moved before and stand now, at"
-        subject = f"{track.points} points that keep their places on one body {moves}"
+        moves = "move at" if moving else "moved before and stand now:"
+        subject = f"{track.points} feature points on one rigid body {moves}"
     else:
-        moves = "moves at" if moving else "moved before and stands now, at"
+        moves = "moves at" if moving else "moved before and stands now:"
         if track.motion is MotionState.IN_PLACE:
-            moves = "moves in place, as arms that wave do, while its trunk travels at"
-        subject = f"a body that stands apart in depth, with {track.points} points on it, {moves}"
+            moves = "moves in place, as waving arms do; its trunk:"
+        subject = f"a depth segment with {track.points} feature points on it {moves}"
     what = (
-        f"{subject} {speed:.2f} m/s, {track.significance:.1f} standard deviations from standing, "
-        f"known for {track.age_s:.1f} s"
+        f"{subject} {speed:.2f} m/s, {track.significance:.1f} σ above zero, "
+        f"tracked for {track.age_s:.1f} s"
     )
     if track.state is TrackState.COASTING:
         return out_of_sight(track.missed_s, what)

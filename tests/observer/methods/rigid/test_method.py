@@ -78,7 +78,7 @@ def test_a_robot_that_crosses_is_found_with_the_velocity_it_has(
 def test_the_robot_is_confirmed_within_half_a_second_of_moving(spec: str, seen: Seen) -> None:
     first = next(o for o in seen(spec, 45) if o.reported)
     assert first.time <= 0.6
-    assert "standard deviations from standing" in first.reported[0].reason
+    assert "σ above zero" in first.reported[0].reason
 
 
 @pytest.mark.parametrize("spec", LATERAL)
