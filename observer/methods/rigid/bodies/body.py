@@ -60,6 +60,8 @@ class BodyTrack:
         part_moves: it began as the whole person of whom a part was seen to move.
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
             is around it.
+        stood_s: seconds for which it has not moved.
+        confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving.
     """
 
     id: int
@@ -88,6 +90,8 @@ class BodyTrack:
     part_moves: bool = False
     merged_s: float = 0.0
     stands: bool = True
+    stood_s: float = 0.0
+    confirmed_at: Float64Array | None = None
     # (3,) u, v and disparity of its centre in the last frame, px.
     _centre_px: Float64Array | None = None
 

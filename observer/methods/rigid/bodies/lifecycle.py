@@ -29,6 +29,8 @@ _MERGED_S = 1.0
 # with what is around it.
 _MANY_POINTS = 12
 _IDLE_FRAMES = 3
+# A segment that stood for so many seconds and never left its place only seemed to move.
+_STOOD_S = 0.7
 # A body creeps below so many times the speed of what has stopped, while so much of it is static.
 _CREEPING, _UNMOVED_SHARE = 3.0, 0.95
 # Frames in which a segment must have entered free space, or come out of hiding, and standard
@@ -38,11 +40,13 @@ _ARRIVED_FRAMES, _ARRIVED_SIGMAS = 3, 3.0
 _HIDDEN_FRAMES, _HIDDEN_SIGMAS, _AWAY_SHARE = 4, 5.0, 0.7
 
 
-def judge(track: BodyTrack, camera_position: Float64Array, parameters: ObstacleParameters) -> None:
+def judge(
+    track: BodyTrack, camera_position: Float64Array, dt: float, parameters: ObstacleParameters
+) -> None:
     """Judge whether a track moves, and whether it is confirmed, coasts or is seen again.
 
     Args:
-        camera_position: (3,) metres, world.
+        camera_position: (3,) metres, world. dt: seconds since the last frame.
     """
     velocity, cov = track.centre_velocity()
     track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
@@ -57,11 +61,14 @@ def judge(track: BodyTrack, camera_position: Float64Array, parameters: ObstacleP
             track.motion = MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
     elif speed - sigma > limit:
         track.motion = MotionState.MOVING
+    track.stood_s = track.stood_s + dt if track.motion is MotionState.STOPPED else 0.0
     if track.significance >= parameters.confirm_sigmas:
         track.part_moves = False
     seen = track.missed_s == 0
     tentative = track.state is TrackState.TENTATIVE
     confirmed = seen and tentative and _confirmed(track, camera_position, parameters)
+    if confirmed and track.motion is MotionState.MOVING:
+        track.confirmed_at = track.centre
     track.state = next_state(track.state, seen=seen, confirmed=confirmed)
 
 
@@ -79,6 +86,7 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
             return True
     drives = track.motion is MotionState.MOVING and _shown_by_many(track)
     hopeless |= track.merged_s > _MERGED_S and not drives
+    hopeless |= track.stood_s > _STOOD_S and _never_left(track)
     coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
     return hopeless or expired(track.state, track.missed_s, coast=coast, patience=patience)
 
@@ -105,6 +113,18 @@ def _confirmed(
     if track.motion is MotionState.IN_PLACE:
         return True
     return _confirmed_by_outline(track, camera_position)
+
+
+def _never_left(track: BodyTrack) -> bool:
+    """Return whether a body known by its segment alone is still where it was confirmed.
+
+    Segments of what stands change from frame to frame, and so do their middles.
+    """
+    if track.confirmed_at is None or track.outline is None or _shown_by_many(track):
+        return False
+    assert track.box is not None
+    way = float(np.linalg.norm(track.centre - track.confirmed_at))
+    return way < float(track.box.size[[0, 2]].max())
 
 
 def _shown_by_many(track: BodyTrack) -> bool:

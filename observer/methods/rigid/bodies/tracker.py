@@ -366,7 +366,7 @@ class BodyTracker:
                 offset = track.rebase()
                 every = points.obstacle == track.id
                 shape_vector[every] -= points.shape_information[every] @ offset
-            judge(track, camera_position, parameters)
+            judge(track, camera_position, dt, parameters)
         points = self._named(points.but(shape_vector=shape_vector))
         obstacle = points.obstacle.copy()
         for track in [t for t in self.tracks if is_over(t, parameters)]:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import BodyFilter
 from observer.methods.rigid.bodies.lifecycle import is_over, judge
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
@@ -21,6 +22,7 @@ P = Parameters().obstacles
 MakeTrack = Callable[..., BodyTrack]
 STOOD, AWAY = (0.0, 0.0, 0.0), (0.2, 0.0, 0.5)
 PLACE = np.array([0.0, 0.0, 4.0])
+DT = 0.1
 
 
 @pytest.fixture
@@ -48,7 +50,7 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
 
 def judged(track: BodyTrack, frames: int = 1) -> TrackState:
     for _ in range(frames):
-        judge(track, np.zeros(3), P)
+        judge(track, np.zeros(3), DT, P)
     return track.state
 
 
@@ -187,6 +189,40 @@ def test_a_confirmed_one_may_stand(guest: MakeTrack) -> None:
     judged(track)
     assert track.state is TrackState.CONFIRMED
     assert ends_after(track) is None
+
+
+def stands(track: BodyTrack, at: tuple[float, float, float], frames: int) -> list[bool]:
+    """Whether it is over in each frame in which it stands there."""
+    cov = 1e-4 * np.eye(3)
+    track.filter = BodyFilter.begin(np.array(at), np.array(STOOD), cov, cov, 0.01)
+    over = []
+    for _ in range(frames):
+        judge(track, np.zeros(3), DT, P)
+        over.append(is_over(track, P))
+    return over
+
+
+def test_one_that_stands_where_it_was_confirmed_ends_and_one_that_walked_stays(
+    guest: MakeTrack,
+) -> None:
+    for at, ends in (((0.3, 0.0, 4.1), True), ((0.9, 0.0, 4.0), False)):
+        track = guest(arrived=3)
+        judged(track)
+        over = stands(track, at, 12)
+        assert not any(over[:6])
+        assert any(over) is ends
+
+
+def test_a_short_stop_and_points_that_show_it_end_nothing(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    going = track.filter
+    for _ in range(4):
+        assert not any(stands(track, (0.0, 0.0, 4.0), 5))
+        track.filter = going
+        judged(track)
+    track.points = 30
+    assert not any(stands(track, (0.0, 0.0, 4.0), 20))
 
 
 def test_a_confirmed_one_that_swallows_what_stands_ends(guest: MakeTrack) -> None:

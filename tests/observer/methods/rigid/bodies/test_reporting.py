@@ -107,9 +107,9 @@ def test_the_closing_speed_is_by_how_much_the_range_shrinks(
 
 def test_it_says_why_it_counts_as_dynamic(track: BodyTrack) -> None:
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
-    assert "14 points" in o.reason
+    assert "14 feature points" in o.reason
     assert f"{o.speed:.2f} m/s" in o.reason
-    assert "12.3 standard deviations" in o.reason
+    assert "12.3 σ above zero" in o.reason
     assert "2.5 s" in o.reason
     assert "not seen" not in o.reason
 
@@ -125,7 +125,7 @@ def test_one_that_coasts_says_for_how_long_it_was_not_seen(track: BodyTrack) -> 
     track.state, track.missed_s = TrackState.COASTING, 0.74
     o = describe_body(track, T_WORLD_CAMERA, STILL, 3.5)
     assert o.reason.startswith("not seen for 0.7 s")
-    assert "14 points" in o.reason
+    assert "14 feature points" in o.reason
 
 
 def test_one_that_stands_exactly_still_has_numbers_too(

@@ -57,7 +57,7 @@ def found(
     for k in range(lasting):
         stirring.note(tracks, scene(k * DT, who, places(k) if k in now else None), numbers)
         for track in tracks:
-            judge(track, np.zeros(3), P)
+            judge(track, np.zeros(3), DT, P)
     return tracks
 
 
