@@ -168,7 +168,7 @@ def report_delay(
         noise = _measured_noise(deviations, count, thing, p)
         noise[:3, :3] += step_cov
         track.filter = track.filter.updated(np.append(place, track.yaw), noise)
-        judge(track, still.position, p.obstacles)
+        judge(track, still.position, dt, p.obstacles)
         if track.state is TrackState.CONFIRMED:
             return frame * dt
     return None
