@@ -7,13 +7,15 @@ tries so many examples of each property in place of the few of every day.
 
 from __future__ import annotations
 
+import copy
+import json
 import os
 import re
 import resource
 import sys
 import time
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from hypothesis import HealthCheck, settings
 from hypothesis import strategies as st
@@ -35,6 +37,12 @@ PIECES = (
     b"{", b"}", b"[", b"]", b"<", b">", b"&lt;", b"\\", b"\\u0000", b"\\ud800", b"/", b"../", b"~",
     b"null", b"true", b"[" * 2000, b"{\"a\":" * 2000, b"- " * 400, b"<a>" * 400,
     b"2001-99-99", b"\xf0\x9f\xa4\x96",
+)  # fmt: skip
+# Values that a hand may put anywhere into JSON; Python's own reader takes each of them.
+JSON_VALUES: tuple[Any, ...] = (
+    None, True, 0, -1, 1e-12, 2**63, 10**400, float("nan"), float("inf"), "", "x", "a\nb", "\0",
+    "\ud800", "1e3", "9" * 5000, "0001-01-01T00:00:00+23:59", "9999-12-31T23:59:59-23:59",
+    "2026-11-22T02:09:41", [], {}, [None], [[]], {"": None}, {"\ud800": "\ud800"}, [0.5, "x"],
 )  # fmt: skip
 _NUMBER = re.compile(rb"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 # Far more than the honest sample needs; a machine under load may take a hundred times as long.
@@ -76,6 +84,25 @@ def hostile_bytes(pieces: Sequence[bytes] = ()) -> st.SearchStrategy[bytes]:
     return st.binary(max_size=400) | st.lists(known, max_size=20).map(b"".join)
 
 
+@st.composite
+def damaged_json(draw: st.DrawFn, sample: Any, values: Sequence[Any] = ()) -> bytes:
+    """Strategy of JSON text of the sample, changed by hand: valid JSON of another meaning.
+
+    Args:
+        values: put in beside those that mean trouble to any reader.
+    """
+    whole = [copy.deepcopy(sample)]
+    for _ in range(draw(st.integers(1, 2))):
+        holder, key = _place(draw, whole)
+        if isinstance(holder, dict) and draw(st.booleans()):
+            value = holder.pop(key)
+            if draw(st.booleans()):
+                holder[draw(st.sampled_from((f"{key}x", "", "a.b", "a\nb", "\ud800")))] = value
+        else:
+            holder[key] = copy.deepcopy(draw(st.sampled_from((*JSON_VALUES, *values))))
+    return json.dumps(whole[0]).encode()
+
+
 def damaged_text(samples: Sequence[str], pieces: Sequence[str] = ()) -> st.SearchStrategy[str]:
     """Strategy of damaged text, for parsers of text; what is no UTF-8 becomes half surrogates."""
     encoded = damaged([each.encode() for each in samples], [each.encode() for each in pieces])
@@ -111,6 +138,18 @@ def assert_one_sentence(message: str) -> None:
     assert len(message) <= _LONGEST_SENTENCE, f"too long: {message[:200]!r} ..."
     assert not message.endswith(": None"), f"it does not end: {message!r}"
     assert " object at 0x" not in message, f"it shows an object: {message!r}"
+
+
+def _place(draw: st.DrawFn, whole: list[Any]) -> tuple[Any, Any]:
+    """Return the holder and the key of a value within; one level is as likely as the next."""
+    holder: Any = whole
+    while True:
+        keys = list(holder) if isinstance(holder, dict) else list(range(len(holder)))
+        key = draw(st.sampled_from(keys))
+        within = holder[key]
+        if not isinstance(within, dict | list) or not within or not draw(st.integers(0, 2)):
+            return holder, key
+        holder = within
 
 
 def _as_text(content: bytes) -> str:

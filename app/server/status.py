@@ -87,7 +87,8 @@ def _trouble(server: Server) -> list[str]:
         None if vergence is None or vergence.status != "drifted" else vergence.sentence,
     )
     bound = camera_match_warnings(server.source.state, server.source.wanted.calibration)
-    return [*bound, *(trouble for trouble in troubles if trouble is not None)]
+    notes = server.source.state.calibration_notes
+    return [*bound, *notes, *(trouble for trouble in troubles if trouble is not None)]
 
 
 def _rounded(value: float | None) -> float | None:

@@ -14,6 +14,7 @@ from app.storage.errors import (
     StorageExists,
     StorageFull,
     StorageMissing,
+    StorageUnreadable,
 )
 from app.storage.folder import DataFolder
 from app.storage.records import (
@@ -44,6 +45,7 @@ __all__ = [
     "StorageExists",
     "StorageFull",
     "StorageMissing",
+    "StorageUnreadable",
     "TruthRecord",
     "utc_now",
 ]

@@ -7,11 +7,11 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.contract.values import filled, known
+from app.contract.values import filled
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
 from app.storage.models import Calibration, Run
-from app.storage.records import CalibrationRecord, utc_now
+from app.storage.records import CalibrationRecord, mapping, utc_now
 from app.storage.settings import read_setting, write_setting
 from observer.calibration.formats.opencv_file import calibration_id
 
@@ -43,13 +43,14 @@ class CalibrationTables(Database):
                 row.name = name
             row.listed = row.listed or listed
             if info is not None:
-                row.info = {**row.info, **info}
-            return filled(CalibrationRecord, row)
+                row.info = {**mapping(row.info), **info}
+            return _record(row)
 
     def get_calibration(self, id: str) -> CalibrationRecord | None:
         """Return one calibration, including deleted ones that a run refers to."""
         with self._reading() as session:
-            return known(CalibrationRecord, session.get(Calibration, id))
+            row = session.get(Calibration, id)
+            return None if row is None else _record(row)
 
     def list_calibrations(self) -> list[CalibrationRecord]:
         """Return the listed calibrations, newest first."""
@@ -59,7 +60,7 @@ class CalibrationTables(Database):
             .order_by(Calibration.created_at.desc(), Calibration.id)
         )
         with self._reading() as session:
-            return [filled(CalibrationRecord, row) for row in session.scalars(query)]
+            return [_record(row) for row in session.scalars(query)]
 
     def change_calibration(
         self, id: str, *, name: str | None = None, info: dict[str, Any] | None = None
@@ -74,8 +75,8 @@ class CalibrationTables(Database):
             if name is not None:
                 row.name = name
             if info is not None:
-                row.info = {**row.info, **info}
-            return filled(CalibrationRecord, row)
+                row.info = {**mapping(row.info), **info}
+            return _record(row)
 
     def delete_calibration(self, id: str) -> bool:
         """Remove it from the list (False if absent) and deactivate it if active.
@@ -109,7 +110,12 @@ class CalibrationTables(Database):
         """Return the calibration that replaces the sources' own, if any."""
         with self._reading() as session:
             id = read_setting(session, _ACTIVE)
-            return None if id is None else known(CalibrationRecord, session.get(Calibration, id))
+            row = None if id is None else session.get(Calibration, str(id))
+            return None if row is None else _record(row)
+
+
+def _record(row: Calibration) -> CalibrationRecord:
+    return filled(CalibrationRecord, row, info=mapping(row.info))
 
 
 def _existing(session: Session, id: str) -> Calibration:

@@ -14,6 +14,7 @@ from sqlalchemy.exc import ArgumentError
 
 from app.storage.errors import StorageError
 
+_written_json = partial(json.dumps, allow_nan=False, ensure_ascii=False)
 # Name of our connections in PostgreSQL's pg_stat_activity.
 APPLICATION = "dynamic-observer"
 _POSTGRESQL = ("postgresql", "postgres", "postgresql+psycopg")
@@ -73,7 +74,8 @@ def make_engine(url: URL, busy_timeout_s: float) -> Engine:
         busy_timeout_s: how long a statement waits for a lock, and a thread for a connection.
     """
     options: dict[str, Any] = {
-        "json_serializer": partial(json.dumps, allow_nan=False, ensure_ascii=False),
+        "json_serializer": _written_json,
+        "json_deserializer": _read_json,
         "pool_timeout": busy_timeout_s,
     }
     if url.get_backend_name() == "postgresql":
@@ -125,7 +127,28 @@ def use_write_ahead_log(engine: Engine) -> None:
         connection.cursor().execute("PRAGMA journal_mode=WAL")
 
 
+def _read_json(text: str | bytes) -> Any:
+    """Return a stored value; where it was damaged by hand, its text as it stands.
+
+    An error here would keep all rows of a query from being read. A text is no value that a table
+    keeps here, and each table says what it does without.
+    """
+    try:
+        value = json.loads(text)
+        # Numbers and characters that could not be written cannot be told to anybody either.
+        _written_json(value).encode()
+    except (ValueError, RecursionError):
+        return text if isinstance(text, str) else repr(text)
+    return value
+
+
+def _read_text(content: bytes) -> str:
+    """Return stored text; what is no UTF-8 in it would keep all rows from being read."""
+    return content.decode("utf-8", "replace")
+
+
 def _on_sqlite_connect(connection: Any, _record: object) -> None:
+    connection.text_factory = _read_text
     # We send BEGIN ourselves: the driver's own leaves DDL outside transactions.
     connection.isolation_level = None
     cursor = connection.cursor()

@@ -31,6 +31,10 @@ class StorageCorrupt(StorageError):
     """Damage to the file while it was open; the next start moves it aside."""
 
 
+class StorageUnreadable(StorageError):
+    """Record whose values were damaged by hand; the other records are readable."""
+
+
 class StorageMissing(StorageError):
     """Missing record that the call names or refers to."""
 

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import select
 
-from app.contract.values import filled
+from app.contract.values import filled, of_plain
 from app.storage.database import Database
-from app.storage.errors import StorageExists
+from app.storage.errors import StorageExists, StorageUnreadable
 from app.storage.models import Preset, Revision
 from app.storage.records import ParameterRevision, PresetRecord, SavedParameters, utc_now
 from app.storage.settings import read_setting, write_setting
 from observer.parameters import translated
 
 _CURRENT = "parameters.current"
+# What the database's column of revisions holds.
+_MOST_REVISIONS = 2**31 - 1
 
 
 class ParameterTables(Database):
@@ -28,12 +31,25 @@ class ParameterTables(Database):
             write_setting(session, _CURRENT, current)
 
     def load_parameters(self) -> SavedParameters | None:
-        """Return the last parameters; None in a new database."""
+        """Return the last parameters; None in a new database.
+
+        Raises:
+            StorageUnreadable: they were damaged by hand.
+        """
         with self._reading() as session:
             current = read_setting(session, _CURRENT)
         if current is None:
             return None
-        return SavedParameters(**{**current, "values": translated(current["values"])})
+        try:
+            saved = of_plain(SavedParameters, current)
+        except ValueError:
+            saved = None
+        if saved is None or not 0 <= saved.revision <= _MOST_REVISIONS:
+            raise StorageUnreadable(
+                f"the saved parameters in the database {self.where} are damaged and are at their "
+                f"defaults again"
+            )
+        return dataclasses.replace(saved, values=translated(saved.values))
 
     def record_parameter_revision(
         self, run_id: str | None, frame: int | None, revision: int, difference: dict[str, Any]
@@ -49,12 +65,16 @@ class ParameterTables(Database):
         return record
 
     def parameter_revisions(self, run_id: str | None) -> list[ParameterRevision]:
-        """Return the changes during a run (``None``: those outside any run), oldest first."""
+        """Return the changes during a run (``None``: those outside any run), oldest first.
+
+        One that was damaged by hand is left out.
+        """
         query = select(Revision).where(Revision.run_id == run_id).order_by(Revision.id)
         with self._reading() as session:
             return [
                 filled(ParameterRevision, row, difference=translated(row.difference))
                 for row in session.scalars(query)
+                if isinstance(row.difference, dict)
             ]
 
     def save_preset(
@@ -63,11 +83,11 @@ class ParameterTables(Database):
         """Store values under a name.
 
         Raises:
-            StorageExists: the name is taken and ``replace`` is not set.
+            StorageExists: the name is taken by a sound preset and ``replace`` is not set.
         """
         with self._writing() as session:
             row = session.get(Preset, name)
-            if row is not None and not replace:
+            if row is not None and not replace and isinstance(row.values, dict):
                 raise StorageExists(
                     f'a preset named "{name}" is there already; choose another name or delete it'
                 )
@@ -79,10 +99,17 @@ class ParameterTables(Database):
             return _preset(row)
 
     def list_presets(self) -> list[PresetRecord]:
-        """Return all saved presets by name."""
+        """Return the saved presets by name, without ``damaged_presets``."""
         with self._reading() as session:
-            # Sorted here: databases order text by their locale.
-            return sorted(map(_preset, session.scalars(select(Preset))), key=lambda one: one.name)
+            rows = [row for row in session.scalars(select(Preset)) if isinstance(row.values, dict)]
+        # Sorted here: databases order text by their locale.
+        return sorted(map(_preset, rows), key=lambda one: one.name)
+
+    def damaged_presets(self) -> list[str]:
+        """Return the names of saved presets whose values were damaged by hand, sorted."""
+        with self._reading() as session:
+            rows = session.scalars(select(Preset))
+            return sorted(row.name for row in rows if not isinstance(row.values, dict))
 
     def delete_preset(self, name: str) -> bool:
         """Delete a preset; return False if there was none."""

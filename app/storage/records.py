@@ -22,6 +22,11 @@ def utc_now() -> str:
     return datetime.now(UTC).isoformat(timespec="microseconds")
 
 
+def mapping(stored: Any) -> dict[str, Any]:
+    """Return a stored map; an empty one where the row was damaged by hand."""
+    return stored if isinstance(stored, dict) else {}
+
+
 class RunState(StrEnum):
     """State of a run. ``interrupted``: the process ended before the run did."""
 

@@ -14,12 +14,13 @@ from app.contract.values import filled
 from app.storage.database import Database
 from app.storage.errors import StorageMissing
 from app.storage.models import Run, RunTag
-from app.storage.records import RunPage, RunRecord, RunState, utc_now
+from app.storage.records import RunPage, RunRecord, RunState, mapping, utc_now
 from app.storage.searching import folded, matching
 from observer.parameters import translated
 
 # Time during which a deletion can be undone.
 UNDO = timedelta(days=7)
+_DAMAGED = "its parameters in the database are damaged and not known any more"
 _NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())
 
 
@@ -273,7 +274,10 @@ def _run(row: Run) -> RunRecord:
         RunRecord,
         row,
         state=RunState(row.state),
-        parameters=translated(row.parameters),
+        parameters=translated(mapping(row.parameters)),
+        versions={name: str(version) for name, version in mapping(row.versions).items()},
+        alignment=None if row.alignment is None else mapping(row.alignment),
+        reason=row.reason or (None if isinstance(row.parameters, dict) else _DAMAGED),
         # Sorted here: databases order text by their locale.
         tags=tuple(sorted(each.tag for each in row.tags)),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from app.server.calibrating.session import CalibrationSession
 from app.server.calibrations.library import calibration_facts, find_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.shared import Shared
+from app.server.source.camera_match import bound_cameras
 from app.server.source.manager import SourceManager
 from app.server.source.opening import Opening, check_spec
 from app.storage import CalibrationRecord
@@ -140,9 +142,14 @@ class CalibrationManager:
             "name": record.name,
             "created_at": record.created_at,
             "active": active is not None and active.id == record.id,
-            "devices": record.info.get("bound", {}).get("devices", []),
+            "devices": bound_cameras(record).devices,
         }
-        return of_plain(Calibration, known | record.info)
+        with contextlib.suppress(ValueError):
+            return of_plain(Calibration, known | record.info)
+        # Damaged by hand: the calibration's own text tells what matters.
+        facts = calibration_facts(read_calibration(record.text, name=record.name))
+        notes = ["what was kept beside this calibration is damaged and left out"]
+        return of_plain(Calibration, known | facts | {"notes": notes})
 
     async def activate(self, id: str | None) -> None:
         """Use this calibration for the open source; None restores the source's own.

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import io
 import math
 import zipfile
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import Field
 
 from app.contract.calibrating import TapeCheck
 from app.contract.commands import MeasureDepth, TakeScenePairs
-from app.contract.values import filled, plain
+from app.contract.values import filled, of_plain, plain
 from app.runtime.jobs import Progress
 from app.server.asking import ask
 from app.server.contracts import Engine
@@ -173,25 +177,43 @@ async def check_by_tape(
         StorageError: it was not stored.
     """
     place = await ask(engine, MeasureDepth(record.text, u, v), field=("body", "u"))
+    info = {"tape_checks": with_tape_check(record, place.range_m, tape_m)}
+    return await asyncio.to_thread(storage.change_calibration, record.id, info=info)
+
+
+def with_tape_check(record: CalibrationRecord, rig_m: float, tape_m: float) -> list[Any]:
+    """Return the tape checks of a calibration with another one, as they are stored.
+
+    What was damaged by hand is as unknown as with a calibration that was uploaded.
+
+    Args:
+        rig_m, tape_m: range of the point as the rig and as the tape has it.
+
+    Raises:
+        FieldError: the lengths cannot be compared.
+    """
     calibration = read_calibration(record.text, name=record.name)
     report = record.info.get("report") or {}
-    bias, lasting_px = depth_bias_of(report)
-    board = report.get("board") or {}
+    square_m, bias, lasting_px = None, None, 0.0
+    with contextlib.suppress(ArithmeticError, AttributeError, LookupError, TypeError, ValueError):
+        square_m = of_plain(_Board, report.get("board") or {}).square_m
+        bias, lasting_px = depth_bias_of(report)
     try:
         check = tape_check(
-            calibration,
-            place.range_m,
-            tape_m,
-            square_m=board.get("square_m"),
-            bias=bias,
-            lasting_px=lasting_px,
+            calibration, rig_m, tape_m, square_m=square_m, bias=bias, lasting_px=lasting_px
         )
     except InputError as error:
         raise FieldError(("body", "measured_m"), str(error)) from error
-    entry = filled(TapeCheck, check, measured_m=tape_m, stated_m=place.range_m, at=utc_now())
-    checks = [*record.info.get("tape_checks", []), plain(entry)][-_MOST_CHECKS:]
-    info = {"tape_checks": checks}
-    return await asyncio.to_thread(storage.change_calibration, record.id, info=info)
+    kept: list[TapeCheck] = []
+    with contextlib.suppress(ValueError):
+        kept = of_plain(list[TapeCheck], record.info.get("tape_checks", []))
+    made = filled(TapeCheck, check, measured_m=tape_m, stated_m=rig_m, at=utc_now())
+    return [plain(each) for each in (*kept, made)][-_MOST_CHECKS:]
+
+
+@dataclass(frozen=True)
+class _Board:
+    square_m: Annotated[float, Field(gt=0, lt=10)] | None = None
 
 
 async def refine_rows(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -58,8 +58,13 @@ def restored_parameters(
     kept = {name: value for name, value in values.items() if name not in refused}
     restored = ParametersInForce(AllParameters().changed(kept), revision + 1, None)
     return restored, (
-        f"saved parameters were refused and are at their defaults again: {', '.join(refused)}"
+        f"saved parameters were refused and are at their defaults again: {_listed(refused)}"
     )
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Return names for people; what was damaged by hand may hold anything."""
+    return ", ".join(name if name.isprintable() else repr(name) for name in names)
 
 
 def change(

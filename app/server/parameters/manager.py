@@ -24,7 +24,7 @@ from app.server.parameters.in_force import (
     restored_parameters,
 )
 from app.server.shared import Shared
-from app.storage import PresetRecord, StorageExists
+from app.storage import PresetRecord, StorageExists, StorageUnreadable
 from observer.errors import InputError
 from observer.guard.parameters import AllParameters
 from observer.parameters import PRESET_HELP, ParameterValue
@@ -57,11 +57,19 @@ class ParameterManager:
         Runs in a worker thread, before any other call.
         """
         self._saved = {record.name: record for record in self._storage.list_presets()}
-        saved = self._storage.load_parameters()
-        if saved is None:
-            return None
-        self.current, warning = restored_parameters(saved.values, saved.revision, saved.preset)
-        return warning
+        warnings = [
+            f"the saved preset {name!r} is damaged and left out; save it again"
+            for name in self._storage.damaged_presets()
+        ]
+        try:
+            saved = self._storage.load_parameters()
+        except StorageUnreadable as error:
+            saved = None
+            warnings.append(str(error))
+        if saved is not None:
+            self.current, warning = restored_parameters(saved.values, saved.revision, saved.preset)
+            warnings += [] if warning is None else [warning]
+        return "; ".join(warnings) or None
 
     @property
     def _preset_values(self) -> dict[str, Mapping[str, ParameterValue]]:

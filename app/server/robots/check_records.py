@@ -95,7 +95,7 @@ class CheckRecords:
     def _newest(self) -> Iterator[tuple[str, CheckRecord]]:
         """Yield the newest hundred valid records with their names, newest first."""
         for name in self._names()[:_LISTED]:
-            with contextlib.suppress(OSError, ValueError, RecursionError):
+            with contextlib.suppress(OSError, ValueError, OverflowError, RecursionError):
                 file = self._file(name, "json")
                 if file.stat().st_size <= _MOST_BYTES:
                     record = of_plain(CheckRecord, json.loads(file.read_text(encoding="utf-8")))

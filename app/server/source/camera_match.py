@@ -2,14 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import contextlib
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 from app.contract.events import StateEvent
+from app.contract.values import of_plain
 from app.storage import CalibrationRecord, Storage
 from observer.opening import live_devices
 
 # Settings that move the lens or choose the pixels: another value makes it another camera.
 _DECISIVE = ("focus", "size")
+
+
+@dataclass(frozen=True)
+class BoundCameras:
+    """Cameras that a calibration was made with, and their settings then; empty: not known."""
+
+    devices: tuple[str, ...] = ()
+    settings: tuple[Mapping[str, str], ...] = ()
 
 
 def calibration_of_cameras(storage: Storage, source: str) -> CalibrationRecord | None:
@@ -20,14 +31,16 @@ def calibration_of_cameras(storage: Storage, source: str) -> CalibrationRecord |
     devices = live_devices(source)
     if not devices:
         return None
-    return next((each for each in storage.list_calibrations() if _devices(each) == devices), None)
+    stored = storage.list_calibrations()
+    return next((each for each in stored if bound_cameras(each).devices == devices), None)
 
 
 def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | None) -> list[str]:
     """Return a sentence for each difference between the open cameras and the calibrated ones."""
     if calibration is None or state.live is None or state.source is None:
         return []
-    bound = _devices(calibration)
+    cameras = bound_cameras(calibration)
+    bound = cameras.devices
     if not bound:
         return []
     open_devices = state.source.devices
@@ -42,9 +55,8 @@ def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | No
             f"the calibration {name} was made with other cameras ({' and '.join(bound)}): "
             f"calibrate these, or plug those in"
         ]
-    settings: Sequence[Mapping[str, str]] = calibration.info["bound"].get("settings", ())
     warnings = []
-    for before, camera in zip(settings, state.live.cameras, strict=False):
+    for before, camera in zip(cameras.settings, state.live.cameras, strict=False):
         now = camera.settings
         for key in _DECISIVE:
             if key in before and key in now and before[key] != now[key]:
@@ -56,5 +68,8 @@ def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | No
     return warnings
 
 
-def _devices(record: CalibrationRecord) -> tuple[str, ...]:
-    return tuple(record.info.get("bound", {}).get("devices", ()))
+def bound_cameras(record: CalibrationRecord) -> BoundCameras:
+    """Return the cameras of a calibration; none where the record was damaged by hand."""
+    with contextlib.suppress(ValueError):
+        return of_plain(BoundCameras, record.info.get("bound", {}))
+    return BoundCameras()

@@ -51,6 +51,9 @@ _WAITING = 0.9
 _AT_ONCE_S = 0.005
 _ENDED_AFTER = 5
 _BETWEEN_TRIES_S = 0.004
+# Far more than the largest images need. FFmpeg keeps a part of an HTTP stream whole, up to 2 GB,
+# however long it says that it is.
+_MOST_MEMORY_BYTES = 1 << 30
 
 
 class Commands:
@@ -238,6 +241,17 @@ def _be_ended_after(seconds: float) -> None:
         signal.setitimer(signal.ITIMER_REAL, seconds)
 
 
+def _limit_memory() -> None:
+    """Have the kernel refuse this process more memory than images need."""
+    try:
+        import resource
+    except ImportError:  # There is no such module on Windows.
+        return
+    hard = resource.getrlimit(resource.RLIMIT_DATA)[1]
+    if hard == resource.RLIM_INFINITY or hard > _MOST_MEMORY_BYTES:
+        resource.setrlimit(resource.RLIMIT_DATA, (_MOST_MEMORY_BYTES, hard))
+
+
 def serve(commands: Commands, notices: Notices, memory_fd: int) -> None:
     """Open the camera when told, again and again where it cannot be opened; then deliver."""
     while True:
@@ -263,6 +277,7 @@ def main() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if parent_pid:
         die_with_parent(parent_pid)
+    _limit_memory()
     cv2.setNumThreads(1)
     notices = Notices(notices_fd)
     try:

@@ -191,6 +191,7 @@ def _url(url: str) -> CameraTarget:
         parts = urlsplit(url)
         host = parts.hostname
         _ = parts.port  # read only to be checked
+        name = without_password(url)
     except ValueError:
         host = None
     if not host or parts.scheme.lower() not in _NETWORK_SCHEMES:
@@ -198,4 +199,4 @@ def _url(url: str) -> CameraTarget:
             "an address of a network camera is not complete; use rtsp://HOST/PATH or "
             "http://HOST/PATH for each"
         )
-    return CameraTarget(url, without_password(url), network=True)
+    return CameraTarget(url, name, network=True)

@@ -1,21 +1,47 @@
-"""Damaged backups: what is extracted is what was written, or one sentence says why not."""
+"""Damaged backups and rows of the database: what is read is what was written, or one sentence says
+why not."""
 
 from __future__ import annotations
 
 import io
 import json
+import shutil
+import sqlite3
 import tarfile
 import zipfile
+from collections.abc import Iterator
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from pydantic import TypeAdapter
 
+from app.contract.calibrating import Calibration
+from app.contract.parameters import Preset
+from app.contract.runs import Run
+from app.contract.values import filled
+from app.server import Server
+from app.server.calibrations.library import with_tape_check
+from app.server.parameters.in_force import ParametersInForce
+from app.storage import Storage
 from app.storage.bundle import BackupError, Manifest, bundle_writer, open_bundle
+from observer.errors import DynamicObserverError
+from observer.guard.parameters import AllParameters
 
-from ...damage import damaged, examples, hostile_bytes, read_or_refused
+from ...damage import (
+    assert_one_sentence,
+    damaged,
+    damaged_json,
+    examples,
+    hostile_bytes,
+    read_or_refused,
+)
+from ..peer_engine import PeerEngine, rectified_calibration
 
 FILES = {"observer.sqlite": b"rows" * 40, "truths/a.csv": b"t,x,y,z\n0,1,2,3\n"}
 
@@ -93,3 +119,117 @@ def test_a_damaged_list_of_files_is_refused_or_whole(folder: Path, data: st.Data
     path = folder / "listed"
     path.write_bytes(file.getvalue())
     read_or_refused(lambda: restored(path), BackupError)
+
+
+# --- rows of the database ----------------------------------------------------------------------
+
+VALUES = dict(AllParameters().flat())
+SAVED = {"revision": 7, "values": VALUES, "preset": "mine"}
+INFO: dict[str, Any] = {
+    "width": 512, "height": 256, "baseline_m": 0.12, "hfov_deg": 60.1, "rectified": True,
+    "origin": "calibrated here", "notes": ["a"],
+    "bound": {"devices": ["/dev/a", "/dev/b"], "settings": [{"size": "512x256"}, {}]},
+    "report": {"board": {"square_m": 0.025}, "depth_bias": [], "held_out": {"lasting_px": 0.1}},
+    "tape_checks": [{
+        "measured_m": 1.0, "stated_m": 1.01, "expected_m": 0.02, "agrees": True, "sentence": "a",
+        "at": "2026-01-01T00:00:00Z",
+    }],
+}  # fmt: skip
+WORDS = ("mine", "one_camera", "following.growth_noise", {"tracking.gate": 3.0}, 2**31)
+AS_PRESETS, AS_RUN = TypeAdapter(list[Preset]), TypeAdapter(Run)
+AS_CALIBRATION = TypeAdapter(Calibration)
+
+
+@pytest.fixture(scope="module")
+def storage(folder: Path, migrated_file: Path) -> Iterator[Storage]:
+    """A database with two presets, parameters, a calibration and a run."""
+    file = folder / "database" / "observer.sqlite"
+    file.parent.mkdir()
+    shutil.copy(migrated_file, file)
+    with Storage(file) as storage:
+        storage.save_parameters(7, VALUES, "mine")
+        storage.save_preset("mine", VALUES)
+        storage.save_preset("whole", VALUES)
+        kept = storage.save_calibration(rectified_calibration(), name="a", info=INFO)
+        storage.activate_calibration(kept.id)
+        storage.create_run(name="a", source="simulated:lab", parameters=VALUES, versions={})
+        yield storage
+
+
+# Every place where JSON is kept, and a sound value.
+PLACES: dict[str, tuple[str, Any]] = {
+    "preset": ("presets SET \"values\" = ? WHERE name = 'mine'", VALUES),
+    "parameters": ("settings SET value = ? WHERE key = 'parameters.current'", SAVED),
+    "calibration": ("calibrations SET info = ?", INFO),
+    "parameters of a run": ("runs SET parameters = ?", VALUES),
+    "versions of a run": ("runs SET versions = ?", {"numpy": "2.0"}),
+    "alignment of a run": ("runs SET alignment = ?", {"time_offset": {}}),
+}
+
+
+@pytest.mark.parametrize("place", PLACES)
+@examples(8)
+@given(data=st.data())
+def test_damaged_rows_stop_neither_the_start_nor_a_list(
+    storage: Storage, engine: PeerEngine, place: str, data: st.DataObject
+) -> None:
+    where, whole = PLACES[place]
+    text = json.dumps(whole).encode()
+    content = data.draw(damaged_json(whole, WORDS) | damaged([text]) | hostile_bytes())
+    put(storage, where, content)
+    try:
+        read_or_refused(lambda: hold(storage, engine))
+    finally:
+        put(storage, where, text)
+
+
+@pytest.mark.parametrize("place", ["preset", "parameters"])
+@pytest.mark.parametrize("content", [b"{", b"\xff", b"[]", b"5", b"[" * 100_000])
+def test_what_is_left_out_is_told_of(
+    storage: Storage, engine: PeerEngine, place: str, content: bytes
+) -> None:
+    where, whole = PLACES[place]
+    put(storage, where, content)
+    try:
+        (warning,) = hold(storage, engine)
+        assert "'mine' is damaged" in warning or "saved parameters" in warning
+        if place == "preset":
+            storage.save_preset("mine", VALUES)
+            assert hold(storage, engine) == []
+    finally:
+        put(storage, where, json.dumps(whole).encode())
+
+
+def put(storage: Storage, where: str, content: bytes) -> None:
+    """Write the bytes as text, whatever they are, as a hand or a damaged page of the file does."""
+    statement = f"UPDATE {where.replace('?', 'CAST(? AS TEXT)')}"
+    with closing(sqlite3.connect(storage.file)) as connection, connection:
+        assert connection.execute(statement, [content]).rowcount == 1
+
+
+@pytest.fixture(scope="module")
+def engine() -> PeerEngine:
+    """One for all: it keeps descriptors."""
+    return PeerEngine()
+
+
+def hold(storage: Storage, engine: PeerEngine) -> list[str]:
+    """Load what the server loads at its start, list what the page lists; return the warnings."""
+    server = Server(engine, storage, source="camera:/dev/a,/dev/b")
+    server._load()
+    for warning in server.shared.warnings:
+        assert_one_sentence(warning)
+    assert isinstance(server.parameters.current, ParametersInForce)
+    presets = server.parameters.presets()
+    AS_PRESETS.dump_json(presets)
+    assert {"default", "paper", "whole"} <= {each.name for each in presets}
+    for each in presets:
+        read_or_refused(partial(server.parameters.plan, each.name, {}), DynamicObserverError)
+    for record in server.storage.list_calibrations():
+        AS_CALIBRATION.dump_json(server.calibrating.entry(record))
+        checks = with_tape_check(record, 1.01, 1.0)
+        json.dumps(checks, allow_nan=False)
+        assert (checks[-1]["stated_m"], checks[-1]["measured_m"]) == (1.01, 1.0)
+    (run,) = server.storage.list_runs()
+    AS_RUN.dump_json(filled(Run, run))
+    return server.shared.warnings

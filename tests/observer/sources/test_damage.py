@@ -1,23 +1,33 @@
-"""Folders of stereo images with damaged tables: frames in order, or one sentence."""
+"""Damaged folders of stereo images and videos: frames in order, or one sentence."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
 from observer.errors import InputError, SourceError
-from observer.sources.contract import SkippedFrame
+from observer.sources.contract import SkippedFrame, Source
 from observer.sources.euroc import read_image_list
 from observer.sources.folders import open_folder
 from observer.sources.kitti import read_timestamps_ns
+from observer.sources.video import open_video
 from observer.types import StereoFrame
 
-from ...damage import damaged, examples, hostile_bytes, read_or_refused
+from ...damage import (
+    assert_one_sentence,
+    damaged,
+    examples,
+    hostile_bytes,
+    read_or_refused,
+)
 from .conftest import marked_image, write_image
+from .test_video import KINDS, image, jpeg, write_video
 
 FRAMES = 4
 TIMES = "".join(f"{k / 15:.6f}\n" for k in range(FRAMES))
@@ -94,15 +104,74 @@ def test_damaged_tables_are_refused_or_frames_are_in_order(
     source = read_or_refused(lambda: open_folder(root), InputError)
     if source is None:
         return
-    times = []
-    while (frame := source.read()) is not None:
-        if isinstance(frame, SkippedFrame):
-            assert len(frame.reason.splitlines()) == 1
-        else:
-            times.append(frame.time)
-    assert times == sorted(set(times))
+    assert_in_order(source)
     if source.calibration is not None:
         assert source.calibration.baseline > 0
+
+
+def assert_in_order(source: Source, most: int = 200) -> None:
+    """Play the source to its end, and hold what it delivers to what a source is."""
+    size, times = (source.info.height, source.info.width), []
+    for _ in range(most):
+        frame = source.read()
+        if frame is None:
+            break
+        if isinstance(frame, SkippedFrame):
+            assert_one_sentence(frame.reason)
+            continue
+        assert isinstance(frame, StereoFrame)
+        assert frame.left.shape[:2] == frame.right.shape[:2] == size
+        times.append(frame.time)
+    else:
+        pytest.fail("it does not end")
+    assert all(map(math.isfinite, times))
+    assert times == sorted(set(times))
+
+
+@pytest.fixture(scope="module")
+def videos(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """Files of six frames by the ending of their name, and bare images one behind the other."""
+    folder = tmp_path_factory.mktemp("videos")
+    images = [np.hstack([image(k, "left"), image(k, "right")]) for k in range(6)]
+    made = {"mjpeg": b"".join(map(jpeg, images))}
+    for codec, ending in KINDS:
+        made[ending] = write_video(folder / f"whole.{ending}", images, codec=codec).read_bytes()
+    return made
+
+
+@pytest.mark.parametrize("ending", ["mjpeg", *(ending for _, ending in KINDS)])
+@pytest.mark.parametrize("count", [1, 2], ids=["side by side", "a pair"])
+@examples(12)
+@given(data=st.data())
+def test_a_damaged_video_is_refused_or_plays_in_order(
+    tmp_path_factory: pytest.TempPathFactory,
+    videos: dict[str, bytes],
+    count: int,
+    ending: str,
+    data: st.DataObject,
+) -> None:
+    folder = tmp_path_factory.getbasetemp()
+    whole, broken = folder / f"whole.{ending}", folder / f"damaged.{ending}"
+    whole.write_bytes(videos[ending])
+    samples = [videos[ending]]
+    if ending == "mjpeg":
+        # A whole image of another size among the others.
+        at = videos[ending].rindex(b"\xff\xd8\xff")
+        other = jpeg(image(0, "left", (32, 48)))
+        samples.append(videos[ending][:at] + other + videos[ending][at:])
+    broken.write_bytes(data.draw(damaged(samples)))
+    paths = data.draw(st.permutations([whole, broken])) if count == 2 else [broken]
+
+    def play() -> None:
+        source = open_video(",".join(map(str, paths)))
+        try:
+            assert_in_order(source)
+            source.rewind()
+            source.read()
+        finally:
+            source.close()
+
+    read_or_refused(play, SourceError)
 
 
 @examples(60)

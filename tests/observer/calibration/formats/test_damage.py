@@ -19,7 +19,7 @@ from observer.camera import StereoCalibration
 from observer.errors import CalibrationError
 
 from ....damage import damaged, examples, hostile_bytes, hostile_text, read_or_refused
-from . import test_oak_file, test_ost_file
+from . import test_matlab_file, test_oak_file, test_ost_file
 from .test_recognition import FORMATS, RIG
 
 SAMPLES: dict[str, tuple[bytes, ...]] = {
@@ -64,6 +64,52 @@ def test_damage_is_refused_or_leaves_a_calibration(format: str, data: st.DataObj
     which = data.draw(st.integers(0, len(contents) - 1))
     contents[which] = data.draw(damaged([contents[which]], PIECES))
     hold(contents, data.draw(st.sampled_from([None, (1241, 376)])))
+
+
+# What MATLAB may hold in place of a number, a matrix, text or a struct.
+MATLAB_VALUES: tuple[object, ...] = (
+    np.nan, np.inf, 0.0, -1.0, 1e308, 5e-324, 1e18, 1 + 2j, True, "", "x", "1 2 3",
+    np.zeros((0, 0)), np.zeros((3, 3)), np.full((3, 3), np.nan), np.full((1, 3), 1e308),
+    np.zeros((1, 2, 3)), np.ones((1, 5000)), np.array([["a", 1.0]], dtype=object), {},
+    {"K": {"K": {}}},
+    {"CameraParameters1": 1.0}, np.array([[1, 2]], np.int8),
+    np.array([[2**64 - 1, 1]], np.uint64),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def mat_files(tmp_path_factory: pytest.TempPathFactory) -> tuple[bytes, ...]:
+    """The same parameters as a struct, compressed and not, and as an object."""
+    whole = test_matlab_file.parameters()
+    folder = tmp_path_factory.mktemp("matlab")
+    made = test_matlab_file.saved_object(folder, whole, "stereoParameters", "v7", compressed=False)
+    return test_matlab_file.saved(whole), test_matlab_file.saved(whole, compressed=False), made
+
+
+@st.composite
+def changed_parameters(draw: st.DrawFn) -> bytes:
+    """A whole MAT-file that holds something else in a place or two."""
+    whole = test_matlab_file.parameters()
+    for _ in range(draw(st.integers(1, 2))):
+        key = draw(st.sampled_from(sorted(whole)))
+        holder, value = whole, draw(st.sampled_from(MATLAB_VALUES))
+        within = whole[key]
+        if isinstance(within, dict) and draw(st.booleans()):
+            holder = within
+            key = draw(st.sampled_from(sorted(holder)))
+        holder[key] = value
+    return test_matlab_file.saved(whole, compressed=draw(st.booleans()))
+
+
+# Each example is a process of a second.
+@pytest.mark.timeout(7200)
+@examples(8)
+@given(data=st.data())
+def test_a_damaged_mat_file_is_refused_or_leaves_a_calibration(
+    mat_files: tuple[bytes, ...], data: st.DataObject
+) -> None:
+    content = data.draw(damaged(mat_files) | changed_parameters())
+    hold([content], data.draw(st.sampled_from([None, (640, 480)])))
 
 
 @examples(40)

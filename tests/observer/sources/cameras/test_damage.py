@@ -1,0 +1,181 @@
+"""Damaged streams of network cameras: images and troubles in a sentence, never a hang."""
+
+from __future__ import annotations
+
+import contextlib
+import socketserver
+import sys
+import threading
+import time
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import example, given
+
+from observer.errors import SourceError
+from observer.sources.cameras.capture import NetworkCapture
+from observer.sources.cameras.grabber import _MOST_MEMORY_BYTES
+from observer.sources.cameras.source import CameraSource
+from observer.sources.cameras.spec import parse_urls
+
+from ....damage import (
+    assert_one_sentence,
+    damaged,
+    damaged_text,
+    examples,
+    hostile_bytes,
+    hostile_text,
+    read_or_refused,
+)
+from .watching import Watch, grabbers
+
+WIDTH, HEIGHT, PARTS = 64, 48, 8
+HEAD = b"HTTP/1.0 200 OK\r\nContent-Type: multipart/x-mixed-replace;boundary=b\r\n\r\n"
+PIECES = (
+    b"HTTP/1.1 302 Found\r\nLocation: /\r\n\r\n", b"Location: file:///etc/passwd\r\n",
+    b"HTTP/1.1 401 No\r\nWWW-Authenticate: Basic\r\n\r\n", b"Transfer-Encoding: chunked\r\n",
+    b"Content-Encoding: gzip\r\n", b"Content-Length: -1\r\n", b"Content-Length: 2147483647\r\n",
+    b"Content-Type: text/html\r\n", b"--b\r\n", b"--b--\r\n", b"\r\n\r\n", b"\xff\xd8", b"\xff\xd9",
+    b"\xff\xc0\x00\x11\x08\xff\xff\xff\xff", b"#EXTM3U\n", b"RIFF", b"ID3",
+)  # fmt: skip
+# Of reads that end as soon as the server hangs up; FFmpeg's own limit is 5 s.
+LONGEST_S = 8.0
+
+
+def part(number: int) -> bytes:
+    noise = np.random.default_rng(number).integers(0, 255, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    image = cv2.imencode(".jpg", noise)[1].tobytes()
+    head = f"--b\r\nContent-Type: image/jpeg\r\nContent-Length: {len(image)}\r\n\r\n"
+    return head.encode() + image + b"\r\n"
+
+
+GOOD = [part(number) for number in range(PARTS)]
+STREAM = HEAD + b"".join(GOOD)
+
+
+class DamagedCamera(socketserver.ThreadingTCPServer):
+    """A camera at a port of its own that answers any request; a context.
+
+    Attributes:
+        content: sent to whoever asks, before the connection is closed. None: good images at
+            50 per second without an end.
+        between: sent once between two of these.
+    """
+
+    daemon_threads = True
+
+    def __init__(self) -> None:
+        super().__init__(("127.0.0.1", 0), Answer)
+        self.content: bytes | None = None
+        self.between: Iterator[bytes] = iter(())
+        self.url = f"http://127.0.0.1:{self.server_address[1]}/video"
+
+    def handle_error(self, request: object, client_address: object) -> None:
+        """A client that leaves is no error here."""
+
+
+class Answer(socketserver.StreamRequestHandler):
+    server: DamagedCamera
+
+    def handle(self) -> None:
+        while self.rfile.readline().strip():
+            pass
+        with contextlib.suppress(OSError):
+            if self.server.content is not None:
+                self.wfile.write(self.server.content)
+                return
+            self.wfile.write(HEAD)
+            while True:
+                for each in GOOD:
+                    between, self.server.between = self.server.between, iter(())
+                    for damage in between:
+                        self.wfile.write(damage)
+                    self.wfile.write(each)
+                    time.sleep(0.02)
+
+
+@pytest.fixture(scope="module")
+def camera() -> Iterator[DamagedCamera]:
+    with DamagedCamera() as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def played(url: str) -> int:
+    """Read the stream to its end, and hold what comes to what images are; return their number."""
+    began, count = time.monotonic(), 0
+    capture = NetworkCapture(url)
+    while capture.grab():
+        image = capture.retrieve()
+        if image is not None:
+            assert image.dtype == np.uint8
+            assert image.ndim in (2, 3)
+            count += 1
+    assert time.monotonic() - began < LONGEST_S
+    return count
+
+
+def test_a_whole_stream_is_read(camera: DamagedCamera) -> None:
+    camera.content = STREAM
+    assert played(camera.url) >= PARTS - 2
+
+
+@examples(40)
+@given(content=damaged([STREAM, STREAM.replace(b"\r\nContent-Length", b"\r\nX")], PIECES, most=4)
+       | hostile_bytes((HEAD, GOOD[0], *PIECES)))  # fmt: skip
+@example(b"HTTP/1.0 302 Found\r\nLocation: /video\r\n\r\n")
+@example(HEAD + b"--b\r\n" * 20_000)
+@example(HEAD + b"--b\r\n" + b"x" * 2_000_000)
+@example(b"HTTP/1.0 200 OK\r\n" + b"X: y\r\n" * 100_000)
+@example(STREAM.replace(b"image/jpeg", b"text/html"))
+def test_a_damaged_stream_is_refused_or_gives_images(camera: DamagedCamera, content: bytes) -> None:
+    camera.content = content
+    count = read_or_refused(lambda: played(camera.url), SourceError)
+    assert count is None or count <= 4 * PARTS
+
+
+@examples(60)
+@given(damaged_text(["http://a:b@h:80/x?user=c&pwd=d,rtsp://h/y", "sbs:http://[::1]:1/"])
+       | hostile_text(("http://", "rtsp://", "sbs:", ",", "@", ":", "[", "]", "?")))  # fmt: skip
+@example("sbs:http://h/?pwd=a&b=\udcff")
+def test_addresses_are_understood_or_refused(text: str) -> None:
+    spec = read_or_refused(lambda: parse_urls(text), SourceError)
+    if spec is not None:
+        assert 1 <= len(spec.targets) <= 2
+        assert all(each.network for each in spec.targets)
+
+
+def test_a_part_without_an_end_is_told_and_got_over(camera: DamagedCamera) -> None:
+    camera.content = None
+    source = CameraSource(parse_urls(f"sbs:{camera.url}"))
+    try:
+        watch = Watch(source)
+        watch.read_frames(5)
+        if sys.platform == "linux":
+            import psutil
+
+            (child,) = grabbers()
+            assert child.rlimit(psutil.RLIMIT_DATA)[0] == _MOST_MEMORY_BYTES
+        camera.between = endless()
+        watch.read_until(lambda: watch.troubles)
+        watch.read_frames(5)
+        for _, trouble in watch.troubles:
+            assert_one_sentence(trouble)
+            assert camera.url in trouble
+        assert {frame.left.shape for frame in watch.frames} == {(HEIGHT, WIDTH // 2, 3)}
+    finally:
+        source.close()
+    assert grabbers() == []
+
+
+def endless() -> Iterator[bytes]:
+    """A part that says it is longer than all memory, for as long as anybody takes it."""
+    yield b"--b\r\nContent-Type: image/jpeg\r\nContent-Length: 2000000000\r\n\r\n"
+    end = time.monotonic() + 20.0
+    while time.monotonic() < end:
+        yield bytes(100_000)
