@@ -94,6 +94,8 @@ class StateEvent:
         world: that of ``observer.guard.sight.Sight``. robots: those of the source's own world.
         recording: None where nothing was to be recorded. truth: live motion capture, None where
             none is listened to.
+        calibration_notes: what was decided while the source's own calibration was read; empty
+            where another is used.
     """
 
     state: EngineState
@@ -111,6 +113,7 @@ class StateEvent:
     robots: tuple[RobotPort, ...] = ()
     recording: RecordingStatus | None = None
     truth: LiveTruthStatus | None = None
+    calibration_notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

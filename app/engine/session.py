@@ -150,6 +150,9 @@ class Session(PlayedSource):
             world=self.world,
             robots=self._ports,
             recording=None if recorder is None else recorder.facts(),
+            calibration_notes=()
+            if self._command.calibration_yaml is not None
+            else _notes(self.opened),
         )
 
     def again(self) -> OpenSource:
@@ -220,8 +223,8 @@ def open_session(
     try:
         calibration = _calibration(given, opened.source)
         if given is None:
-            for note in opened.calibration_notes:
-                _log.warning("calibration of %s: %s", opened.source.info.spec, note)
+            for note in _notes(opened):
+                _log.warning("%s", note)
         # A given text is passed on unchanged, so that it keeps its content hash.
         text = command.calibration_yaml or calibration_text(calibration)
         bodies = {} if rig is None else rig.T_body_base
@@ -255,6 +258,12 @@ def open_session(
     except BaseException:
         close_opened(opened)
         raise
+
+
+def _notes(opened: OpenedSource) -> tuple[str, ...]:
+    """Return what was decided while the source's own calibration was read, for people."""
+    spec = opened.source.info.spec
+    return tuple(f"calibration of {spec}: {note}" for note in opened.calibration_notes)
 
 
 def _calibration(given: StereoCalibration | None, source: Source) -> StereoCalibration:

@@ -6,6 +6,7 @@ The web process imports this, so it imports nothing of the method.
 from __future__ import annotations
 
 import asyncio
+import logging
 import os
 import signal
 import socket
@@ -16,6 +17,7 @@ from typing import Any, TypeVar
 
 from app.runtime.arguments import ProcessArguments
 from app.runtime.environment import program_environment
+from app.runtime.errors import ChannelError
 from app.runtime.pipe import encode, read_message
 from app.runtime.processor_time import ProcessorTime
 from app.runtime.requests import Reply, Request
@@ -24,6 +26,7 @@ from app.runtime.requests import Reply, Request
 _GRACE_S = 0.3
 # Silence after which it is looked at what the process is given; it costs a millisecond.
 _LOOK_AFTER_S = 0.3
+_log = logging.getLogger(__name__)
 
 _Event = TypeVar("_Event")
 
@@ -142,6 +145,8 @@ class ChildProcess:
                 if isinstance(message, self._kept):
                     self._newest[type(message)] = message
                 self._on_event(message)
+        except ChannelError as error:
+            _log.error("process %d cannot be heard any more: %s", self.pid, error)
         finally:
             self.ended = True
             for waiting in self._waiting.values():

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import socket
 import threading
 from collections.abc import Callable
 
+from app.runtime.errors import ChannelError
 from app.runtime.pipe import load_message
 from app.runtime.requests import Request
+
+_log = logging.getLogger(__name__)
 
 
 def receive_until_parent_ends(
@@ -20,7 +24,8 @@ def receive_until_parent_ends(
 ) -> None:
     """Receive requests in a thread; leave at the channel's end, whatever the main loop does.
 
-    The parent holds the other end, and however the parent ends, the kernel closes it.
+    The parent holds the other end, and however the parent ends, the kernel closes it. A damaged
+    message is the channel's end as well.
 
     Args:
         put: takes each request.
@@ -31,8 +36,12 @@ def receive_until_parent_ends(
 
     def receive() -> None:
         stream = sock.makefile("rb")
-        while (message := load_message(stream)) is not None:
-            put(message)
+        try:
+            while (message := load_message(stream)) is not None:
+                put(message)
+        except ChannelError as error:
+            # Deaf, it would go on without ever hearing a request.
+            _log.error("the server cannot be heard any more: %s", error)
         if not expects_end():
             leave()
 

@@ -1,7 +1,8 @@
 """Ordered messages between parent and child process over an inherited socket pair.
 
-Each message is a pickle preceded by its length, 4 bytes big-endian. Both ends are the same program
-and the socket has no name, so nobody else can inject a pickle.
+Each message is a pickle preceded by its length and its CRC-32, 4 bytes big-endian each. Both ends
+are the same program and the socket has no name, so nobody else can inject a pickle. A damaged one
+is never loaded: a single wrong byte in it may demand gigabytes or call anything.
 """
 
 from __future__ import annotations
@@ -11,13 +12,14 @@ import pickle
 import socket
 import struct
 import threading
+import zlib
 from collections import Counter, deque
 from typing import Any, BinaryIO
 
 from app.runtime.errors import ChannelError
 from app.runtime.requests import Reply
 
-_LENGTH = struct.Struct(">I")
+_HEAD = struct.Struct(">II")
 # The largest honest message is a preview of a calibration with two large images.
 MAX_MESSAGE_BYTES = 64 * 1024 * 1024
 # Four seconds at 15 frames/s: a reader further behind than that wants the present.
@@ -36,7 +38,7 @@ def encode(message: object) -> bytes:
             f"a {type(message).__name__} of {len(body)} bytes exceeds the largest message, "
             f"{MAX_MESSAGE_BYTES} bytes"
         )
-    return _LENGTH.pack(len(body)) + body
+    return _HEAD.pack(len(body), zlib.crc32(body)) + body
 
 
 def _encode_or_refuse(message: object) -> bytes:
@@ -49,20 +51,37 @@ def _encode_or_refuse(message: object) -> bytes:
         raise
 
 
-def _checked_length(head: bytes) -> int:
-    length = int(_LENGTH.unpack(head)[0])
+def _announced(head: bytes) -> tuple[int, int]:
+    """Return the length and checksum of the message that follows."""
+    length, checksum = _HEAD.unpack(head)
     if length > MAX_MESSAGE_BYTES:
         raise ChannelError(f"a message announces {length} bytes: the channel is out of step")
-    return length
+    return length, checksum
+
+
+def _loaded(body: bytes, checksum: int) -> Any:
+    if zlib.crc32(body) != checksum:
+        raise ChannelError(f"a message of {len(body)} bytes arrived damaged")
+    try:
+        return pickle.loads(body)  # nosec B301
+    except Exception as error:
+        # A pickle may fail with any exception: those of its classes are among them.
+        kind = type(error).__name__
+        raise ChannelError(f"a message of {len(body)} bytes cannot be loaded: {kind}") from error
 
 
 async def read_message(reader: asyncio.StreamReader) -> Any:
-    """Return the next message, or None at the channel's end (the other process is gone)."""
+    """Return the next message, or None at the channel's end (the other process is gone).
+
+    Raises:
+        ChannelError: it is damaged; nothing after it can be read.
+    """
     try:
-        length = _checked_length(await reader.readexactly(_LENGTH.size))
-        return pickle.loads(await reader.readexactly(length))  # nosec B301
+        length, checksum = _announced(await reader.readexactly(_HEAD.size))
+        body = await reader.readexactly(length)
     except (asyncio.IncompleteReadError, ConnectionError):
         return None
+    return _loaded(body, checksum)
 
 
 def load_message(stream: BinaryIO) -> Any:
@@ -70,16 +89,19 @@ def load_message(stream: BinaryIO) -> Any:
 
     Returns:
         None at its end, even within a message: the other process is gone.
+
+    Raises:
+        ChannelError: it is damaged; nothing after it can be read.
     """
     try:
-        head = stream.read(_LENGTH.size)
-        if len(head) < _LENGTH.size:
+        head = stream.read(_HEAD.size)
+        if len(head) < _HEAD.size:
             return None
-        length = _checked_length(head)
+        length, checksum = _announced(head)
         body = stream.read(length)
     except ConnectionError:
         return None
-    return pickle.loads(body) if len(body) == length else None  # nosec B301
+    return _loaded(body, checksum) if len(body) == length else None
 
 
 class MessageSender:

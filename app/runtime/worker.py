@@ -114,12 +114,15 @@ async def _heard(process: Process, message: bytes, progress: Callable[[Progress]
     with contextlib.suppress(ConnectionError):
         await process.stdin.drain()
         process.stdin.close()
-    while (heard := await read_message(process.stdout)) is not None:
-        if isinstance(heard, Refused):
-            raise JobFailed(heard.reason)
-        if not isinstance(heard, Progress):
-            return heard
-        progress(heard)
+    try:
+        while (heard := await read_message(process.stdout)) is not None:
+            if isinstance(heard, Refused):
+                raise JobFailed(heard.reason)
+            if not isinstance(heard, Progress):
+                return heard
+            progress(heard)
+    except ChannelError as error:
+        raise JobFailed(f"the computation cannot be heard: {error}; start it again") from error
     how = exit_words(await process.wait())
     raise JobFailed(
         f"the computation {how}, without a result; start it again, or look for its messages in the "
@@ -155,7 +158,7 @@ class LastingWorker:
         patience.start()
         try:
             result = self._answered(encode(job))
-        except OSError as error:
+        except (ChannelError, OSError) as error:
             _log.warning("%s cannot be used: %s", self._worker.module, error)
             result = None
         finally:

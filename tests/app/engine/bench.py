@@ -124,6 +124,7 @@ class Bench:
         self.sources: dict[str, Any] = {}
         self.open_gate: threading.Event | None = None
         self.truth: StandingTruth | None = None
+        self.calibration_notes: tuple[str, ...] = ()
         self.observers: list[CountingObserver] = []
         self.publisher = Publisher()
         self.inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
@@ -154,7 +155,9 @@ class Bench:
             raise SourceError(f"there is no {spec}; give a name that exists")
         if isinstance(self.sources[spec], Exception):
             raise self.sources[spec]
-        return OpenedSource(self.sources[spec], self.truth)
+        return OpenedSource(
+            self.sources[spec], self.truth, calibration_notes=self.calibration_notes
+        )
 
     def _make_observer(self, *args: Any, **more: Any) -> CountingObserver:
         self.observers.append(CountingObserver(*args, **more))

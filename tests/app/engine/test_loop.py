@@ -226,6 +226,23 @@ def test_a_missing_or_unfit_calibration_is_one_sentence(bench: Bench, numbered: 
     bench.value(opening("bare", calibration_yaml=fitting))
 
 
+def test_what_was_decided_about_the_own_calibration_is_told_while_it_is_used(
+    bench: Bench, numbered: Numbered, caplog: pytest.LogCaptureFixture
+) -> None:
+    bench.calibration_notes = ("calibration.yaml: D1 was replaced",)
+    bench.sources["noted"] = numbered(5, spec="noted")
+    bench.value(opening("noted"))
+    told = "calibration of noted: calibration.yaml: D1 was replaced"
+    assert bench.state.calibration_notes == (told,)
+    assert told in caplog.messages
+    caplog.clear()
+    bench.sources["noted"] = numbered(5, spec="noted")
+    text = calibration_text(numbered().own_calibration)
+    bench.value(opening("noted", calibration_yaml=text))
+    assert bench.state.calibration_notes == ()
+    assert told not in caplog.messages
+
+
 def test_a_calibration_cannot_be_tried_without_an_image(bench: Bench, numbered: Numbered) -> None:
     text = calibration_text(numbered().own_calibration)
     assert bench.answer(PreviewCalibration(text)).refusal == "state"

@@ -111,3 +111,13 @@ async def test_a_calibration_can_be_activated_where_the_source_failed_for_want_o
         answer = await served.http.post(f"/api/calibrations/{entry['id']}/activate")
         assert answer.json()["engine"]["state"] == "preview"
         assert isinstance(peer.opened, OpenSource)
+
+
+async def test_what_was_decided_about_a_sources_own_calibration_is_told(
+    http: Any, peer: Any
+) -> None:
+    told = "calibration of a folder: calibration.yaml: D1 was replaced"
+    peer.publish(peer.state(calibration_notes=(told,)))
+    assert (await http.get("/api/status")).json()["warnings"] == [told]
+    peer.publish(peer.state())
+    assert (await http.get("/api/status")).json()["warnings"] == []

@@ -108,7 +108,7 @@ def test_the_end_in_the_middle_of_a_message_is_the_end(
 
 def test_an_absurd_length_is_refused(pair: tuple[socket.socket, socket.socket]) -> None:
     here, there = pair
-    here.sendall(b"\xff\xff\xff\xff")
+    here.sendall(b"\xff" * 8)
     with pytest.raises(ChannelError, match="out of step"):
         load_message(there.makefile("rb"))
 

@@ -16,9 +16,16 @@ from collections.abc import Callable
 from observer.robots.arcos import Command, PacketParser, command, decode_command, packet
 from observer.robots.models import robot_spec
 from observer.robots.sip import decode_status, is_status
+from observer.simulation.robots.emulated import EmulatedRobot
+from observer.simulation.robots.firmware import WATCHDOG_S
 
 _CHUNK = 200
 _VELOCITIES = (Command.VEL, Command.RVEL, Command.VEL2, Command.ENABLE)
+MOTIONS = (*_VELOCITIES[:3], Command.MOVE, Command.HEAD, Command.DHEAD)
+OPENING = b"".join(map(command, (0, 1, 2, Command.OPEN)))
+STARTING = command(Command.ENABLE, 1) + command(Command.VEL, 200)
+_TICK_S = 0.02
+_COMMANDS_A_SESSION = 10
 
 
 @dataclasses.dataclass
@@ -38,6 +45,31 @@ class Tally:
     lost: int = 0
     altered: int = 0
     misread: int = 0
+    raised: int = 0
+    seconds: float = 0.0
+
+    def __str__(self) -> str:
+        return ", ".join(f"{name} {value:.6g}" for name, value in vars(self).items())
+
+
+@dataclasses.dataclass
+class RobotTally:
+    """What a fuzz of a robot came to.
+
+    Attributes:
+        sent: commands. obeyed: by the robot, of those. unsent: obeyed, and nowhere in the bytes.
+        unasked: sessions in which the wheels turned without a command to. deaf: sessions in which
+            a valid command behind the noise was not obeyed. restless: sessions in which noise
+            alone kept the robot going for longer than its watchdog. raised: anything raised.
+        seconds: it took.
+    """
+
+    sent: int = 0
+    obeyed: int = 0
+    unsent: int = 0
+    unasked: int = 0
+    deaf: int = 0
+    restless: int = 0
     raised: int = 0
     seconds: float = 0.0
 
@@ -75,6 +107,25 @@ def some_command(rng: random.Random) -> bytes:
     number = rng.choice((Command.VEL, Command.RVEL, Command.VEL, Command.RVEL, Command.STOP))
     argument = None if number is Command.STOP else rng.randrange(-500, 501)
     return command(number, argument)[3:-2]
+
+
+def any_command(rng: random.Random) -> bytes:
+    """Any number with any argument, few of which a driver sends."""
+    number = rng.choice((*(each for each in Command if each is not Command.CLOSE), *range(256)))
+    argument: int | bytes | None = rng.randrange(-32768, 65536)
+    match rng.randrange(4):
+        case 0:
+            argument = None
+        case 1:
+            argument = rng.randbytes(rng.randrange(201))
+    return command(number, argument)[3:-2]
+
+
+def still_command(rng: random.Random) -> bytes:
+    """Anything but what may turn the wheels."""
+    while (made := any_command(rng))[0] in MOTIONS:
+        pass
+    return made
 
 
 def damaged(stream: bytes, noise: float, rng: random.Random) -> bytes:
@@ -152,6 +203,120 @@ def fuzz(
     return tally
 
 
+def packets_in(stream: bytes) -> list[bytes]:
+    """The payload of every span that is a packet, wherever it begins; no parser's state counts."""
+    found = []
+    at = -1
+    while (at := stream.find(b"\xfa\xfb", at + 1)) >= 0:
+        body = stream[at + 3 : at + 3 + (stream[at + 2] if at + 2 < len(stream) else 0)]
+        if at + 2 < len(stream) and len(body) == stream[at + 2] >= 3:
+            data, check = body[:-2], int.from_bytes(body[-2:], "big")
+            total = sum(value << 8 for value in data[: len(data) & ~1 : 2])
+            total += sum(data[1 : len(data) & ~1 : 2])
+            if (total & 0xFFFF) ^ (data[-1] if len(data) % 2 else 0) == check:
+                found.append(data)
+    return found
+
+
+def numbers_in(stream: bytes) -> set[int]:
+    """Numbers of all commands that somebody may find in the stream."""
+    return {payload[0] for payload in packets_in(stream)}
+
+
+def fuzz_robot(
+    sessions: int,
+    make: Callable[[random.Random], bytes],
+    noise: float = 0.01,
+    seed: int = 0,
+) -> RobotTally:
+    """Open sessions with an emulated robot, and send it commands through noise in pieces.
+
+    Each begins with the motors on and ends with noise alone, while the robot is under way.
+    """
+    rng, tally = random.Random(seed), RobotTally()
+    began = time.perf_counter()
+    for _ in range(sessions):
+        try:
+            _fuzz_session(rng, make, noise, tally)
+        except Exception as error:  # noqa: BLE001 - what is looked for
+            tally.raised += 1
+            sys.stderr.write(f"{error!r}\n")
+    tally.seconds = time.perf_counter() - began
+    return tally
+
+
+class _Session:
+    """A robot that is sent bytes while time passes."""
+
+    def __init__(self) -> None:
+        self.robot = EmulatedRobot("p3dx-sh")
+        self.now = 0.0
+
+    def say(self, data: bytes) -> None:
+        self.robot.receive(data, self.now)
+
+    def wait(self, seconds: float) -> None:
+        for _ in range(max(1, round(seconds / _TICK_S))):
+            self.now += _TICK_S
+            self.robot.tick(self.now)
+
+    def trickle(self, stream: bytes, longest_s: float, rng: random.Random) -> None:
+        """In pieces, with pauses between them."""
+        at = 0
+        while at < len(stream):
+            size = rng.randrange(1, 60)
+            self.say(stream[at : at + size])
+            at += size
+            self.wait(rng.choice((0.0, 0.0, 0.02, longest_s)))
+
+    def resume(self) -> None:
+        """What a driver says after trouble on the line."""
+        self.wait(0.2)
+        self.say((b"" if self.robot.is_open else OPENING) + STARTING)
+
+
+def _fuzz_session(
+    rng: random.Random, make: Callable[[random.Random], bytes], noise: float, tally: RobotTally
+) -> None:
+    session = _Session()
+    robot, log = session.robot, session.robot.log
+    session.say(OPENING + command(Command.ENABLE, 1))
+    before = log.count
+    sent = [make(rng) for _ in range(_COMMANDS_A_SESSION)]
+    tally.sent += len(sent)
+    stream = damaged(b"".join(map(packet, sent)), noise, rng)
+    # On a bad line a packet may be interrupted for so long that it counts as cut off.
+    session.trickle(stream, 0.15 if noise else 0.05, rng)
+    session.wait(0.2)
+    arrived = log.since()[before:]
+    understood = packets_in(stream)
+    known = [decode_command(each) for each in understood if _decodes(each)]
+    taken = {(each.number, each.argument) for each in known}
+    tally.obeyed += len(arrived)
+    tally.unsent += sum((each.number, each.argument) not in taken for each in arrived)
+    if not numbers_in(stream) & set(MOTIONS):
+        tally.unasked += robot.odometry != (0.0, 0.0, 0.0) or robot.speed_mps != 0.0
+    session.resume()
+    last = [(each.number, each.argument) for each in log.since()[-2:]]
+    tally.deaf += last != [(Command.ENABLE, 1), (Command.VEL, 200)] or not robot.motors_enabled
+    # From here on nothing valid comes, however much comes.
+    until = session.now + 2 * WATCHDOG_S
+    while session.now < until:
+        garbage = rng.randbytes(rng.randrange(200))
+        if not packets_in(garbage):
+            session.say(garbage)
+        session.wait(0.15)
+    tally.restless += not robot.timed_out
+
+
+def _decodes(payload: bytes) -> bool:
+    try:
+        decode_command(payload)
+    except ValueError:
+        return False
+    return True
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("packets", type=int, nargs="?", default=1_000_000)
@@ -162,6 +327,9 @@ def main() -> None:
         ("commands", some_command, read_velocity),
     ):
         sys.stdout.write(f"{name}: {fuzz(chosen.packets, make, reads, chosen.noise)}\n")
+    sessions = chosen.packets // _COMMANDS_A_SESSION // 10
+    for name, make in (("a robot", any_command), ("a robot that stands", still_command)):
+        sys.stdout.write(f"{name}: {fuzz_robot(sessions, make, chosen.noise)}\n")
 
 
 if __name__ == "__main__":

@@ -11,6 +11,8 @@ from types import ModuleType
 import pytest
 
 _PACKETS = int(os.environ.get("FUZZED_PACKETS", "10000"))
+# A session takes a thousand times as long as a packet.
+_SESSIONS = max(1, _PACKETS // 1000)
 # Two damaged bytes in one column of 16 bit words cancel out with the probability 1/255; a
 # packet of 9 bytes with 1 % noise has such a pair about once in 10^5.
 _LET_THROUGH = 1e-4
@@ -44,3 +46,22 @@ def test_noise_passes_for_nothing_that_was_not_sent(
 def test_without_noise_all_arrives(fuzzing: ModuleType) -> None:
     tally = fuzzing.fuzz(1000, fuzzing.some_status, fuzzing.read_status, noise=0.0)
     assert (tally.whole, tally.lost, tally.altered) == (1000, 0, 0)
+
+
+# Commands that go through, commands of which few do, and noise with hardly any.
+@pytest.mark.parametrize("make", ["any_command", "still_command", "some_status"])
+@pytest.mark.parametrize("noise", [0.01, 0.2])
+def test_a_robot_outlasts_noise_obeys_no_noise_and_listens_behind_it(
+    fuzzing: ModuleType, make: str, noise: float
+) -> None:
+    tally = fuzzing.fuzz_robot(_SESSIONS, getattr(fuzzing, make), noise)
+    sys.stdout.write(f"{make}: {tally}\n")
+    assert (tally.raised, tally.unsent, tally.unasked) == (0, 0, 0)
+    assert (tally.deaf, tally.restless) == (0, 0)
+    # Only packets that hold commands count; a status packet mostly is none that can be read.
+    assert tally.obeyed > 0.05 * tally.sent or make == "some_status"
+
+
+def test_without_noise_a_robot_obeys_all(fuzzing: ModuleType) -> None:
+    tally = fuzzing.fuzz_robot(5, fuzzing.still_command, noise=0.0)
+    assert tally.obeyed == tally.sent > 0

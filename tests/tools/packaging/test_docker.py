@@ -16,7 +16,8 @@ import yaml
 from app.drive import priority
 from app.settings import ENVIRONMENT_PREFIX, Settings
 
-# https://github.com/compose-spec/compose-spec/blob/main/05-services.md, those of one service.
+# https://github.com/compose-spec/compose-spec/blob/main/05-services.md, those that are used; types
+# and forms further down as in schema/compose-spec.json there.
 SERVICE_KEYS = {
     "build", "cap_drop", "command", "devices", "group_add", "healthcheck", "image", "init",
     "ports", "read_only", "restart", "security_opt", "stop_grace_period", "tmpfs", "ulimits",
@@ -40,10 +41,30 @@ def dockerfile(repository: Path) -> dict[str, list[str]]:
     return instructions
 
 
+class _StrictLoader(yaml.SafeLoader):
+    """Refuses a key that is there twice, of which YAML's own loader takes the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        assert len(keys) == len(set(keys)), f"a key is there twice:{node.start_mark}"
+        return super().construct_mapping(node, deep)
+
+
+def _strictly(text: str) -> dict[str, Any]:
+    loaded: dict[str, Any] = yaml.load(text, _StrictLoader)
+    return loaded
+
+
+def _service(compose: dict[str, Any]) -> dict[str, Any]:
+    service: dict[str, Any] = compose["services"]["observer"]
+    return service
+
+
 @pytest.fixture(scope="module")
 def compose(repository: Path) -> dict[str, Any]:
-    loaded: dict[str, Any] = yaml.safe_load((repository / "docker" / "compose.yaml").read_text())
-    return loaded
+    # Only this file is held against the specification below.
+    assert [path.name for path in (repository / "docker").glob("*.y*ml")] == ["compose.yaml"]
+    return _strictly((repository / "docker" / "compose.yaml").read_text())
 
 
 def test_hadolint_finds_nothing(repository: Path) -> None:
@@ -88,9 +109,9 @@ def test_the_image_holds_what_set_up_needs_and_no_more(repository: Path) -> None
     assert rules[0] == "*"
     taken = {rule[1:] for rule in rules if rule.startswith("!")}
     needed = {"Makefile", "pyproject.toml", "constraints.txt", "README.md", "LICENSE"}
-    assert needed | {"app", "observer", "static", "tools"} == taken
+    assert needed | {"app", "docs", "observer", "static", "tools"} == taken
     left_out = [rule for rule in rules[1:] if not rule.startswith("!")]
-    for made in ("static/vendor", "static/node_modules", "app/__pycache__"):
+    for made in ("docs/site", "static/vendor", "static/node_modules", "app/__pycache__"):
         assert any(fnmatch.fnmatch(made, rule) for rule in left_out)
 
 
@@ -109,12 +130,88 @@ def test_the_compose_file(
     assert service["command"] == yaml.safe_load(dockerfile["CMD"][0])
 
 
+# A duration as in 1m30s; HOST:CONTAINER with an address and a protocol at will; a mapping of paths.
+_DURATION = re.compile(r"(?:\d+(?:us|ms|s|m|h))+")
+_PORT = re.compile(r"(?:(?:\d+\.){3}\d+:)?(?:\d+:)?\d+(?:/(?:tcp|udp))?")
+_MAPPING = re.compile(r"[^:]+:/[^:]*(?::[a-z,]+)?")
+_LISTED: dict[str, re.Pattern[str]] = {
+    "ports": _PORT, "volumes": _MAPPING, "devices": _MAPPING, "tmpfs": re.compile("/.*"),
+    "cap_drop": re.compile("[A-Z_]+"), "security_opt": re.compile(r".+[:=].+"),
+    "group_add": re.compile(r".+"), "command": re.compile(r"(?s).+"),
+}  # fmt: skip
+
+
+def _misfits(service: dict[str, Any]) -> list[str]:
+    """Return the keys whose values have no type or form that the specification gives them.
+
+    Where it allows a short and a long form only the short one is used here.
+    """
+    found = []
+    for key, form in _LISTED.items():
+        values = service.get(key, [])
+        strings = isinstance(values, list) and all(isinstance(each, str) for each in values)
+        if not strings or not all(map(form.fullmatch, values)) or len(set(values)) < len(values):
+            found.append(key)
+    health = service["healthcheck"]
+    spans = {key: health[key] for key in ("interval", "timeout", "start_period") if key in health}
+    spans["stop_grace_period"] = service["stop_grace_period"]
+    found += [key for key, value in spans.items() if not _DURATION.fullmatch(str(value))]
+    if type(health["retries"]) is not int or health["retries"] < 1:
+        found.append("retries")
+    if not all(isinstance(word, str) for word in health["test"]):
+        found.append("test")
+    found += [key for key in ("init", "read_only") if not isinstance(service[key], bool)]
+    found += [key for key in ("image",) if not isinstance(service[key], str)]
+    if service["restart"] not in ("no", "always", "on-failure", "unless-stopped"):
+        found.append("restart")
+    limits = service.get("ulimits", {})
+    return found + [name for name, value in limits.items() if type(value) is not int]
+
+
+def test_the_values_have_the_types_of_the_specification(compose: dict[str, Any]) -> None:
+    assert re.fullmatch(r"[a-z0-9][a-z0-9_-]*", compose["name"])
+    assert _misfits(_service(compose)) == []
+    # Null is a volume as the engine makes it.
+    assert all(value is None or isinstance(value, dict) for value in compose["volumes"].values())
+
+
+def test_named_volumes_are_declared_and_nothing_is_left_to_variables(
+    compose: dict[str, Any], repository: Path
+) -> None:
+    named = {each.partition(":")[0] for each in _service(compose)["volumes"]}
+    assert named == set(compose["volumes"]), "a path of the host, or a volume nobody uses"
+    # Compose takes a variable that is not set for an empty text.
+    text = (repository / "docker" / "compose.yaml").read_text()
+    assert not re.findall(r"(?<!\$)\$(?:\{|\w)", text)
+
+
+def test_the_port_is_the_servers_own(
+    compose: dict[str, Any], dockerfile: dict[str, list[str]]
+) -> None:
+    port = Settings.model_fields["port"].default
+    (published,) = _service(compose)["ports"]
+    assert published.split(":") == ["127.0.0.1", str(port), str(port)]
+    assert dockerfile["EXPOSE"] == [str(port)]
+    assert f"{ENVIRONMENT_PREFIX}PORT={port} " in " ".join(dockerfile["ENV"])
+    assert f"127.0.0.1:{port}/healthz" in _service(compose)["healthcheck"]["test"][-1]
+
+
+def test_the_service_has_no_more_rights_than_the_image(compose: dict[str, Any]) -> None:
+    # The image's user is no root; nothing here makes the service another or gives it more.
+    service = _service(compose)
+    assert not {"user", "privileged", "cap_add", "network_mode", "pid", "ipc"} & set(service)
+    assert service["cap_drop"] == ["ALL"]
+    assert service["security_opt"] == ["no-new-privileges:true"]
+    assert service["read_only"] is True
+
+
 def test_the_commented_devices_become_valid_when_taken_in(repository: Path) -> None:
     text = (repository / "docker" / "compose.yaml").read_text()
     commented = r"^    # ((?:devices|group_add|ulimits):|  - |  (?:rtprio|nice): )"
     opened = re.sub(commented, r"    \1", text, flags=re.MULTILINE)
-    service = yaml.safe_load(opened)["services"]["observer"]
+    service = _service(_strictly(opened))
     assert set(service) <= SERVICE_KEYS
+    assert _misfits(service) == []
     assert any(device.startswith("/dev/video") for device in service["devices"])
     # Robots by names that stay, at places where the doctor and the page look for them.
     robots = [each.partition(":") for each in service["devices"] if "serial" in each]
