@@ -13,11 +13,13 @@ from observer.types import Obstacle, TrackState
 
 from .conftest import OpenClip
 
-FRAMES = 300
+FRAMES = 262
 # Frames in which each of them is whole in view, read by eye.
 WALKS = ((58, 82), (232, 262))
 # Nobody is in view, but for feet at the border.
 EMPTY = ((0, 42), (112, 205))
+
+pytestmark = pytest.mark.slow
 
 Reported = list[tuple[Obstacle, ...]]
 

@@ -14,6 +14,7 @@ from typing import Any
 import httpx
 import pytest
 import uvicorn
+from pydantic import TypeAdapter
 from websockets.asyncio.client import ClientConnection, connect
 
 from app.contract.events import EngineState
@@ -25,6 +26,9 @@ from app.server import Server
 from app.settings import Settings
 from app.storage import Storage
 from app.viewer import NullViewer
+
+# Where FastAPI makes what reads and writes the values of a route.
+_ADAPTERS = "fastapi._compat.v2.TypeAdapter"
 
 TOKEN = "a-token-of-the-tests-with-256-bits-more-or-less"
 
@@ -52,7 +56,7 @@ class Served:
 
     def anonymous(self, **headers: str) -> httpx.AsyncClient:
         """A client without the token."""
-        return httpx.AsyncClient(base_url=self.url, headers=headers, timeout=20, trust_env=False)
+        return _client(self.url, headers)
 
     def socket(
         self, path: str, *, token: str | None = TOKEN, headers: Any = (), **more: Any
@@ -72,6 +76,13 @@ class Served:
         )
 
 
+def _client(url: str, headers: dict[str, str]) -> httpx.AsyncClient:
+    """Without TLS, for which the certificates of all authorities would be read each time."""
+    return httpx.AsyncClient(
+        base_url=url, headers=headers, timeout=20, trust_env=False, verify=False
+    )
+
+
 ServedFactory = Callable[..., AbstractAsyncContextManager[Served]]
 
 
@@ -89,9 +100,7 @@ async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
                 raise RuntimeError("the server did not start")
             await asyncio.sleep(0.01)
         headers = {"Authorization": f"Bearer {TOKEN}"}
-        client = httpx.AsyncClient(
-            base_url=f"http://127.0.0.1:{port}", headers=headers, timeout=20, trust_env=False
-        )
+        client = _client(f"http://127.0.0.1:{port}", headers)
         try:
             async with client:
                 # The first source is opened behind the start.
@@ -101,6 +110,26 @@ async def serving(app: Any, settings: Settings) -> AsyncIterator[Served]:
         finally:
             server.should_exit = True
             await task
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _routes_typed_once() -> Iterator[None]:
+    """Applications of one test process share the adapters of their routes' types.
+
+    They take nine tenths of an application's making, and depend on the type and its metadata
+    alone. Types are compared, too: two of one name are written alike.
+    """
+    kept: dict[tuple[Any, str, str], TypeAdapter[Any]] = {}
+
+    def made_once(annotated: Any, *, config: Any = None) -> TypeAdapter[Any]:
+        key = (annotated.__origin__, repr(annotated), repr(config))
+        if key not in kept:
+            kept[key] = TypeAdapter(annotated, config=config)
+        return kept[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_ADAPTERS, made_once)
+        yield
 
 
 @pytest.fixture

@@ -21,6 +21,7 @@ SAME_M = 0.5
 VISIBLE = 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("seed", "rmse_mps"),
     [
