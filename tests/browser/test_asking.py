@@ -110,7 +110,7 @@ def test_the_mark_moves_by_keyboard_and_enter_asks(server: Server, standing: Sta
         page.keyboard.press("ArrowLeft")
     page.keyboard.press("Enter")
     expect(where).to_have_text(re.compile(rf"Pixel 0, {v} "))
-    page.get_by_role("button", name="Close the answer").click()
+    page.get_by_role("button", name="Close answer").click()
     expect(page.locator(".answer")).to_be_hidden()
     expect(page.locator(".pixel-pick")).to_be_focused()
 
@@ -139,7 +139,9 @@ def test_the_cameras_own_motion_is_shown(
         page = open_panel()
         page.get_by_role("tab", name="Status").click()
         shown = page.locator("observer-ego-motion")
-        expect(shown).to_contain_text(re.compile(r"affine model over \d+ ms: \d+ of \d+ matches"))
+        expect(shown).to_contain_text(
+            re.compile(r"affine model over \d+ ms: \d+ of \d+ matches agree")
+        )
         for term in ("Translation", "Rotation", "Shear", "Scale"):
             expect(shown.locator("dt", has_text=term).first).to_be_visible()
         expect(shown).to_contain_text(re.compile(r"-?\d+\.\d, -?\d+\.\d, -?\d+\.\d mm"))

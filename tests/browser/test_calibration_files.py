@@ -101,8 +101,8 @@ def test_files_of_other_tools_are_understood_before_they_are_used(
 
     page.get_by_role("button", name="Rename calibration camchain.yaml").click()
     preview.get_by_label("Name", exact=True).fill("Of Kalibr")
-    page.get_by_role("button", name="Take it").click()
-    expect(page.get_by_role("button", name="Look at calibration Of Kalibr")).to_be_visible()
+    page.get_by_role("button", name="Save", exact=True).click()
+    expect(page.get_by_role("button", name="Preview calibration Of Kalibr")).to_be_visible()
     # What was renamed had the focus, and its entry still has it.
     page.wait_for_function(
         "() => document.activeElement.ariaLabel === 'Rename calibration Of Kalibr'", timeout=5_000
@@ -112,7 +112,7 @@ def test_files_of_other_tools_are_understood_before_they_are_used(
     table = page.get_by_role("dialog").get_by_role("table")
     expect(table).to_contain_text("Of Kalibr")
     expect(table).to_contain_text("left.yaml and right.yaml")
-    rows = table.get_by_role("row", name=re.compile("Rows now")).get_by_role("cell")
+    rows = table.get_by_role("row", name=re.compile("Vertical error now")).get_by_role("cell")
     expect(rows).to_have_text([re.compile(r"\d\.\d\d px"), re.compile(r"\d\.\d\d px")])
     base = table.get_by_role("row", name=re.compile("Baseline")).get_by_role("cell")
     lengths = [f"{1000 * factor * camera['baseline']:.1f} mm" for factor in (2, 1)]
@@ -120,7 +120,7 @@ def test_files_of_other_tools_are_understood_before_they_are_used(
     keep_picture(page, "calibrations-compared")
     page.keyboard.press("Escape")
 
-    page.get_by_role("button", name="Look at calibration Of Kalibr").click()
+    page.get_by_role("button", name="Preview calibration Of Kalibr").click()
     contents = {}
     for tool in ("OpenCV", "ROS", "Kalibr"):
         with page.expect_download() as coming:
@@ -142,7 +142,7 @@ def test_a_refused_file_names_the_key_and_the_reason(
     page.get_by_role("tab", name="Calibration").click()
     _choose(page, camchain=_camchain(camera, ""))
     error = page.locator("#calibration-error")
-    expect(error).to_contain_text("camchain.yaml was not taken")
+    expect(error).to_contain_text("camchain.yaml not imported")
     expect(error).to_contain_text("T_cn_cnm1")
     assert server.get("/calibrations") == []
     # The same file can be chosen again once it is corrected.

@@ -74,7 +74,7 @@ def picker(open_panel: OpenPanel) -> Picker:
             ),
         )
         page.get_by_role("tab", name="Source").click()
-        page.get_by_role("button", name="Look again").click()
+        page.get_by_role("button", name="Find cameras").click()
         return page, asked, answer
 
     return open_one
@@ -86,7 +86,7 @@ def test_the_chosen_cameras_and_settings_become_one_source(
     in_use = _device(2, trouble=_BUSY)
     page, asked, answer = picker([_device(0), _device(1), in_use], [_SHARED])
     box = page.locator("observer-camera-picker")
-    expect(box).to_contain_text("2 cameras are plugged in.")
+    expect(box).to_contain_text("2 cameras are connected.")
     expect(box.locator(".warnings li")).to_have_text([_BUSY, _SHARED])
     # Left and right are two cameras from the first; compressed images are what one bus carries.
     expect(box.get_by_label("Left camera")).to_have_value(_PORTS[0])
@@ -95,18 +95,18 @@ def test_the_chosen_cameras_and_settings_become_one_source(
     expect(sizes).to_have_value("size=640x480&format=MJPG&rate=30")
     box.get_by_label("Left camera").select_option(_PORTS[1])
     box.get_by_label("Right camera").select_option(_PORTS[0])
-    sizes.select_option(label="1280 × 720, MJPG, 60 images/s")
+    sizes.select_option(label="1280 × 720, MJPG, 60 fps")
     box.get_by_text("Exposure, gain, focus").click()
     box.get_by_label("Exposure, 100 µs").fill("156")
     box.get_by_label("Focus").fill("0")
-    box.get_by_label("Mains frequency of the light").select_option("50")
+    box.get_by_label("Mains frequency, to avoid flicker").select_option("50")
     keep_picture(page, "cameras")
 
     # Another camera is plugged in: what was chosen stays chosen.
     answer["cameras"] = [_device(0), _device(1), _device(3)]
     answer["hints"] = []
-    box.get_by_role("button", name="Look again").click()
-    expect(box).to_contain_text("3 cameras are plugged in.")
+    box.get_by_role("button", name="Find cameras").click()
+    expect(box).to_contain_text("3 cameras are connected.")
     expect(box.locator(".warnings li")).to_have_count(0)
     expect(box.get_by_label("Left camera")).to_have_value(_PORTS[1])
 
@@ -125,15 +125,15 @@ def test_the_chosen_cameras_and_settings_become_one_source(
 def test_one_camera_can_show_both_images(picker: Picker) -> None:
     page, asked, answer = picker([_device(3)])
     box = page.locator("observer-camera-picker")
-    expect(box).to_contain_text("One camera is plugged in")
+    expect(box).to_contain_text("One camera is connected")
     expect(box.get_by_label("Right camera")).to_have_value("")
     box.get_by_role("button", name="Open these cameras").click()
     expect(page.locator("#source-error")).not_to_be_empty(timeout=15_000)
     assert asked == ["camera:sbs:/dev/video6?size=640x480&format=MJPG&rate=30"]
 
     answer["cameras"] = [_device(2, trouble=_BUSY)]
-    box.get_by_role("button", name="Look again").click()
-    expect(box).to_contain_text("No camera that can be used is plugged in")
+    box.get_by_role("button", name="Find cameras").click()
+    expect(box).to_contain_text("No usable camera is connected")
     expect(box).to_contain_text(_BUSY)
     expect(box.get_by_role("button", name="Open these cameras")).to_be_hidden()
 
@@ -153,12 +153,12 @@ def test_cameras_that_nobody_calibrated_lead_to_the_wizard(
     page.keyboard.press("Enter")
     expect(page.get_by_role("heading", name="Calibrate: Board")).to_be_focused()
     expect(page.locator("#board-source")).to_have_value("simulated:webcams")
-    page.get_by_role("button", name="Begin with these cameras").click()
+    page.get_by_role("button", name="Start with these cameras").click()
     expect(page.get_by_role("heading", name="Calibrate: Views")).to_be_focused(timeout=15_000)
     assert server.get("/status")["calibrating"]["source"] == "simulated:webcams"
     # Nobody holds a board there, and that is said.
     expect(page.locator(".capture-words")).to_contain_text(re.compile("board|both", re.I))
-    page.get_by_role("button", name="Leave").click()
+    page.get_by_role("button", name="Exit").click()
     expect(page.locator("observer-calibration-wizard")).to_be_hidden()
     expect(offer).to_be_focused()
 
@@ -189,14 +189,16 @@ def test_network_cameras_are_shown_as_what_they_deliver(
         expect(page.get_by_role("heading", name="Calibrate: Views")).to_be_visible(timeout=15_000)
         page.get_by_role("tab", name="Status").click()
         cameras = page.locator("observer-live-cameras")
-        expect(cameras).to_contain_text("Left camera delivers")
-        expect(cameras).to_contain_text("Right camera delivers")
+        expect(cameras).to_contain_text("Left camera streaming")
+        expect(cameras).to_contain_text("Right camera streaming")
         expect(cameras).to_contain_text(left.url)
         expect(cameras).to_contain_text("320x240")
-        expect(cameras).to_contain_text(re.compile(r"\d+\.\d ms apart \(median\)"), timeout=15_000)
+        expect(cameras).to_contain_text(
+            re.compile(r"median \d+\.\d ms, 95th percentile \d+\.\d ms"), timeout=15_000
+        )
         keep_picture(page, "network-cameras")
 
-        page.get_by_role("button", name="Which camera is left?").click()
+        page.get_by_role("button", name="Check which camera is left").click()
         expect(page.locator("observer-cover-question")).to_contain_text("Cover the left lens")
         expect(page.get_by_role("button", name="Done")).to_be_visible()
 

@@ -258,19 +258,19 @@ def test_the_second_operator_takes_over_and_the_first_is_told(
 ) -> None:
     first = seat()
     second = seat(armed=False, refusals=True)
-    expect(_card(second)).to_contain_text("drives it")
+    expect(_card(second)).to_contain_text("has control")
     expect(second.get_by_role("button", name="Arm", exact=True)).to_be_hidden()
     with Witness(room) as witness:
         first.bring_to_front()
         _drive(first, witness, lambda: first.keyboard.down("w"), lambda: first.keyboard.up("w"))
         start = time.monotonic()
-        second.get_by_role("button", name="Take over").evaluate("button => button.click()")
+        second.get_by_role("button", name="Take control").evaluate("button => button.click()")
         report("taken over", witness.zero_after(start))
         # The first one's key is still down, and moves nothing.
         witness.stays_zero(0.4)
-        expect(_card(second)).to_contain_text("You drive it")
-        expect(_card(first)).not_to_contain_text("You drive it")
-        expect(first.get_by_role("button", name="Take over")).to_be_visible()
+        expect(_card(second)).to_contain_text("You have control")
+        expect(_card(first)).not_to_contain_text("You have control")
+        expect(first.get_by_role("button", name="Take control")).to_be_visible()
         first.keyboard.up("w")
         second.bring_to_front()
         _arm(second)
@@ -321,7 +321,7 @@ def test_space_and_esc_stop_wherever_one_is(
     page.evaluate(_ASK)
     page.locator("dialog").get_by_role("button", name="Stop robots").click()
     expect(latched).to_contain_text("Stopped by")
-    page.locator("dialog").get_by_role("button", name="Keep").click()
+    page.locator("dialog").get_by_role("button", name="Cancel").click()
 
 
 def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat: Callable[..., Page]) -> None:
@@ -413,7 +413,7 @@ def test_a_check_outlasts_the_page_that_is_closed(
     room: Server, seat: Callable[..., Page], keep_picture: KeepPicture
 ) -> None:
     page = seat()
-    page.get_by_text("Check the guard").click()
+    page.get_by_text("Guard check").click()
     section = page.locator("observer-guard-check")
     expect(section.locator(".check-advice")).to_contain_text("not checked yet")
     page.locator("#check-note").fill("a test")
@@ -436,10 +436,10 @@ def test_a_check_outlasts_the_page_that_is_closed(
     page.close()
     _until(lambda: room.get("/robots/check")["check"]["record"], 10)
     page = seat(armed=False)
-    page.get_by_text("Check the guard").click()
+    page.get_by_text("Guard check").click()
     steps = page.locator(".check-steps > li")
     expect(steps.nth(0)).to_contain_text("Skipped by")
-    expect(steps.nth(1)).to_contain_text("zero after")
+    expect(steps.nth(1)).to_contain_text("zero sent after")
     (step,) = room.get("/robots/check")["check"]["steps"][1:]
     assert step["state"] in ("passed", "failed")
     assert step["figures"]["distance_m"] > 0.0

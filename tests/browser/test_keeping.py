@@ -15,7 +15,7 @@ def test_a_run_is_started_stopped_listed_and_deleted(
     server: Server, open_panel: OpenPanel, eventually: Eventually, keep_picture: KeepPicture
 ) -> None:
     page = open_panel()
-    page.get_by_label("Name of the run").fill("crossing")
+    page.get_by_label("Run name").fill("crossing")
     page.get_by_role("button", name="Start run").click()
     expect(page.get_by_role("button", name="Stop run")).to_be_visible(timeout=10_000)
     run = eventually(lambda: server.get("/status")["run"])
@@ -23,7 +23,7 @@ def test_a_run_is_started_stopped_listed_and_deleted(
     eventually(lambda: server.get("/status")["engine"]["state"] == "running")
     eventually(lambda: server.get(f"/runs/{run['id']}")["frames"] > 3, 15)
     page.get_by_role("tab", name="Runs").click()
-    page.get_by_role("button", name="Save the last half minute").click()
+    page.get_by_role("button", name="Save last 30 s").click()
     expect(page.locator("#notices")).to_contain_text(f"runs/{run['id']}/ring-")
     page.get_by_role("button", name="Stop run").click()
     expect(page.get_by_role("button", name="Start run")).to_be_visible(timeout=10_000)
@@ -31,16 +31,16 @@ def test_a_run_is_started_stopped_listed_and_deleted(
 
     page.get_by_role("link", name="All runs").click()
     rings = page.locator("observer-saved-clips")
-    expect(rings.get_by_role("link", name="of this run")).to_be_visible()
+    expect(rings.get_by_role("link", name="from this run")).to_be_visible()
     keep_picture(page, "rings")
-    rings.get_by_role("button", name="Play the half minute").click()
+    rings.get_by_role("button", name="Play the clip").click()
     expect(page.locator("observer-playback")).to_be_visible()
     (ring,) = server.get("/recording/rings")
     assert server.get("/status")["source"]["spec"] == ring["source"]
     assert server.api.put("/api/source", json={"source": "simulated:lab"}).is_success
     page.get_by_role("link", name="All runs").click()
-    rings.get_by_role("button", name="Delete the half minute").click()
-    page.get_by_role("button", name="Delete half minute", exact=True).click()
+    rings.get_by_role("button", name="Delete the clip").click()
+    page.get_by_role("button", name="Delete clip", exact=True).click()
     expect(rings.locator("li")).to_have_count(0)
     assert server.get("/recording/rings") == []
     page.get_by_role("button", name="Back to live").click()
@@ -90,7 +90,7 @@ def test_a_bad_calibration_is_refused_in_one_sentence(
     page.get_by_role("tab", name="Calibration").click()
     _choose(page, "holiday.yaml", b"beach: sunny\n")
     error = page.locator("#calibration-error")
-    expect(error).to_contain_text("holiday.yaml was not taken")
+    expect(error).to_contain_text("holiday.yaml not imported")
     assert len(error.inner_text()) > 50
     assert server.get("/calibrations") == []
 
@@ -119,7 +119,7 @@ def test_a_calibration_is_seen_before_it_is_used(
     preview.get_by_role("button", name="Use this calibration").click()
     active = eventually(lambda: server.get("/status")["calibration"])
     assert active["name"] == "lab.yaml"
-    page.get_by_role("button", name="Back to the source's own").click()
+    page.get_by_role("button", name="Use the source's own").click()
     eventually(lambda: server.get("/status")["calibration"] is None)
     page.get_by_role("button", name="Delete calibration lab.yaml").click()
     page.get_by_role("dialog").get_by_role("button", name="Delete calibration").click()

@@ -108,8 +108,8 @@ def test_the_detector_acts_in_space_and_what_does_not_says_so(
         return form.locator(f'observer-parameter[data-name="features.{name}"]')
 
     form.locator("details", has=of("detector")).locator("summary").click()
-    expect(of("max_count")).to_contain_text("Not used by rigid.")
-    expect(of("detector")).not_to_contain_text("Not used by rigid.")
+    expect(of("max_count")).to_contain_text("Not used by the rigid model.")
+    expect(of("detector")).not_to_contain_text("Not used by the rigid model.")
     form.locator("#parameter-features-detector").select_option("fast")
     in_force = re.compile(r"Applied at frame \d+")
     expect(form.locator(".revision")).to_have_text(in_force, timeout=10_000)

@@ -47,11 +47,11 @@ def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(
         lambda route: route.fulfill(json={"cameras": [], "serial_ports": ports, "hints": []}),
     )
     form = _opened_form(page)
-    look = form.get_by_role("button", name="Look for ports")
+    look = form.get_by_role("button", name="Find ports")
     look.click()
     told = form.get_by_role("status")
     expect(told).to_contain_text("/dev/ttyUSB0 (USB-Serial Controller)")
-    expect(told).to_contain_text("/dev/ttyACM1, may not be opened")
+    expect(told).to_contain_text("/dev/ttyACM1, access denied")
     expect(form.get_by_text(_LOCKED)).to_be_visible()
     suggested = form.locator("datalist option").evaluate_all("all => all.map(({value}) => value)")
     assert suggested[:2] == [_BY_ID, "/dev/ttyACM1"]
@@ -61,7 +61,7 @@ def test_the_serial_ports_that_are_there_are_suggested_by_their_lasting_names(
     # Plugged out meanwhile.
     ports.clear()
     look.click()
-    expect(told).to_have_text("The server's machine has no serial port on USB.")
+    expect(told).to_have_text("The server has no USB serial port.")
     expect(form.get_by_text(_LOCKED)).to_have_count(0)
     assert form.locator("datalist option").count() == len(suggested) - 2
 
@@ -84,7 +84,7 @@ def test_a_key_is_kept_and_seen_no_more(server: Server, open_panel: OpenPanel) -
         assert answer.value.ok
         assert server.get("/robots")["ports"]["observer"] == {"port": shown, "model": "p3dx"}
         assert f"{shown}?key={key}" in server.api.get("/api/rig/file").text
-        form.get_by_role("button", name="Forget").click()
+        form.get_by_role("button", name="Remove port").click()
         expect(port).to_have_value("")
     finally:
         server.api.delete("/api/robots/observer/port").raise_for_status()

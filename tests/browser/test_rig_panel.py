@@ -47,7 +47,7 @@ def test_what_is_typed_is_checked_and_levels_the_scene(
     true, rig = _mount(server), panel.locator("observer-rig")
     assert true["height_m"] != pytest.approx(0.83, abs=0.05)
     height, tilt = rig.get_by_label("Height, m"), rig.get_by_label("Tilt, °")
-    use = panel.get_by_role("button", name="Use this rig")
+    use = panel.get_by_role("button", name="Use this mount")
     tilt.fill("12.5")
     # What is wrong is named, and has the focus.
     for typed, why in (("knee-high", "must be a number"), ("-3", "must lie between 0.02 and 3")):
@@ -61,26 +61,26 @@ def test_what_is_typed_is_checked_and_levels_the_scene(
 
     height.fill("0,83")
     use.click()
-    expect(panel.locator(".notice")).to_contain_text("The rig is in use", timeout=15_000)
+    expect(panel.locator(".notice")).to_contain_text("The mount is now in use", timeout=15_000)
     expect(panel.locator("#rig-error")).to_be_empty()
     expect(height).not_to_have_attribute("aria-invalid", "true")
     # The lab knows how its camera stands; that is believed more than what was typed.
     assert server.get("/rig")["mount"]["height_m"] == {"value": 0.83, "sigma": None}
     assert _mount(server) == true
 
-    rig.get_by_label("Use it for simulated sources too").check()
+    rig.get_by_label("Also use for simulated sources").check()
     use.click()
     mount = eventually(lambda: _mount(server) != true and _mount(server), 20)
     assert mount["height_m"] == pytest.approx(0.83)
     assert mount["tilt_rad"] == pytest.approx(math.radians(12.5))
     expect(panel.locator(_IN_USE).first).to_have_text(
-        "In use: 0.83 m above the floor, looking down by 12.5°.", timeout=15_000
+        "In use: 0.83 m above the floor, tilted down by 12.5°.", timeout=15_000
     )
     keep_picture(panel, "rig")
     panel.reload()
     panel.get_by_role("tab", name="Calibration").click()
     expect(height).to_have_value("0.83")
-    expect(rig.get_by_label("Use it for simulated sources too")).to_be_checked()
+    expect(rig.get_by_label("Also use for simulated sources")).to_be_checked()
     with panel.expect_download() as coming:
         panel.get_by_role("link", name="Download rig.yaml").click()
     assert "0.83" in coming.value.path().read_text()
@@ -109,8 +109,8 @@ def test_the_floor_fills_in_what_it_tells_and_how_well(
     # What is typed over an estimate is no estimate any more.
     rig.get_by_label("Roll, °").fill("0")
     expect(notes).to_have_count(2)
-    panel.get_by_role("button", name="Use this rig").click()
-    expect(panel.locator(".notice")).to_contain_text("The rig is in use", timeout=15_000)
+    panel.get_by_role("button", name="Use this mount").click()
+    expect(panel.locator(".notice")).to_contain_text("The mount is now in use", timeout=15_000)
     kept = server.get("/rig")["mount"]
     assert kept["height_m"]["sigma"] > 0
     assert kept["roll_deg"] == {"value": 0.0, "sigma": None}

@@ -93,7 +93,7 @@ def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confi
     card = page.locator(".answer")
     expect(card.locator(".verdict-chip")).to_have_text("Moving")
     expect(card).to_contain_text(re.compile(r"It moves at \d\.\d\d m/s over ground"))
-    expect(card).to_contain_text(re.compile(r"Speed ± ?\d\.\d{3} m/s"))
+    expect(card).to_contain_text(re.compile(r"Speed, 1 σ ?\d\.\d{3} m/s"))
 
     still = next(a for a in answers if a["verdict"] == "static")
     assert still["numbers"]["least_speed_mps"] < 1
@@ -109,7 +109,7 @@ def test_the_model_is_changed_live_and_back(
     expect(page.locator(_MODEL)).to_have_value("rigid")
     flow = page.locator("details", has=page.locator("#parameter-flow-window_px"))
     bodies = page.locator("details", has=page.locator("#parameter-obstacles-margin"))
-    expect(flow.locator("summary")).to_contain_text("not used by rigid")
+    expect(flow.locator("summary")).to_contain_text("not used by the rigid model")
     expect(bodies.locator("summary")).not_to_contain_text("not used")
     line = page.locator(".first-line-text")
     numbers = []
@@ -126,7 +126,7 @@ def test_the_model_is_changed_live_and_back(
         )
         assert (ego["decomposition"] is not None) == has_parts
         summary = (flow if model == "rigid" else bodies).locator("summary")
-        expect(summary).to_contain_text(f"not used by {model}")
+        expect(summary).to_contain_text(f"not used by the {model} model")
         keep_picture(page, f"changed-to-{model}")
     expect(line).to_have_text(_MOVES, timeout=40_000)
     numbers.append(int(_MOVES.search(line.inner_text()).group(1)))

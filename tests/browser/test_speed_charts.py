@@ -87,7 +87,7 @@ def _stored(name: str, rerun_of: str | None = None, rmse: float = 0.02) -> dict[
 
 
 def _end(page: Page, word: str) -> Locator:
-    return page.get_by_role("spinbutton", name=f"Seen {word}, seconds")
+    return page.get_by_role("spinbutton", name=f"Visible range {word}, seconds")
 
 
 def _range(page: Page) -> tuple[float, float]:
@@ -127,7 +127,7 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
     chart = page.locator("#charted")
     expect(chart.locator(".uplot")).to_have_count(1)
     expect(chart.locator("[data-fact=changes]")).to_have_text(
-        "Identity changes: 8.0 s (cart: 3 → 5)."
+        "Identity switches: 8.0 s (cart: 3 → 5)."
     )
     expect(chart.locator("[data-fact=gaps]")).to_contain_text("11.9 to 13.0 s")
     assert _range(page) == (0, 20)
@@ -144,12 +144,12 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
 
     _see(page, 4.2, 4.8)
     read = _read_middle(page)
-    assert "Truth cart 0.40" in read
+    assert "Ground truth cart 0.40" in read
     assert "Obstacle" not in read
     _see(page, 12.2, 12.8)
     read = _read_middle(page)
     assert "Obstacle 5 0.40 (0.30–0.50)" in read
-    assert "Truth" not in read
+    assert "Ground truth" not in read
 
     canvas = chart.locator(".u-over")
     canvas.dblclick()
@@ -196,7 +196,7 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
     unaligned["sentence"] = "not yet aligned: nothing moved"
     page.evaluate(_SHOW, [unaligned])
     expect(chart.locator(".chart-note")).to_have_text("Not yet aligned: nothing moved.")
-    expect(chart.locator(".chart-errors")).to_contain_text("No errors can be told")
+    expect(chart.locator(".chart-errors")).to_contain_text("No speed errors: there is no ground")
     assert chart.locator(".chart-errors table").count() == 0
 
 
@@ -230,8 +230,8 @@ def test_live_curves_break_where_nothing_is_known(
 
     page.locator("observer-speed-chart").get_by_role("button", name="Export").click()
     with page.expect_download() as saved:
-        page.get_by_role("button", name=re.compile(r"CSV\. What is seen")).click()
-    assert "Truth" in saved.value.path().read_text()
+        page.get_by_role("button", name=re.compile(r"CSV\. Visible curves")).click()
+    assert "Ground truth" in saved.value.path().read_text()
 
 
 def test_what_is_seen_of_a_run_is_saved_in_two_clicks(

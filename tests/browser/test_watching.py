@@ -76,7 +76,7 @@ def test_playback_pauses_steps_and_goes_on(
     expect(page.locator("html")).to_have_attribute("data-freshness", "held", timeout=5_000)
     expect(page.locator("observer-scene .stale-mark")).to_contain_text("Paused at frame")
     before = server.get("/status")["playback"]["frame"]
-    page.get_by_role("button", name="One frame further").click()
+    page.get_by_role("button", name="Step forward").click()
     eventually(lambda: server.get("/status")["playback"]["frame"] == before + 1)
     page.get_by_role("spinbutton", name="Playback rate").fill("2")
     page.keyboard.press("Enter")

@@ -70,7 +70,7 @@ def test_a_moving_board_is_confirmed_with_its_velocity(camera: tuple[float, floa
         centre_px = 255.5 + F * o.position_camera[0] / o.position_camera[2]
         assert u0 < centre_px < u1
         assert v0 < 127.5 < v1
-        assert "standard deviations" in o.reason
+        assert "σ above zero" in o.reason
     assert len({o.id for s in seen[5:] for o in s.reported}) == 1
 
 

@@ -7,11 +7,11 @@ import { fixed, sentence } from "../elements/words.js";
 /** What refining changes. @param {AgeingStatus} ageing */
 export function refinementInWords({ vergence }) {
   return vergence.status === "drifted"
-    ? "Refining sets pitch and roll between the cameras straight and corrects the vergence, as a new calibration; baseline and lenses stay."
-    : "Refining sets pitch and roll between the cameras straight, as a new calibration; vergence, baseline and lenses stay.";
+    ? "Refining corrects the pitch, roll and vergence between the cameras and saves a new calibration. Baseline and lens parameters stay the same."
+    : "Refining corrects the pitch and roll between the cameras and saves a new calibration. Vergence, baseline and lens parameters stay the same.";
 }
 
-/** The skew that nobody told; empty where none is known. @param {AgeingStatus} ageing */
+/** The exposure skew that no source reported; empty where none is known. @param {AgeingStatus} ageing */
 export function skewInWords({ exposure_skew }) {
   return exposure_skew ? sentence(exposure_skew.sentence) : "";
 }
@@ -24,7 +24,7 @@ export function warningInWords({ rows, vergence }) {
 
 /** How the distance of the rows changes. @param {RowDriftStatus} rows */
 export function trendInWords(rows) {
-  if (rows.trend_px_per_min === null) return "No trend is to be seen.";
-  const course = rows.trend_px_per_min > 0 ? "growing" : "shrinking";
-  return `It is ${course} by ${fixed(60 * Math.abs(rows.trend_px_per_min), 2)} px an hour.`;
+  if (rows.trend_px_per_min === null) return "No trend.";
+  const course = rows.trend_px_per_min > 0 ? "Growing" : "Shrinking";
+  return `${course} by ${fixed(60 * Math.abs(rows.trend_px_per_min), 2)} px per hour.`;
 }

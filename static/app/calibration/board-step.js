@@ -44,7 +44,7 @@ export class BoardStep extends Part {
 
   #kind = select({ id: "board-kind" }, [
     ["chessboard", "Chessboard"],
-    ["charuco", "ChArUco (may be seen in part)"],
+    ["charuco", "ChArUco (may be partly visible)"],
   ]);
   #columns = number("board-columns", 3, 30, 1);
   #rows = number("board-rows", 3, 30, 1);
@@ -56,7 +56,7 @@ export class BoardStep extends Part {
   ]);
   #bar = number("board-bar", 20, 300, "any");
   #lens = select({ id: "board-lens" }, [
-    ["radtan", "Usual lens"],
+    ["radtan", "Standard lens"],
     ["equidistant", "Fisheye lens"],
   ]);
   #source = input("text", "board-source", { spellcheck: "false" });
@@ -65,7 +65,7 @@ export class BoardStep extends Part {
   #printing = h("p.field-error", { role: "alert" });
   #scaled = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert", id: "board-error" });
-  #start = h("button.button.primary", { type: "submit" }, "Begin with these cameras");
+  #start = h("button.button.primary", { type: "submit" }, "Start with these cameras");
   #zip = input("file", "board-zip", {
     accept: ".zip",
     "aria-describedby": "board-zip-help board-zip-error",
@@ -84,7 +84,7 @@ export class BoardStep extends Part {
         h("legend", "Print a board"),
         h(
           "p.hint",
-          "Count the inner corners, where four squares meet, not the squares. More columns than rows, one of them even, keeps left and right apart.",
+          "Count the inner corners, where four squares meet, not the squares. Use more columns than rows, one even and one odd, so that the board's orientation is unambiguous.",
         ),
         h(
           "div.wizard-fields",
@@ -98,36 +98,36 @@ export class BoardStep extends Part {
         this.#printing,
         h(
           "p.hint",
-          "Print at 100 %, not fitted to the page, and glue it onto something flat and stiff: glass, a door, a clipboard.",
+          "Print at 100 %, not “fit to page”, and glue the sheet to something flat and stiff: glass, a door, a clipboard.",
         ),
       ),
       h(
         "fieldset.wizard-block",
-        h("legend", "Measure it"),
+        h("legend", "Check the print scale"),
         h(
           "div.wizard-fields.single",
-          field(`The printed bar of ${BAR_MM} mm measures, mm`, this.#bar),
+          field(`Measured length of the ${BAR_MM} mm bar, mm`, this.#bar),
         ),
         this.#scaled,
       ),
       h(
         "fieldset.wizard-block",
-        h("legend", "Which cameras"),
+        h("legend", "Choose cameras"),
         h("div.wizard-fields.wide", field("Cameras", this.#source), field("Lenses", this.#lens)),
         h(
           "p.hint",
-          "camera:0,1 for two webcams, camera:sbs:0 for one that shows both images, or two rtsp:// or http:// addresses with a comma between them. The tab Source lists what is plugged in.",
+          "camera:0,1 for two webcams, camera:sbs:0 for one side-by-side camera, or two rtsp:// or http:// addresses separated by a comma. The Source tab lists connected cameras.",
         ),
         this.#error,
         h("div.row", this.#start),
       ),
       h(
         "fieldset.wizard-block",
-        h("legend", "Or send in images"),
+        h("legend", "Or upload images"),
         h(
           "label",
           { for: "board-zip" },
-          "A ZIP archive with left/ and right/, equal file names in both",
+          "ZIP archive with folders left/ and right/ and the same file names in both",
         ),
         this.#zip,
         this.#sending,
@@ -135,7 +135,7 @@ export class BoardStep extends Part {
         h(
           "p.hint",
           { id: "board-zip-help" },
-          "The board above is looked for in every pair; 15 to 30 pairs are enough.",
+          "Every pair is searched for the board above. 15 to 30 pairs are enough.",
         ),
       ),
     );
@@ -182,8 +182,8 @@ export class BoardStep extends Part {
     setText(
       this.#scaled,
       same
-        ? "The squares measure what is written on the board."
-        : `So a square measures ${fixed(squareOf(c), 2)} mm; that is used.`,
+        ? "The squares have the size printed on the board."
+        : `A square measures ${fixed(squareOf(c), 2)} mm. The calibration uses this size.`,
     );
   }
 
@@ -220,8 +220,9 @@ export class BoardStep extends Part {
     const square_mm = squareOf({ kind, columns, rows, ...rest });
     const source = this.#source.value.trim() || null;
     const views = this.hub.status?.calibrating?.views.length ?? 0;
-    const consequence = `${counted(views, "captured view")} would be forgotten.`;
-    if (views > 0 && !(await confirmed("Begin anew?", consequence, "Begin anew"))) return;
+    const consequence = `This deletes ${counted(views, "captured view")}.`;
+    if (views > 0 && !(await confirmed("Start the calibration over?", consequence, "Start over")))
+      return;
     await this.#ask(this.#start, "Opening the cameras…", this.#error, async () => {
       /** @type {{calibrating: CalibratingFacts}} */
       const begun = await request("POST", "/calibrating", {
@@ -245,7 +246,7 @@ export class BoardStep extends Part {
     for (const name of /** @type {const} */ (["kind", "columns", "rows"]))
       form.append(name, String(choice[name]));
     form.append("square_mm", String(squareOf(choice)));
-    await this.#ask(this.#sending, "Looking for the board in every image…", this.#unsent, () =>
+    await this.#ask(this.#sending, "Finding the board in every image…", this.#unsent, () =>
       request("POST", "/calibrating/images", form),
     );
     this.#zip.value = "";

@@ -24,7 +24,7 @@ class CalibrationHealth extends Part {
   #vergence = h("p.hint");
   #skew = h("p.hint");
   #refines = h("p.hint");
-  #refine = button("Refine from the scene", () =>
+  #refine = button("Refine calibration", () =>
     this.#do(() => this.#refineRows(), this.#refine, "Refining…"),
   );
   #drawn = "";
@@ -56,8 +56,8 @@ class CalibrationHealth extends Part {
     setText(
       this.#words,
       now_px !== null
-        ? `The rows of left and right are ${fixed(now_px, 2)} px apart; ${ALLOWED_PX} px are allowed.`
-        : "How far the rows of left and right are apart shows after some seconds with texture in view.",
+        ? `Vertical error between left and right: ${fixed(now_px, 2)} px (limit ${ALLOWED_PX} px).`
+        : "Point the cameras at a textured scene for a few seconds to measure the vertical error.",
     );
     setText(this.#trend, rows.warning ? sentence(rows.warning) : trendInWords(rows));
     setText(this.#spoken, warningInWords(ageing));
@@ -65,7 +65,7 @@ class CalibrationHealth extends Part {
     setText(this.#skew, skewInWords(ageing));
     setText(this.#refines, refinementInWords(ageing));
     this.#refine.disabled = this.hub.status?.run !== null;
-    setAttribute(this.#refine, "title", this.#refine.disabled ? "Stop the run first" : null);
+    setAttribute(this.#refine, "title", this.#refine.disabled ? "Stop the run to refine" : null);
     this.#draw(rows);
   }
 
@@ -92,7 +92,7 @@ class CalibrationHealth extends Part {
     );
     this.#chart.setAttribute(
       "aria-label",
-      `Row error over ${fixed((last - first) / 60, 0)} minutes, now ${fixed(history.at(-1)?.[1], 2)} px, ${ALLOWED_PX} px allowed`,
+      `Vertical error over ${fixed((last - first) / 60, 0)} min, now ${fixed(history.at(-1)?.[1], 2)} px, limit ${ALLOWED_PX} px`,
     );
   }
 
@@ -101,11 +101,11 @@ class CalibrationHealth extends Part {
     const refined = await request("POST", "/calibrations/refine");
     this.hub.tell("calibrations");
     const use = await previewed(refined, false);
-    if (!use) return notify(`${refined.name} is kept beside the others and not in use.`);
+    if (!use) return notify(`Saved ${refined.name}. It is not in use.`);
     this.hub.takeStatus(
       await request("POST", `/calibrations/${encodeURIComponent(refined.id)}/activate`),
     );
-    notify(`${refined.name} is in use.`);
+    notify(`${refined.name} is now in use.`);
     this.hub.tell("calibrations");
   }
 }

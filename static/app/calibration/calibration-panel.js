@@ -24,7 +24,7 @@ import { compared, describe, previewed } from "./calibration-preview.js";
 
 /** @type {[string, string][]} */
 const CAMERAS = [
-  ["", "As the images are"],
+  ["", "Match the images"],
   ["grey", "KITTI's grey cameras"],
   ["colour", "KITTI's colour cameras"],
 ];
@@ -35,19 +35,19 @@ class CalibrationPanel extends Part {
     accept: ".yaml,.yml,.xml,.json,.txt,.conf,.mat",
     "aria-describedby": "calibration-file-help calibration-error",
   });
-  #size = input("text", "calibration-size", { placeholder: "as in 1280x720" });
-  #unit = input("text", "calibration-unit", { placeholder: "as in mm", maxlength: 40 });
+  #size = input("text", "calibration-size", { placeholder: "for example 1280x720" });
+  #unit = input("text", "calibration-unit", { placeholder: "for example mm", maxlength: 40 });
   #cameras = select({ id: "calibration-cameras" }, CAMERAS);
   #error = h("p.field-error", { id: "calibration-error", role: "alert" });
   #open = details(
     "Advanced",
     h(
       "div.stack",
-      field("Image size, where no file tells it", this.#size),
+      field("Image size, if the file has none", this.#size),
       field(
         "Unit",
         this.#unit,
-        "Of lengths: m, cm, mm or in, or the side of a square where they are squares of the board, as in 25mm; empty: the format's own.",
+        "Unit of length in the file: m, cm, mm or in. If the file counts in board squares, enter the side of a square, for example 25mm. Leave empty for the format's default.",
       ),
       field("Cameras", this.#cameras),
     ),
@@ -61,9 +61,9 @@ class CalibrationPanel extends Part {
   #make = button("Calibrate cameras", () => this.hub.tell("calibrate"), {
     class: "button primary",
   });
-  #empty = h("p.empty", "None yet; the source's own calibration is in use.");
+  #empty = h("p.empty", "No saved calibrations. The source's own calibration is in use.");
   #compare = button("Compare", () => compared(this.#all.slice(0, 4)), { hidden: true });
-  #own = button("Back to the source's own", () => this.#deactivate());
+  #own = button("Use the source's own", () => this.#deactivate());
   /** @type {Calibration[]} */
   #all = [];
   #active = "";
@@ -72,18 +72,18 @@ class CalibrationPanel extends Part {
     const drop = dropZone(
       this.#file,
       "Choose a calibration file, or drop it here",
-      "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED, OAK or EuRoC, recognised by content; two files that belong together are chosen at once. You see the rectified pair before it is used.",
+      "OpenCV, ROS, Kalibr, KITTI, MATLAB, Middlebury, ZED, OAK or EuRoC; the format is detected automatically. If a calibration consists of two files, choose both at once. You see the rectified pair before you use the calibration.",
       (files) => this.#send(files),
       this.#open,
       this.#error,
     );
     this.append(
       h("h2", "Calibration"),
-      h("p.hint", "With a printed board it takes about five minutes."),
+      h("p.hint", "Calibrating with a printed board takes about five minutes."),
       h("div.row", this.#make),
-      h("h3", "Bring your own"),
+      h("h3", "Import a calibration"),
       drop,
-      h("h3", "Kept calibrations"),
+      h("h3", "Saved calibrations"),
       this.#empty,
       this.#list,
       h("div.row", this.#compare, this.#own),
@@ -134,8 +134,8 @@ class CalibrationPanel extends Part {
     const name = button("Rename", () => this.#rename(calibration), {
       "aria-label": `Rename calibration ${calibration.name}`,
     });
-    const look = button("Look", () => this.#look(calibration), {
-      "aria-label": `Look at calibration ${calibration.name}`,
+    const look = button("Preview", () => this.#look(calibration), {
+      "aria-label": `Preview calibration ${calibration.name}`,
     });
     return item(
       [
@@ -176,7 +176,7 @@ class CalibrationPanel extends Part {
     });
     if (taken) return;
     const names = files.map((file) => file.name).join(" and ");
-    setText(this.#error, `${names} was not taken: ${this.#error.textContent}`);
+    setText(this.#error, `${names} not imported: ${this.#error.textContent}`);
   }
 
   /** @param {Calibration} calibration */
@@ -184,12 +184,12 @@ class CalibrationPanel extends Part {
     const use = await previewed(calibration, calibration.id === this.#active);
     if (!use) return;
     const path = `/calibrations/${encodeURIComponent(calibration.id)}/activate`;
-    await this.#change(path, `${calibration.name} is in use.`);
+    await this.#change(path, `${calibration.name} is now in use.`);
   }
 
   /** @param {Calibration} calibration */
   async #rename(calibration) {
-    const name = await answered("What shall this calibration be called?", "Name", calibration.name);
+    const name = await answered(`Rename calibration ${calibration.name}`, "Name", calibration.name);
     if (!name || name === calibration.name) return;
     await attempt(() =>
       request("PATCH", `/calibrations/${encodeURIComponent(calibration.id)}`, { name }),
@@ -198,7 +198,7 @@ class CalibrationPanel extends Part {
   }
 
   async #deactivate() {
-    await this.#change("/calibrations/deactivate", "The source's own calibration is in use.");
+    await this.#change("/calibrations/deactivate", "The source's own calibration is now in use.");
   }
 
   /**
@@ -219,7 +219,7 @@ class CalibrationPanel extends Part {
   async #remove(calibration) {
     const sure = await confirmed(
       `Delete calibration ${calibration.name}?`,
-      "Runs that used it keep their results.",
+      "You cannot undo this. Runs that used it keep their results.",
       "Delete calibration",
     );
     if (!sure) return;

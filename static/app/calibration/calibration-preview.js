@@ -25,7 +25,7 @@ export async function previewed(calibration, active) {
     width: 4,
     height: 1,
     role: "img",
-    "aria-label": "The rectified pair, left and right, with level lines across both",
+    "aria-label": "Rectified pair, left and right, with horizontal lines across both",
   });
   const verdict = h("p.verdict", { role: "status" }, "Rectifying the newest pair…");
   const use = h(
@@ -45,12 +45,15 @@ export async function previewed(calibration, active) {
       report?.verdict && h("p.verdict", report.verdict.sentence),
       report &&
         details(
-          "How good it is",
+          "Quality",
           report.verdict ? verdictTable(report.verdict) : null,
           viewChart(report.views),
         ),
       canvas,
-      h("p.hint", "A point of the left image must lie on the same level line in the right one."),
+      h(
+        "p.hint",
+        "A point in the left image must lie on the same horizontal line in the right image.",
+      ),
       verdict,
       tape.element,
       h("div.row", ...exports(calibration)),
@@ -69,7 +72,7 @@ export async function previewed(calibration, active) {
 
 /** @param {Calibration} c @returns {string} its facts in one line */
 export function describe(c) {
-  return `${c.width} × ${c.height} · baseline ${fixed(c.baseline_m, 3)} m · ${fixed(c.hfov_deg, 1)}° wide`;
+  return `${c.width} × ${c.height} · baseline ${fixed(c.baseline_m, 3)} m · field of view ${fixed(c.hfov_deg, 1)}°`;
 }
 
 /**
@@ -103,21 +106,21 @@ export function compared(calibrations) {
   const now = new Map(calibrations.map((calibration) => [calibration, h("span", "…")]));
   /** @type {[string, (c: Calibration) => string | HTMLElement | undefined][]} */
   const rows = [
-    ["From", (c) => c.origin ?? "uploaded"],
-    ["Made", (c) => c.created_at.slice(0, 10)],
+    ["Origin", (c) => c.origin ?? "uploaded"],
+    ["Created", (c) => c.created_at.slice(0, 10)],
     ["Image size", (c) => `${c.width} × ${c.height} px`],
     ["Baseline", (c) => `${fixed(1000 * c.baseline_m, 1)} mm`],
     ["Field of view", (c) => `${fixed(c.hfov_deg, 1)}°`],
-    ["Stereo, RMS", (c) => (c.report ? `${fixed(c.report.rms_stereo_px, 2)} px` : "–")],
+    ["Stereo error, RMS", (c) => (c.report ? `${fixed(c.report.rms_stereo_px, 2)} px` : "–")],
     [
-      "Rows, views held out",
+      "Vertical error, held-out views",
       (c) =>
         c.report?.held_out
-          ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ${fixed(c.report.held_out.p95_px, 2)} px`
+          ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ≤ ${fixed(c.report.held_out.p95_px, 2)} px`
           : "–",
     ],
     ["Depth error at 3 m", depthAt3m],
-    ["Rows now", (c) => now.get(c)],
+    ["Vertical error now", (c) => now.get(c)],
     [
       "Tape checks",
       (c) =>
@@ -128,14 +131,14 @@ export function compared(calibrations) {
   ];
   void showModal(
     "preview",
-    "Calibrations compared",
+    "Compare calibrations",
     [
       table(
         "verdict-table",
         [null, ...calibrations.map(({ name }) => name)],
         rows.map(([term, value]) => tableRow(term, ...calibrations.map(value))),
       ),
-      h("p.hint", "“Rows now” is measured in the newest pair of the open source."),
+      h("p.hint", "“Vertical error now” is measured on the newest pair from the current source."),
     ],
     h("button.button", { value: "close" }, "Close"),
   );
@@ -152,7 +155,7 @@ async function rowsNow(calibration) {
     const px = headers.get("x-vertical-error-px");
     return px === null ? "too few matches" : `${fixed(Number(px), 2)} px`;
   } catch {
-    return "does not fit the open source";
+    return "does not fit the current source";
   }
 }
 
@@ -168,7 +171,7 @@ function depthAt3m(c) {
 function notes(list) {
   if (list.length === 0) return null;
   const opened = details(
-    "What was understood",
+    "What the import found",
     h("ul.plain-list", ...list.map((note) => h("li", sentence(note)))),
   );
   opened.open = true;
@@ -195,8 +198,8 @@ function understood(c) {
   const facts = [
     ["Image size", `${c.width} × ${c.height} px`],
     ["Baseline", `${fixed(c.baseline_m, 4)} m`],
-    ["Field of view", `${fixed(c.hfov_deg, 1)}° wide`],
-    ["Images", c.rectified ? "rectified already" : "rectified by it"],
+    ["Field of view", `${fixed(c.hfov_deg, 1)}° horizontal`],
+    ["Images", c.rectified ? "already rectified" : "rectified by this calibration"],
   ];
   if (c.devices.length) facts.push(["Cameras", c.devices.join(", ")]);
   return facts;
@@ -210,22 +213,19 @@ function understood(c) {
 function judge(verdict, px, heldOut) {
   if (px === null || !Number.isFinite(px)) {
     verdict.dataset.tone = "poor";
-    return setText(
-      verdict,
-      "The vertical error could not be measured: too few matches between left and right.",
-    );
+    return setText(verdict, "Vertical error unknown: too few matches between left and right.");
   }
   if (px >= GOOD_PX && heldOut !== null && heldOut < GOOD_PX) {
     verdict.dataset.tone = "poor";
     return setText(
       verdict,
-      `In this pair the rows seem ${px.toFixed(1)} px apart, in the board's views ${heldOut.toFixed(2)} px. The squares of a board look alike: take it out of the picture and look at a newer pair; if it stays so, a camera was moved.`,
+      `Vertical error ${px.toFixed(1)} px in this pair, but ${heldOut.toFixed(2)} px in the board views. The repeated squares of a board can cause false matches: move the board out of view and load a new pair. If the error stays, a camera has moved.`,
     );
   }
   const tone = px < GOOD_PX ? "good" : px < POOR_PX ? "poor" : "bad";
   const words = {
-    good: "the same point lies on the same line in both images",
-    poor: "depth will be noisy; a better calibration is worth the while",
+    good: "matching points lie on the same line in both images",
+    poor: "depth will be noisy; calibrate again for better results",
     bad: "this calibration does not fit these cameras",
   }[tone];
   verdict.dataset.tone = tone;

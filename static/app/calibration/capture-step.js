@@ -36,11 +36,11 @@ export class CaptureStep extends Part {
   #next = h("p.capture-next");
   #cameras = h("div.capture-cameras");
   #bars = new Map(BARS.map(([name, words]) => [name, bar(words)]));
-  #covered = h("div.stack", h("h3", "What is covered"), h("dl.coverage", ...this.#bars.values()));
+  #covered = h("div.stack", h("h3", "Coverage"), h("dl.coverage", ...this.#bars.values()));
   #capture = button("Capture now", () => this.#change({ capture: true }));
   #undo = button([icon("undo"), "Undo"], () => this.#change({ undo: true }));
   #automatic = input("checkbox", "capture-automatic");
-  #compute = button("Compute the calibration", () => this.compute(), { class: "button primary" });
+  #compute = button("Compute calibration", () => this.compute(), { class: "button primary" });
   #cancel = button("Cancel", () => this.#end());
   #progress = h("progress", { max: 1, "aria-label": "Computing" });
   #progressWords = h("span", { role: "status" });
@@ -69,7 +69,7 @@ export class CaptureStep extends Part {
       "div.row.capture-controls",
       this.#capture,
       this.#undo,
-      h("label.check", { for: "capture-automatic" }, this.#automatic, "Capture by itself"),
+      h("label.check", { for: "capture-automatic" }, this.#automatic, "Capture automatically"),
     );
     this.append(
       h("div.capture-main", this.#words, this.#next, this.#spoken, this.#cameras, controls),
@@ -163,9 +163,9 @@ export class CaptureStep extends Part {
     this.#known = new Set(views.map(({ name }) => name));
     const next = look?.next ?? "";
     // Where to go on stands below; it is not said twice.
-    const usual = look?.words.startsWith("Seen already") ? "Seen already" : look?.words;
-    const captured = added && `Captured ${added.name}${look?.enough ? "; that is enough" : ""}`;
-    const words = trouble ?? captured ?? usual ?? "Waiting for the first image.";
+    const usual = look?.words.startsWith("Seen already") ? "Already captured" : look?.words;
+    const captured = added && `Captured ${added.name}${look?.enough ? "; enough views" : ""}`;
+    const words = trouble ?? captured ?? usual ?? "Waiting for the first image";
     const time = performance.now();
     const urgent = Boolean(added || trouble);
     if (words !== this.#words.textContent && (urgent || time > this.#heldUntil)) {
@@ -190,7 +190,7 @@ export class CaptureStep extends Part {
     this.#refusals = refusals;
     this.#refused.hidden = now.refused.length === 0;
     this.#refused.replaceChildren(
-      h("summary", `${now.refused.length} images were not used`),
+      h("summary", `${counted(now.refused.length, "image")} not used`),
       h("ul.plain-list", ...now.refused.map((reason) => h("li", reason))),
     );
   }
@@ -212,7 +212,7 @@ export class CaptureStep extends Part {
     this.cancelled = true;
     await attempt(async () => {
       await request("POST", "/calibrating/cancel");
-      notify("Computing was ended; the views stay.");
+      notify("Computation cancelled. The captured views are kept.");
     });
   }
 

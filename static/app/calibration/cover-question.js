@@ -7,7 +7,7 @@ import { request } from "../shell/api.js";
 import { notifyError } from "../shell/notice.js";
 
 export class CoverQuestion extends Part {
-  #ask = button("Which camera is left?", () => this.#change(true));
+  #ask = button("Check which camera is left", () => this.#change(true));
   #words = h("p", { role: "status" });
   #swap = button("Swap left and right", () => this.#swapCameras(), {
     class: "button primary",
@@ -17,7 +17,7 @@ export class CoverQuestion extends Part {
 
   build() {
     this.append(
-      h("h3", "Order of the cameras"),
+      h("h3", "Camera order"),
       this.#words,
       h("div.row", this.#ask, this.#swap, this.#done),
     );
@@ -50,11 +50,10 @@ export class CoverQuestion extends Part {
 
 /** @param {string | null} covered the side whose image went dark */
 function words(covered) {
-  if (covered === "left")
-    return "Right: the left image went dark. Left and right are as they should be.";
+  if (covered === "left") return "Correct: the left image went dark. The cameras are not swapped.";
   if (covered === "right") return "The right image went dark: the cameras are swapped.";
   if (covered === "both") return "Both images went dark. Cover the left lens only.";
-  return "Cover the left lens with your hand, as seen from behind the cameras, for a second.";
+  return "Cover the left lens with your hand for a second. Left is as seen from behind the cameras.";
 }
 
 customElements.define("observer-cover-question", CoverQuestion);

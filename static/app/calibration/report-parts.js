@@ -17,7 +17,7 @@ const HEIGHT = 96;
 export function verdictTable({ rows, frame_rate }) {
   return table(
     "verdict-table",
-    ["At", "Depth error", "Slowest seen across", "Slowest seen towards"],
+    ["Range", "Depth error", "Slowest crossing", "Slowest approaching"],
     rows.map((row) =>
       tableRow(
         `${fixed(row.distance_m, 0)}\u00a0m`,
@@ -26,7 +26,7 @@ export function verdictTable({ rows, frame_rate }) {
         detectable(row.towards),
       ),
     ),
-    `One standard deviation; speeds of a person-sized thing at ${fixed(frame_rate, 0)} images a second`,
+    `Depth error is one standard deviation. Speeds are the slowest detectable for a person-sized object at ${fixed(frame_rate, 0)} fps.`,
   );
 }
 
@@ -47,11 +47,11 @@ export function viewChart(views) {
     viewBox: `0 0 ${Math.max(views.length * step, 10 * step)} ${HEIGHT + 14}`,
     class: "view-chart",
     role: "img",
-    "aria-label": `Error of ${views.length} views, the largest used one ${largest} px`,
+    "aria-label": `Reprojection error of ${views.length} views; largest among the used views ${largest} px`,
   });
   for (const [place, view] of views.entries()) {
     const errors = `left ${fixed(view.left_px, 2)} px, right ${fixed(view.right_px, 2)} px`;
-    const out = view.used ? "" : `; left out: ${view.reason ?? ""}`;
+    const out = view.used ? "" : `; not used: ${view.reason ?? ""}`;
     const bars = [view.left_px, view.right_px].map((px, side) => {
       const height = Math.min(1, (px ?? 0) / most) * HEIGHT;
       return svg("rect", {
@@ -84,7 +84,7 @@ export function viewChart(views) {
     h("span.chart-key.left"),
     "left and ",
     h("span.chart-key.right"),
-    `right image of each view; the chart's height is ${fixed(most, 2)} px.`,
+    `right image of each view. The chart's full height is ${fixed(most, 2)} px.`,
   );
   return h("figure", h("div.scroll-x", chart), caption);
 }
@@ -98,5 +98,5 @@ function length(metres) {
 function detectable(found) {
   return found
     ? `${fixed(found.speed_mps, 2)} m/s after ${fixed(found.delay_s, 1)} s`
-    : "none in time";
+    : "not detectable in time";
 }

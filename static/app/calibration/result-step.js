@@ -30,21 +30,24 @@ export class ResultStep extends Part {
     width: 4,
     height: 1,
     role: "img",
-    "aria-label": "The rectified pair, left and right, with level lines across both",
+    "aria-label": "Rectified pair, left and right, with horizontal lines across both",
   });
   #rows = h("p.verdict", { role: "status" });
   #name = input("text", "result-name", { maxlength: 100, required: true });
   #error = h("p.field-error", { role: "alert" });
   #use = h("button.button.primary", { type: "submit" }, "Save and use");
-  #keep = button("Save for later", () => this.#save(false));
+  #keep = button("Save without using", () => this.#save(false));
   #again = button("Capture more", () => this.again());
-  #recompute = button("Compute again", () => this.compute(), { hidden: true });
-  #refresh = button("Newest pair", () => this.#paint());
+  #recompute = button("Recompute", () => this.compute(), { hidden: true });
+  #refresh = button("Load newest pair", () => this.#paint());
   #rectified = h(
     "div.stack",
     h("h3", "Rectified"),
     this.#canvas,
-    h("p.hint", "A point of the left image must lie on the same level line in the right one."),
+    h(
+      "p.hint",
+      "A point in the left image must lie on the same horizontal line in the right image.",
+    ),
     this.#rows,
     h("div.row", this.#refresh),
   );
@@ -66,17 +69,17 @@ export class ResultStep extends Part {
       this.#warnings,
       h(
         "div.result-columns",
-        h("div.stack", h("h3", "What to expect"), this.#verdict, this.#figures),
+        h("div.stack", h("h3", "Expected accuracy"), this.#verdict, this.#figures),
         h(
           "div.stack",
-          h("h3", "Error of each view"),
+          h("h3", "Error per view"),
           this.#chart,
           this.#refused,
           h("div.row", this.#recompute),
         ),
       ),
       this.#rectified,
-      h("h3", "Keep it"),
+      h("h3", "Save calibration"),
       form,
     );
     onSubmit(form, () => this.#save(true));
@@ -101,7 +104,7 @@ export class ResultStep extends Part {
     const same = !now || names === now.views.map((view) => view.name).join("|");
     if (same) passFocus(this.#recompute, this.#again);
     this.#recompute.hidden = same || !now.views.length;
-    if (!same) setText(this.#recompute, `Compute again with ${counted(now.views.length, "view")}`);
+    if (!same) setText(this.#recompute, `Recompute with ${counted(now.views.length, "view")}`);
     if (!this.#shown || !names || names === this.#read) return;
     this.#read = names;
     const { report } = /** @type {{report: Record<string, any>}} */ (
@@ -122,15 +125,15 @@ export class ResultStep extends Part {
     this.#verdict.replaceChildren(verdict ? verdictTable(verdict) : "");
     const [wide, high] = report.field_of_view_deg;
     fillFigures(this.#figures, [
-      ["Stereo, RMS", `${fixed(report.rms_stereo_px, 2)} px`],
+      ["Stereo error, RMS", `${fixed(report.rms_stereo_px, 2)} px`],
       [
-        "Left / right, RMS",
+        "Left / right error, RMS",
         `${fixed(report.rms_left_px, 2)} / ${fixed(report.rms_right_px, 2)} px`,
       ],
       [
-        "Rows, views held out",
+        "Vertical error, held-out views",
         heldOut
-          ? `${fixed(heldOut.median_px, 2)} px, 95 % within ${fixed(heldOut.p95_px, 2)} px`
+          ? `${fixed(heldOut.median_px, 2)} px, 95 % ≤ ${fixed(heldOut.p95_px, 2)} px`
           : "too few views",
       ],
       [
@@ -160,12 +163,12 @@ export class ResultStep extends Part {
       await attempt(async () => {
         await request("PATCH", "/calibrating", { remove: view.name });
         passFocus(remove, this.#again);
-        remove.replaceWith("Removed.");
+        remove.replaceWith("Removed");
       });
     });
     return h(
       "li.row",
-      h("span", `View ${view.name} was left out: ${view.reason ?? "it does not fit"}.`),
+      h("span", `View ${view.name} not used: ${view.reason ?? "it does not fit"}.`),
       present.has(view.name) ? remove : null,
     );
   }
@@ -188,7 +191,9 @@ export class ResultStep extends Part {
         name: this.#name.value.trim(),
         activate,
       });
-      notify(activate ? `${saved.name} is saved and in use.` : `${saved.name} is saved.`);
+      notify(
+        activate ? `${saved.name} saved and now in use.` : `${saved.name} saved. It is not in use.`,
+      );
       this.hub.tell("calibrations");
       if (!activate) return;
       this.#read = this.#name.value = "";

@@ -10,12 +10,12 @@ import { attempt, notify, oneAtATime } from "../shell/notice.js";
 
 /** Key, words, unit, digits, help. @type {[string, string, string, number, string][]} */
 const NUMBERS = [
-  ["height_m", "Height", "m", 3, "of the left camera's lens above the floor"],
-  ["tilt_deg", "Tilt", "°", 2, "by which it looks down"],
-  ["roll_deg", "Roll", "°", 2, "right side down"],
-  ["pan_deg", "Pan", "°", 2, "to the left of where the robot drives"],
-  ["forward_m", "Forward", "m", 3, "of the middle of the axle"],
-  ["left_m", "Left", "m", 3, "of the middle of the axle"],
+  ["height_m", "Height", "m", 3, "of the left lens above the floor"],
+  ["tilt_deg", "Tilt", "°", 2, "positive when the camera looks down"],
+  ["roll_deg", "Roll", "°", 2, "positive when the right side is lower"],
+  ["pan_deg", "Pan", "°", 2, "positive to the left of the driving direction"],
+  ["forward_m", "Forward", "m", 3, "from the middle of the axle"],
+  ["left_m", "Left", "m", 3, "from the middle of the axle"],
 ];
 
 const DRIVE_ASKED_MS = 2000;
@@ -36,7 +36,7 @@ class RigPanel extends Part {
   #inUse = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert", id: "rig-error" });
   #floor = button("Estimate from the floor", () => this.#estimate());
-  #drive = button("Estimate from a drive", () => this.#toggleDrive(), { "aria-pressed": "false" });
+  #drive = button("Estimate while driving", () => this.#toggleDrive(), { "aria-pressed": "false" });
   #words = h("p", { role: "status" });
   /** Asks how far the drive is, while one is noted. */
   #asking = 0;
@@ -59,16 +59,11 @@ class RigPanel extends Part {
           return input && note ? field(`${words}, ${unit}`, input, help, note) : null;
         }),
       ),
-      h(
-        "label.check",
-        { for: "rig-simulated" },
-        this.#simulated,
-        "Use it for simulated sources too",
-      ),
+      h("label.check", { for: "rig-simulated" }, this.#simulated, "Also use for simulated sources"),
       this.#error,
       h(
         "div.row",
-        h("button.button.primary", { type: "submit" }, "Use this rig"),
+        h("button.button.primary", { type: "submit" }, "Use this mount"),
         this.#floor,
         this.#drive,
         h("a.button", { href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml"),
@@ -76,10 +71,10 @@ class RigPanel extends Part {
       this.#words,
     );
     this.append(
-      h("h3", "The rig"),
+      h("h3", "Camera on the robot"),
       h(
         "p.hint",
-        "How the camera stands on its robot. It levels the 3D scene, gives one camera its scale, and tells the guard where the floor is.",
+        "Camera extrinsics: where the left camera is mounted on the robot. They level the 3D scene, set the scale for a single camera, and tell the guard where the floor is.",
       ),
       this.#inUse,
       form,
@@ -119,7 +114,7 @@ class RigPanel extends Part {
     });
     const noting = this.#asking !== 0;
     setAttribute(this.#drive, "aria-pressed", String(noting));
-    setText(this.#drive, noting ? "End the drive" : "Estimate from a drive");
+    setText(this.#drive, noting ? "Stop estimating" : "Estimate while driving");
   }
 
   /** @param {"GET" | "POST" | "DELETE"} method */
@@ -175,8 +170,8 @@ class RigPanel extends Part {
     setText(
       this.#inUse,
       mount
-        ? `In use: ${fixed(mount.height_m, 2)} m above the floor, looking down by ${fixed((mount.tilt_rad * 180) / Math.PI, 1)}°.`
-        : "Unknown for the open source: the 3D scene is not levelled.",
+        ? `In use: ${fixed(mount.height_m, 2)} m above the floor, tilted down by ${fixed((mount.tilt_rad * 180) / Math.PI, 1)}°.`
+        : "No mount set for the current source: the 3D scene is not levelled.",
     );
   }
 
@@ -191,14 +186,14 @@ class RigPanel extends Part {
       const wrong = text !== "" && !Number.isFinite(value);
       if (input) setAttribute(input, "aria-invalid", wrong ? "true" : null);
       if (wrong)
-        return this.#refuse(key, `${words} must be a number, or empty where it is not known.`);
+        return this.#refuse(key, `${words} must be a number. Leave it empty if it is unknown.`);
       mount[key] = text === "" ? null : (this.#estimated.get(key) ?? { value, sigma: null });
     }
     try {
       /** @type {RigNow} */
       const rig = await request("PUT", "/rig", { mount, for_simulated: this.#simulated.checked });
       this.#show(rig);
-      notify("The rig is in use.");
+      notify("The mount is now in use.");
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
       const key = Object.keys(error.fields).find((each) => this.#inputs.has(each));
@@ -228,10 +223,10 @@ class RigPanel extends Part {
         const found = await request("POST", "/rig/floor");
         for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
         const said = sentence(found.sentence).replaceAll("+-", "±");
-        words = `${said} Press “Use this rig” to take it over.`;
+        words = `${said} Press “Use this mount” to apply it.`;
       },
       this.#words,
-      "Looking at the floor…",
+      "Estimating from the floor…",
     );
     setText(this.#words, words);
   }

@@ -36,22 +36,22 @@ export class TapeCheck {
     this.#path = `/calibrations/${encodeURIComponent(calibration.id)}`;
     this.#canvas = canvas;
     const choose = button(
-      "Choose the middle",
+      "Choose the image centre",
       () => this.#choose(canvas.width / 4, canvas.height / 2),
       { "aria-describedby": "tape-help" },
     );
     this.element.append(
-      h("summary", "Check it with a tape measure"),
+      h("summary", "Tape check"),
       h(
         "p.hint",
         { id: "tape-help" },
-        "Click a flat place with texture in the left image, or choose its middle and move it by the arrow keys. Measure from the left lens straight to that place.",
+        "Click a flat, textured spot in the left image, or choose the image centre and move the mark with the arrow keys. Then measure the straight distance from the left lens to that spot.",
       ),
       h("div.row", choose),
       this.#words,
       h(
         "div.row",
-        h("label", { for: "tape-measured" }, "By the tape, m"),
+        h("label", { for: "tape-measured" }, "Tape measurement, m"),
         this.#measured,
         this.#check,
       ),
@@ -103,7 +103,7 @@ export class TapeCheck {
     await attemptIn(this.#words, async () => {
       /** @type {{range_m: number}} */
       const { range_m } = await request("GET", `${this.#path}/depth?u=${place[0]}&v=${place[1]}`);
-      if (this.#place === place) setText(this.#words, `The cameras say ${fixed(range_m, 3)} m.`);
+      if (this.#place === place) setText(this.#words, `Stereo distance: ${fixed(range_m, 3)} m.`);
     });
   }
 
@@ -122,9 +122,9 @@ export class TapeCheck {
   async #compare() {
     setText(this.#error, "");
     const measured_m = Number(this.#measured.value);
-    if (!this.#place) return setText(this.#error, "Choose a place in the left image first.");
+    if (!this.#place) return setText(this.#error, "Choose a spot in the left image first.");
     if (!(measured_m > 0))
-      return setText(this.#error, "Enter the measured distance in metres, as in 2.04.");
+      return setText(this.#error, "Enter the measured distance in metres, for example 2.04.");
     const [u, v] = this.#place;
     await attemptIn(this.#error, async () => {
       this.#show(await request("POST", `${this.#path}/tape-checks`, { u, v, measured_m }));

@@ -26,7 +26,7 @@ class CalibrationWizard extends Part {
   #steps = new Map(
     STEPS.map(([step, text]) => [step, button(text, null, { class: "wizard-step" })]),
   );
-  #close = button("Leave", () => this.#leave());
+  #close = button("Exit", () => this.#leave());
   #title = h("h2", { tabindex: "-1", id: "wizard-title" }, "Calibrate");
   #board = new BoardStep();
   #views = new CaptureStep();
@@ -145,12 +145,12 @@ class CalibrationWizard extends Part {
     const { calibrating } = this.hub.status ?? {};
     if (!calibrating) return this.#go(null);
     const views = calibrating.views.length;
-    const question = "Leave without saving?";
-    const consequence = `${counted(views, "captured view")} and what was computed of them would be forgotten.`;
-    if (views > 0 && !(await confirmed(question, consequence, "Leave"))) return;
+    const question = "Exit calibration without saving?";
+    const consequence = `This deletes ${counted(views, "captured view")} and any result computed from them.`;
+    if (views > 0 && !(await confirmed(question, consequence, "Exit calibration"))) return;
     await attempt(async () => {
       this.hub.takeStatus(await request("DELETE", "/calibrating"));
-      notify("Calibrating ended; nothing was changed.");
+      notify("Calibration cancelled. Nothing was changed.");
       this.#go(null);
     });
   }

@@ -12,10 +12,10 @@ import { attempt } from "../shell/notice.js";
  */
 
 const FORMATS = {
-  csv: "Curves as a table",
-  png: "Figure as an image",
-  svg: "Figure to edit or embed",
-  pdf: "Figure for a paper",
+  csv: "Curves as a CSV table",
+  png: "Chart as an image",
+  svg: "Vector graphic to edit or embed",
+  pdf: "Vector graphic for a paper",
 };
 
 /**
@@ -27,7 +27,7 @@ const FORMATS = {
  */
 export function ofRun({ id, name }, range) {
   const query = range ? `?begin=${range.begin.toFixed(4)}&end=${range.end.toFixed(4)}` : "";
-  const words = range ? `${fixed(range.begin, 1)} to ${fixed(range.end, 1)} s` : "all of it";
+  const words = range ? `${fixed(range.begin, 1)} to ${fixed(range.end, 1)} s` : "whole run";
   return {
     words: `Run ${name}: ${words}`,
     files: Object.entries(FORMATS).map(([format, title]) => ({
@@ -51,7 +51,7 @@ export class ChartExport extends HTMLElement {
   );
   #box = h("div.menu-box", {
     role: "group",
-    "aria-label": "Export what is seen of the chart",
+    "aria-label": "Export the visible part of the chart",
     hidden: true,
   });
   #offers;
@@ -124,7 +124,7 @@ export class ChartExport extends HTMLElement {
     this.#busy = busy;
     // Not disabled: it has the focus.
     this.#open.setAttribute("aria-disabled", String(busy));
-    this.#open.lastChild?.replaceWith(busy ? "Drawing…" : "Export");
+    this.#open.lastChild?.replaceWith(busy ? "Exporting…" : "Export");
   }
 }
 

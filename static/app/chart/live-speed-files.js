@@ -50,7 +50,7 @@ export function asPicture(drawing, entries, { ground, text }) {
   canvas.width = drawing.width + 2 * margin;
   canvas.height = drawing.height + 2 * margin + entries.length * LINE_PX * scale;
   const context = canvas.getContext("2d");
-  if (!context) throw new Error("This browser cannot draw the image; take the CSV.");
+  if (!context) throw new Error("This browser cannot draw the image. Export CSV instead.");
   context.fillStyle = ground;
   context.fillRect(0, 0, canvas.width, canvas.height);
   context.drawImage(drawing, margin, margin);
@@ -71,7 +71,7 @@ export function asPicture(drawing, entries, { ground, text }) {
   return new Promise((resolve, reject) => {
     canvas.toBlob(
       (blob) =>
-        blob ? resolve(blob) : reject(new Error("The image could not be made; take the CSV.")),
+        blob ? resolve(blob) : reject(new Error("Could not create the image. Export CSV instead.")),
       "image/png",
     );
   });

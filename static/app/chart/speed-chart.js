@@ -29,7 +29,7 @@ class SpeedChart extends Part {
   #note = h("p.chart-note", { role: "status", hidden: true });
   #empty = h(
     "p.empty",
-    "No speed yet. Curves appear as soon as an obstacle moves or truth is known.",
+    "No speeds yet. Curves appear when an obstacle moves or ground truth arrives.",
   );
   #export = new ChartExport(() => this.#offers());
   #plot = new SpeedPlot(this.#host, {
@@ -56,7 +56,7 @@ class SpeedChart extends Part {
       h(
         "div.pane-head",
         h("h2", "Speed"),
-        h("span.hint", "m/s over the last 60 s of the source's time; bands of 95 %"),
+        h("span.hint", "m/s over the last 60 s of source time; shading shows the 95 % interval"),
         this.#export,
       ),
       this.#note,
@@ -143,11 +143,11 @@ class SpeedChart extends Part {
       this.#curves.length > 0
         ? [
             {
-              words: `What is seen now${status?.run ? "; figures for a paper once the run is stopped" : ""}`,
+              words: `Visible curves${status?.run ? "; stop the run to export SVG and PDF" : ""}`,
               files: [
                 {
                   format: "csv",
-                  title: "Curves as a table",
+                  title: "Curves as a CSV table",
                   make: async () =>
                     this.#file(
                       "csv",
@@ -168,7 +168,7 @@ class SpeedChart extends Part {
 
   #picture() {
     const { canvas } = this.#plot;
-    if (!canvas) throw new Error("Nothing is drawn yet.");
+    if (!canvas) throw new Error("The chart is empty.");
     const entries = this.#curves.map(({ kind, label, colour }) => ({
       label,
       colour: this.#plot.resolved(colour),

@@ -75,7 +75,7 @@ export class SpeedHistory {
     for (const body of truth) {
       this.#identify(body, now);
       if (body.role === "observer") continue;
-      const truth = this.#curve(`truth/${body.id}`, "truth", `Truth ${body.name}`, "--text");
+      const truth = this.#curve(`truth/${body.id}`, "truth", `Ground truth ${body.name}`, "--text");
       put(truth, now, body.speed);
       told.add(truth.key);
       const { commanded_speed: ordered } = body;
@@ -109,7 +109,7 @@ export class SpeedHistory {
       const colour = ROBOT_COLOURS[role];
       put(this.#curve(`sent/${role}`, "sent", `Sent to ${role}`, colour), at, Math.abs(sent_mps));
       if (encoder_mps === null) continue;
-      const wheels = this.#curve(`encoder/${role}`, "encoder", `Wheels of ${role}`, colour);
+      const wheels = this.#curve(`encoder/${role}`, "encoder", `Wheel encoders of ${role}`, colour);
       put(wheels, at, Math.abs(encoder_mps));
     }
   }

@@ -58,9 +58,12 @@ export class DriveLink extends Teller {
    */
   take(role, takeover) {
     if (this.leases.has(role)) return Promise.resolve(null);
-    this.#answer(role, "It was asked for again.");
+    this.#answer(role, "Superseded by a newer request.");
     return new Promise((resolve) => {
-      const timer = setTimeout(() => this.#answer(role, "The server does not answer."), ANSWER_MS);
+      const timer = setTimeout(
+        () => this.#answer(role, "The server is not responding."),
+        ANSWER_MS,
+      );
       this.#asked.set(role, {
         takeover,
         done: (sentence) => {
@@ -153,7 +156,7 @@ export class DriveLink extends Teller {
   #leaseChanged({ role, state, lease, holder, sentence }) {
     if (state === "yours" && lease) this.leases.set(role, lease);
     else if (state === "lost") this.leases.delete(role);
-    const why = sentence ?? (holder ? `${holder} drives it.` : "It was refused.");
+    const why = sentence ?? (holder ? `${holder} has control.` : "Control was refused.");
     if (state !== "lost") this.#answer(role, state === "yours" ? null : why);
     this.tell("lease");
   }

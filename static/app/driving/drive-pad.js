@@ -15,7 +15,7 @@ import { sonarInWords, SonarRing } from "./sonar-ring.js";
 const KNOB_WAY_PERCENT = 36;
 
 /** @type {Record<string, string>} */
-const LEVELS = { clear: "The way is clear", slow: "Slowed", stop: "Stopped" };
+const LEVELS = { clear: "Path clear", slow: "Slowed", stop: "Stopped" };
 /** @type {Record<string, string>} */
 const LINKS = { good: "Link good", slow: "Link slow", lost: "Link lost" };
 /** @type {Record<string, string>} */
@@ -67,7 +67,7 @@ export class DrivePad extends Part {
       h(
         "p.hint",
         { id: "pad-help" },
-        "It moves only while you hold: the pad, W A S D or the arrow keys, or a gamepad's shoulder button and left stick. Let go, and it stops. While a robot is armed, Space and Esc stop everything, also where you type.",
+        "The robot moves only while you hold the pad, W A S D, the arrow keys, or a gamepad's shoulder button with the left stick. Let go and it stops. While a robot is armed, Space and Esc stop all robots, even while you type.",
       ),
     );
     this.#share.value = String(Math.round(driver.share * 100));
@@ -155,7 +155,7 @@ export class DrivePad extends Part {
         driver.note ||
         (hold.counts
           ? `Driving the ${driver.role}`
-          : `Ready to drive the ${driver.role}${connected() ? ", gamepad too" : ""}`),
+          : `Ready to drive the ${driver.role}${connected() ? ", gamepad connected" : ""}`),
     );
     setAttribute(
       this.#state,
@@ -189,7 +189,7 @@ export class DrivePad extends Part {
         : "Sent: –",
     );
     const limit = reply?.limited_by;
-    setText(this.#limit, limit ? `Less than asked: ${limit}` : "");
+    setText(this.#limit, limit ? `Limited: ${limit}` : "");
     this.#limit.hidden = !limit;
   }
 
@@ -201,8 +201,7 @@ export class DrivePad extends Part {
     setText(this.#link, LINKS[state] ?? "No link yet");
     setAttribute(this.#link, "data-state", LINK_CHIPS[state] ?? "idle");
     const parts = [];
-    if (open && quality?.rtt_ms != null)
-      parts.push(`${fixed(quality.rtt_ms, 0)} ms there and back`);
+    if (open && quality?.rtt_ms != null) parts.push(`${fixed(quality.rtt_ms, 0)} ms round trip`);
     if (open && quality?.sentence) parts.push(sentence(quality.sentence));
     setText(this.#delay, parts.join(" · "));
   }
@@ -214,17 +213,17 @@ export class DrivePad extends Part {
     const why = guard?.reason ? `: ${guard.reason}` : "";
     setText(
       this.#guard,
-      guard ? `Guard: ${LEVELS[guard.level] ?? guard.level}${why}` : "Guard: nothing told yet",
+      guard ? `Guard: ${LEVELS[guard.level] ?? guard.level}${why}` : "Guard: no data yet",
     );
     this.#guard.hidden = !robot;
     const sight = this.hub.robots?.sight;
     const parts = [];
-    if (guard && guard.limit_mps !== null) parts.push(`at most ${fixed(guard.limit_mps, 2)} m/s`);
+    if (guard && guard.limit_mps !== null) parts.push(`limit ${fixed(guard.limit_mps, 2)} m/s`);
     if (this.hub.driver.role === "observer" && sight) {
       parts.push(
         sight.age_s === null
-          ? "no sight"
-          : `sight ${fixed(1000 * sight.age_s, 0)} ms old${sight.status ? `, ${sight.status}` : ""}`,
+          ? "no vision data"
+          : `vision data ${fixed(1000 * sight.age_s, 0)} ms old${sight.status ? `, ${sight.status}` : ""}`,
       );
     }
     setText(this.#guardNumbers, parts.join(" · "));

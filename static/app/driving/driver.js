@@ -99,15 +99,15 @@ export class Driver extends Teller {
   get hindrance() {
     const robot = this.robot();
     const { robots, connection } = this.#hub;
-    if (connection !== "open") return "The server is not reached.";
+    if (connection !== "open") return "No connection to the server.";
     if (!robot) return "No robot is connected.";
-    if (robots?.stopped) return "Everything is stopped: reset it first.";
+    if (robots?.stopped) return "All robots are stopped: reset the stop first.";
     if (!this.link.leases.has(this.role))
       return robot.operator
-        ? sentence(`${robot.operator} drives it: take over, or wait`)
-        : "Arm it to drive it.";
-    if (!isArmed(robot)) return "Arm it first.";
-    if (robots?.programme) return "A programme drives: stop it first.";
+        ? sentence(`${robot.operator} has control: take control or wait`)
+        : "Arm the robot to drive.";
+    if (!isArmed(robot)) return "Arm the robot first.";
+    if (robots?.programme) return "A programme is running: stop it first.";
     return "";
   }
 
@@ -167,7 +167,7 @@ export class Driver extends Teller {
     const heldUp = now - this.#ticked > HELD_UP_MS;
     this.#ticked = now;
     if (document.hidden) return;
-    if (heldUp) this.#bar("This page was held up for a moment: let go and press again.");
+    if (heldUp) this.#bar("This page froze for a moment: let go and press again.");
     const { fastest } = this;
     const held = this.hold.deflection;
     for (const role of this.link.leases.keys()) {
@@ -191,16 +191,17 @@ export class Driver extends Teller {
 
   #linkChanged() {
     const { connection, quality, leases } = this.link;
-    if (connection !== "open") this.#bar("The link was lost: let go and press again.");
+    if (connection !== "open") this.#bar("Link lost: let go and press again.");
     else if (quality?.sentence) this.#bar(`${quality.sentence}: let go and press again.`);
-    else if (!leases.has(this.role)) this.#bar("You do not drive it any more.");
+    else if (!leases.has(this.role)) this.#bar("You no longer have control.");
     this.tell("change");
   }
 
   #robotsChanged() {
     // An older message may be on its way while it is armed and held at once.
-    if (this.#hub.robots?.stopped) this.#bar("Everything was stopped.");
-    else if (this.robot()?.state === "disarmed") this.#bar(this.robot()?.why ?? "It was disarmed.");
+    if (this.#hub.robots?.stopped) this.#bar("All robots were stopped.");
+    else if (this.robot()?.state === "disarmed")
+      this.#bar(this.robot()?.why ?? "The robot was disarmed.");
     this.tell("change");
   }
 

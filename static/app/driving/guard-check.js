@@ -31,25 +31,25 @@ const STATES = {
   failed: "Failed",
   skipped: "Skipped",
   incomplete: "Steps skipped",
-  given_up: "Given up",
+  given_up: "Aborted",
 };
 
 class GuardCheck extends Part {
   #what = h(
     "p.hint",
-    "You drive by hand and do what each step says: somebody walks in, covers a lens, unplugs a camera, you close the browser. How soon the robot is told zero, how soon it stands and how far it rolled goes into a dated record on the server.",
+    "Drive by hand and follow each step: somebody walks into the path, covers a lens, unplugs a camera, or you close the browser. The server saves a dated record of how soon the robot was commanded to zero, how soon it stood still, and how far it rolled.",
   );
   #advice = h("p.check-advice");
   #note = input("text", "check-note", { maxlength: "500" });
   #start = h("button.button.primary", { type: "submit" }, "Start check");
-  #form = h("form.stack", field("Note for the record", this.#note), h("div.row", this.#start));
+  #form = h("form.stack", field("Note", this.#note), h("div.row", this.#start));
   #title = h("p.figure");
   #instruction = h("p.check-instruction", { role: "status" });
   #told = h("p.check-told", { role: "status" });
   #skip = button("Skip step", () =>
     this.#do(() => request("POST", "/robots/check/skip", { name: this.#own })),
   );
-  #giveUp = button("Give up", () => this.#do(() => this.#leave()));
+  #giveUp = button("Abort check", () => this.#do(() => this.#leave()));
   #now = h(
     "div.check-now",
     { hidden: true },
@@ -60,15 +60,15 @@ class GuardCheck extends Part {
   );
   #outcome = h("p", { role: "status" });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
-  #keep = button("Keep the record", () => this.#do(() => this.#end()), { hidden: true });
-  #stepList = h("ul.item-list.check-steps", { "aria-label": "Steps of the check" });
+  #keep = button("Save record", () => this.#do(() => this.#end()), { hidden: true });
+  #stepList = h("ul.item-list.check-steps", { "aria-label": "Check steps" });
   #steps = new KeptList(this.#stepList, (/** @type {CheckStep} */ step) => stepItem(step));
-  #recordList = h("ul.item-list.check-records", { "aria-label": "Records of checks" });
+  #recordList = h("ul.item-list.check-records", { "aria-label": "Check records" });
   #records = new KeptList(this.#recordList, (/** @type {CheckEntry} */ entry) => recordItem(entry));
-  #none = h("p.empty", "No check is kept yet.");
-  #earlier = h("div", h("h4", "Earlier checks"), this.#none, this.#recordList);
+  #none = h("p.empty", "No saved checks.");
+  #earlier = h("div", h("h4", "Previous checks"), this.#none, this.#recordList);
   #whole = details(
-    "Check the guard",
+    "Guard check",
     this.#what,
     this.#advice,
     this.#form,
@@ -117,9 +117,9 @@ class GuardCheck extends Part {
   async #leave() {
     if (
       await confirmed(
-        "Give the check up?",
-        "What was measured so far is kept, and says so.",
-        "Give up",
+        "Abort the guard check?",
+        "The record keeps what was measured so far and is marked as aborted.",
+        "Abort check",
       )
     )
       await this.#end();
@@ -172,7 +172,7 @@ class GuardCheck extends Part {
     }
     for (const part of [this.#what, this.#advice, this.#form, this.#earlier]) part.hidden = going;
     this.#start.disabled = !driver.robot() || (check !== null && !going && !check.record);
-    this.#start.title = driver.robot() ? "" : `There is no ${driver.role}: connect a robot first`;
+    this.#start.title = driver.robot() ? "" : `No ${driver.role} robot is connected`;
     if (!step) {
       passFocus(this.#now, this.#start, this.#whole.querySelector("summary"));
       this.#now.hidden = true;
@@ -188,7 +188,7 @@ class GuardCheck extends Part {
     const outcome = check?.outcome;
     setText(
       this.#outcome,
-      outcome ? `This check: ${(STATES[outcome] ?? outcome).toLowerCase()}.` : "",
+      outcome ? `Check result: ${(STATES[outcome] ?? outcome).toLowerCase()}.` : "",
     );
     setText(this.#trouble, sentence(check?.trouble ?? ""));
     this.#trouble.hidden = !check?.trouble;
@@ -227,7 +227,7 @@ function recordItem({ name, role, started_at, outcome, note }) {
     downloadLink("Text", {
       href: `${path}?format=markdown`,
       download: `${name}.md`,
-      "aria-label": `Check of ${at} to read`,
+      "aria-label": `Check of ${at} as text`,
     }),
     downloadLink("JSON", {
       href: path,

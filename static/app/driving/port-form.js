@@ -9,16 +9,16 @@ import { attemptIn, notify, oneAtATime, refuse } from "../shell/notice.js";
 /** @import { Role } from "./roles.js" */
 
 const MODELS = [
-  ["", "As the robot says of itself"],
+  ["", "As reported by the robot"],
   ["p3dx-sh", "Pioneer P3-DX, SH controller"],
   ["p3dx", "Pioneer P3-DX, older"],
   ["amigo-sh", "AmigoBot, SH controller"],
   ["amigo", "AmigoBot, older"],
 ];
 const ELSEWHERE = [
-  ["socket://localhost:8101", "a robot behind a network, or a simulator of the maker's"],
-  ["external:127.0.0.1:7700", "a robot of your own, on this server"],
-  ["coppeliasim:localhost:23000/PioneerP3DX", "a robot of a CoppeliaSim scene"],
+  ["socket://localhost:8101", "a robot on the network, or the manufacturer's simulator"],
+  ["external:127.0.0.1:7700", "a custom robot on this server"],
+  ["coppeliasim:localhost:23000/PioneerP3DX", "a robot in a CoppeliaSim scene"],
 ];
 
 export class PortForm extends Part {
@@ -31,11 +31,11 @@ export class PortForm extends Part {
   #ports = h("datalist", { id: "robot-ports" });
   #found = h("p.hint", { role: "status" });
   #troubles = h("ul.plain-list.warnings");
-  #again = button("Look for ports", () => this.#look());
+  #again = button("Find ports", () => this.#look());
   #model = select({ id: "robot-model" }, MODELS);
   #error = h("p.field-error", { role: "alert", id: "robot-port-error" });
   #connect = h("button.button.primary", { type: "submit" }, "Connect");
-  #forget = button("Forget", () => this.#do(() => this.#drop()));
+  #forget = button("Remove port", () => this.#do(() => this.#drop()));
   #own = h("p.hint");
   /** @type {Role} */
   #role = "observer";
@@ -51,7 +51,7 @@ export class PortForm extends Part {
       field(
         "Port",
         this.#port,
-        "A serial port of the server, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, or external:HOST:PORT?key=KEY for a robot of your own. A key that is kept is not shown; leave the port as it is to keep it.",
+        "A serial port on the server, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, or external:HOST:PORT?key=KEY for a custom robot. A saved key is hidden; leave this field unchanged to keep it.",
       ),
       this.#ports,
       this.#found,
@@ -85,10 +85,10 @@ export class PortForm extends Part {
     setText(
       this.#found,
       !devices
-        ? "The server does not tell which serial ports it has."
+        ? "The server did not report its serial ports."
         : ports.length === 0
-          ? "The server's machine has no serial port on USB."
-          : `On the server's machine: ${ports.map(wordsOf).join("; ")}.`,
+          ? "The server has no USB serial port."
+          : `On the server: ${ports.map(wordsOf).join("; ")}.`,
     );
     fillList(
       this.#troubles,
@@ -109,7 +109,7 @@ export class PortForm extends Part {
     setText(
       this.#own,
       robot && robot.port !== kept?.port
-        ? `The ${driver.role} at ${robot.port} belongs to the open source's own world.`
+        ? `The ${driver.role} at ${robot.port} is provided by the current source.`
         : "",
     );
     // What was typed meanwhile is not lost.
@@ -122,7 +122,7 @@ export class PortForm extends Part {
   async #save() {
     const role = this.#role;
     const port = this.#port.value.trim();
-    if (!port) return refuse(this.#error, "Give the port of the robot.");
+    if (!port) return refuse(this.#error, "Enter the robot's port.");
     await attemptIn(this.#error, async () => {
       /** @type {RobotsMessage} */
       const robots = await request("PUT", `/robots/${role}/port`, {
@@ -137,8 +137,8 @@ export class PortForm extends Part {
       }
       notify(
         robots.world === "real"
-          ? `The ${role} is being connected at ${shown}.`
-          : `${shown} is kept for the ${role}: it is connected once live cameras are open.`,
+          ? `Connecting the ${role} at ${shown}.`
+          : `Saved ${shown} for the ${role}. It connects when live cameras are open.`,
       );
     });
   }
@@ -147,13 +147,13 @@ export class PortForm extends Part {
     const role = this.#role;
     this.#changed = false;
     await request("DELETE", `/robots/${role}/port`);
-    notify(`The ${role}'s port is forgotten.`);
+    notify(`Removed the ${role}'s port.`);
   }
 }
 
 /** @param {SerialPortNow} port */
 function wordsOf({ path, description, usable }) {
-  return `${path}${description ? ` (${description})` : ""}${usable ? "" : ", may not be opened"}`;
+  return `${path}${description ? ` (${description})` : ""}${usable ? "" : ", access denied"}`;
 }
 
 customElements.define("observer-robot-port", PortForm);

@@ -27,12 +27,12 @@ class Programmes extends Part {
   #programmes = [];
   #list = h("ul.item-list");
   #kept = new KeptList(this.#list, (/** @type {ProgrammeEntry} */ entry) => this.#item(entry));
-  #empty = h("p.empty", "No programme could be read.");
+  #empty = h("p.empty", "No programmes found.");
   #repeat = input("number", "programme-repeat", { min: "1", max: "100", step: "1", value: "1" });
   #reverse = input("checkbox", "programme-reverse");
   #running = h("div.programme-running", { hidden: true });
   #words = h("p.figure");
-  #progress = h("progress", { max: "1", value: "0", "aria-label": "How far the programme is" });
+  #progress = h("progress", { max: "1", value: "0", "aria-label": "Programme progress" });
   #stop = button([icon("stop"), "Stop programme"], () =>
     this.#do(() => request("DELETE", "/robots/programme")),
   );
@@ -44,7 +44,7 @@ class Programmes extends Part {
   });
   #file = input("file", "programme-file", { accept: ".yaml,.yml,text/yaml" });
   #error = h("p.field-error", { id: "programme-error", role: "alert" });
-  #own = details("A programme of your own");
+  #own = details("Custom programme");
   /** The reason why a programme ended early; empty where none did. */
   #ended = h("p.programme-ended", { role: "status", hidden: true });
   #runs = false;
@@ -57,14 +57,14 @@ class Programmes extends Part {
     const form = h(
       "form.stack",
       { novalidate: true },
-      field("Take it from a file", this.#file),
+      field("Load from file", this.#file),
       field(
         "YAML",
         this.#text,
-        "Name, title, and for each role steps with seconds, speed_mps and turn_rate_radps. “Copy” beside a programme puts its text here.",
+        "A name, a title, and steps for each role with seconds, speed_mps and turn_rate_radps. To start from an existing programme, press its “Copy” button.",
       ),
       this.#error,
-      h("div.row", h("button.button.primary", { type: "submit" }, "Keep programme")),
+      h("div.row", h("button.button.primary", { type: "submit" }, "Save programme")),
     );
     this.#own.append(form);
     this.#running.append(this.#words, this.#progress, this.#stop);
@@ -72,7 +72,7 @@ class Programmes extends Part {
       h("h3", "Programmes"),
       h(
         "p.hint",
-        "They go on as long as this page is open and in sight, every robot in them armed by you.",
+        "A programme runs only while this page is open and visible and you have armed every robot in it.",
       ),
       this.#running,
       this.#ended,
@@ -125,7 +125,7 @@ class Programmes extends Part {
   /** @param {ProgrammeNow} running @returns {string} as in "0:05 of 0:14, round 2 of 3" */
   #place({ elapsed_s, duration_s, phase, round, repeat }) {
     const at =
-      phase === "gesture" ? "its opening gesture" : `${clock(elapsed_s)} of ${clock(duration_s)}`;
+      phase === "gesture" ? "opening gesture" : `${clock(elapsed_s)} of ${clock(duration_s)}`;
     return `${at}${repeat > 1 ? `, round ${round} of ${repeat}` : ""}`;
   }
 
@@ -158,12 +158,12 @@ class Programmes extends Part {
   /** Say what must be done before it can be started. @param {ProgrammeEntry} entry */
   #missing({ roles }) {
     const { driver, robots } = this.hub;
-    if (robots?.stopped) return "Everything is stopped: reset it first.";
+    if (robots?.stopped) return "All robots are stopped: reset the stop first.";
     const wanting = roles.flatMap((role) => {
       const robot = driver.robot(role);
       if (!robot) return [`connect the ${role}`];
       const ours = driver.link.leases.has(role);
-      if (robot.operator && !ours) return [`take over the ${role}`];
+      if (robot.operator && !ours) return [`take control of the ${role}`];
       return ours && isArmed(robot) ? [] : [`arm the ${role}`];
     });
     return wanting.length ? sentence(`first ${wanting.join(" and ")}`) : "";
@@ -178,7 +178,7 @@ class Programmes extends Part {
     });
     const copy = button("Copy", () => this.#do(() => this.#copy(name)), {
       "aria-label": `Copy ${title}`,
-      title: "Copy its text into the field below",
+      title: "Copy the text into the field below",
     });
     const who = roles.map((role) => ROLE_WORDS[role]).join(" and ");
     const element = item(
@@ -202,14 +202,14 @@ class Programmes extends Part {
     const { leases } = this.hub.driver.link;
     const repeat = Number(this.#repeat.value);
     if (!Number.isInteger(repeat) || repeat < 1)
-      throw new Error("Repeat must be a whole number from 1.");
+      throw new Error("Repeat must be a whole number, 1 or more.");
     await request("POST", "/robots/programme", {
       name,
       repeat,
       reverse: this.#reverse.checked,
       leases: Object.fromEntries(roles.map((role) => [role, leases.get(role)])),
     });
-    notify(`${title} has begun.`);
+    notify(`${title} started.`);
   }
 
   /** @param {string} name */
@@ -230,7 +230,7 @@ class Programmes extends Part {
     await attemptIn(this.#error, async () => {
       await request("POST", "/programmes", { text: this.#text.value });
       this.#file.value = "";
-      notify("The programme is kept.");
+      notify("Programme saved.");
       await this.#load();
     });
   }
@@ -238,8 +238,8 @@ class Programmes extends Part {
   /** @param {ProgrammeEntry} entry */
   async #remove({ name, title }) {
     const sure = await confirmed(
-      `Delete ${title}?`,
-      "Its text cannot be brought back.",
+      `Delete programme ${title}?`,
+      "You cannot undo this.",
       "Delete programme",
     );
     if (!sure) return;

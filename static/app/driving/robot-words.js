@@ -12,7 +12,7 @@ const STATES = {
   disarmed: "Disarmed",
   armed: "Armed",
   moving: "Moving",
-  waiting: "Not reached",
+  waiting: "Unreachable",
   refused: "Refused",
 };
 
@@ -32,32 +32,32 @@ export function stateInWords(robot) {
 export function standsBecause(role, robot, facts, ours) {
   if (!robot) return lackBecause(role, facts);
   if (facts?.stopped)
-    return `Stopped by ${facts.stopped.by}: reset it at the top of the page to go on.`;
+    return `Stopped by ${facts.stopped.by}. Reset the stop at the top of the page to continue.`;
   const { fault, trouble } = robot.report;
   if (fault) return sentence(fault);
   if (["connecting", "waiting", "refused"].includes(robot.state)) {
-    return sentence(trouble ?? robot.why ?? "it is being connected");
+    return sentence(trouble ?? robot.why ?? "connecting to the robot");
   }
   if (robot.why) return sentence(robot.why);
-  if (robot.state === "moving") return "It drives.";
+  if (robot.state === "moving") return "The robot is moving.";
   if (robot.state === "armed")
     return ours
-      ? "Armed: it waits for you to hold something."
-      : "Armed, and somebody else drives it.";
-  return "Its motors are off: arm it to drive.";
+      ? "Armed. Hold the pad, a key or the gamepad to drive."
+      : "Armed. Another operator has control.";
+  return "Motors are off. Arm the robot to drive.";
 }
 
 /** Say why there is no robot. @param {Role} role @param {RobotsMessage | null} facts */
 function lackBecause(role, facts) {
   const trouble = facts?.process?.trouble ?? facts?.trouble?.[role];
-  if (!facts) return "Waiting for word of the robots.";
+  if (!facts) return "Waiting for robot status.";
   if (trouble) return sentence(trouble);
   if (facts.ports?.[role] && facts.world !== "real") {
-    return "The open source is of another world: real robots are driven by the sight of live cameras only.";
+    return "Real robots can be driven only while live cameras are the current source.";
   }
   return facts.world === null
-    ? "What is only replayed brings no robots: open live cameras or a simulated source."
-    : "No robot is connected: give its port below.";
+    ? "The current source has no robots. Open live cameras or a simulated source."
+    : "No robot is connected. Enter its port below.";
 }
 
 /**
@@ -66,9 +66,9 @@ function lackBecause(role, facts) {
  */
 export function driverInWords(robot, ours) {
   if (!robot) return "";
-  if (ours) return "You drive it";
-  if (!robot.operator) return "Nobody drives it";
-  return `${robot.operator} drives it${robot.present ? "" : ", but is not there"}`;
+  if (ours) return "You have control";
+  if (!robot.operator) return "Nobody has control";
+  return `${robot.operator} has control${robot.present ? "" : ", but is not present"}`;
 }
 
 /** @param {RobotReport} report */
@@ -89,53 +89,53 @@ export function batteryInWords({ battery_v, battery, charging }) {
 export function figuresOf({ report, sent }) {
   const { odometry, limits, counters } = report;
   return [
-    ["Speed sent", `${fixed(sent.speed_mps, 2)} m/s`, "what really goes to the robot"],
+    ["Speed sent", `${fixed(sent.speed_mps, 2)} m/s`, "speed actually sent to the robot"],
     [
       "Wheel encoders",
       report.speed_mps === null ? "–" : `${fixed(report.speed_mps, 2)} m/s`,
-      "as its wheels turn",
+      "speed measured at the wheels",
     ],
-    ["Turn sent", `${fixed(degrees(sent.turn_rate_radps), 0)} °/s`, "positive to the left"],
+    ["Turn rate sent", `${fixed(degrees(sent.turn_rate_radps), 0)} °/s`, "positive to the left"],
     [
-      "Turn measured",
+      "Turn rate measured",
       report.turn_rate_radps === null ? "–" : `${fixed(degrees(report.turn_rate_radps), 0)} °/s`,
       "positive to the left",
     ],
     [
-      "Pose by its wheels",
+      "Wheel odometry",
       odometry
         ? `${fixed(odometry.x, 2)}, ${fixed(odometry.y, 2)} m, ${fixed(degrees(odometry.yaw), 0)}°`
         : "–",
-      "since it was connected: ahead, to the left, heading",
+      "since it connected: forward, left, heading",
     ],
     ["Battery", batteryInWords(report), "averaged"],
-    ["Motors", onOff(report.motors_enabled), "as the robot says"],
-    ["Wheels", stallInWords(report.stalled), "a wheel stalls where something holds the robot"],
-    ["Bumpers", bumpersInWords(report), "pressed ones by number, from the left"],
+    ["Motors", onOff(report.motors_enabled), "as reported by the robot"],
+    ["Wheels", stallInWords(report.stalled), "a wheel stalls when something blocks the robot"],
+    ["Bumpers", bumpersInWords(report), "numbers of the pressed bumpers, counted from the left"],
     [
       "Hardware stop",
       report.stop_pressed === null ? "–" : report.stop_pressed ? "pressed" : "not pressed",
       "the button on the robot itself",
     ],
     [
-      "Its own watchdog",
+      "Robot watchdog",
       report.watchdog_s === null ? "–" : `${fixed(report.watchdog_s, 1)} s`,
-      "so long after the last command its firmware stops it by itself",
+      "the robot's firmware stops it this long after the last command",
     ],
     [
-      "Fastest permitted",
+      "Speed limit",
       limits ? `${fixed(limits.speed_mps, 2)} m/s` : "–",
-      "the least of what robot, model and settings allow",
+      "the lowest limit of robot, model and settings",
     ],
     [
       "Temperature",
       report.temperature_c === null ? "–" : `${fixed(report.temperature_c, 0)} °C`,
-      "within the robot",
+      "inside the robot",
     ],
     [
-      "Packets, bad ones",
+      "Packets, corrupted",
       `${counters.packets ?? 0}, ${counters.bad_packets ?? 0}`,
-      "status packets received, and those that were damaged",
+      "status packets received, and how many of them were corrupted",
     ],
   ];
 }
@@ -146,16 +146,18 @@ export function incidentInWords({ at, role, sentence: words, speed_mps, stops })
   const time = Number.isNaN(date.getTime()) ? at : date.toLocaleTimeString();
   const speed = speed_mps === null ? "" : ` (at ${fixed(speed_mps, 2)} m/s)`;
   const ends = Object.values(stops ?? {}).map((stop) => `; ${stopInWords(stop)}`);
-  return `${time} ${role ? ROLE_WORDS[role] : "Both"}${speed}: ${sentence(words)}${ends.join("")}`;
+  return `${time} ${role ? ROLE_WORDS[role] : "Both robots"}${speed}: ${sentence(words)}${ends.join("")}`;
 }
 
-/** @param {StopMeasured} figures @returns {string} as in "zero after 220 ms, stood after 610 ms and 0.12 m" */
+/** @param {StopMeasured} figures @returns {string} as in "zero sent after 220 ms, stood still after 610 ms and 0.12 m" */
 export function stopInWords({ zero_ms, stood_ms, distance_m, separation_m }) {
   const way = distance_m === null ? "" : ` and ${fixed(distance_m, 2)} m`;
   return [
-    zero_ms === null ? "zero never went out" : `zero after ${fixed(zero_ms, 0)} ms`,
-    stood_ms === null ? "not seen to stand" : `stood after ${fixed(stood_ms, 0)} ms${way}`,
-    separation_m === null ? null : `${fixed(separation_m, 2)} m left`,
+    zero_ms === null ? "zero never sent" : `zero sent after ${fixed(zero_ms, 0)} ms`,
+    stood_ms === null
+      ? "standstill not observed"
+      : `stood still after ${fixed(stood_ms, 0)} ms${way}`,
+    separation_m === null ? null : `${fixed(separation_m, 2)} m clearance`,
   ]
     .filter(Boolean)
     .join(", ");
@@ -182,7 +184,7 @@ function stallInWords(stalled) {
   if (!stalled) return "–";
   const [left, right] = stalled;
   if (left && right) return "both stalled";
-  return left || right ? `${left ? "left" : "right"} one stalled` : "turn freely";
+  return left || right ? `${left ? "left" : "right"} stalled` : "turning freely";
 }
 
 /** @param {RobotReport} report */
@@ -197,7 +199,7 @@ function bumpersInWords({ front_bumpers, rear_bumpers }) {
     );
     return numbers.length ? [`${name} ${numbers.join(", ")}`] : [];
   });
-  return words.join("; ") || "free";
+  return words.join("; ") || "none pressed";
 }
 
 /** @param {number} seconds @returns {string} as in "1:05" */

@@ -38,16 +38,16 @@ class RobotsPanel extends Part {
   #why = h("p.robot-why", { role: "status" });
   #arm = this.#act("Arm", ({ driver }) => driver.arm(driver.role), { class: "button primary" });
   #disarm = this.#act("Disarm", ({ driver }) => request("POST", `/robots/${driver.role}/disarm`));
-  #takeOver = this.#act("Take over", ({ driver }) => driver.take(driver.role, true));
+  #takeOver = this.#act("Take control", ({ driver }) => driver.take(driver.role, true));
   #giveBack = button("Release control", () => this.hub.driver.link.release(this.hub.driver.role), {
-    title: "It is stopped and disarmed; others may drive it",
+    title: "Stops and disarms the robot so that others can drive it",
   });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
   #warnings = h("ul.plain-list.warnings", { "aria-label": "Warnings" });
   #figures = h("dl.figures");
   #pad = new DrivePad();
   #incidents = h("ul.plain-list");
-  #happened = details("What stopped robots lately", this.#incidents);
+  #happened = details("Recent stops", this.#incidents);
   #port = new PortForm();
   #place = details("Port and model", this.#port);
   #name = input("text", "operator-name", { maxlength: "40", autocomplete: "nickname" });
@@ -61,7 +61,7 @@ class RobotsPanel extends Part {
       this.#trouble,
       h(
         "fieldset.role-cards",
-        h("legend.visually-hidden", "Which robot"),
+        h("legend.visually-hidden", "Robot"),
         ...[...this.#cards.values()].map(({ element }) => element),
       ),
       h(
@@ -75,7 +75,11 @@ class RobotsPanel extends Part {
       this.#happened,
       details(
         "Your name",
-        field("What others see while you drive", this.#name, "From the next connection on."),
+        field(
+          "Operator name",
+          this.#name,
+          "Others see this name while you drive. It applies from the next connection.",
+        ),
       ),
       this.#place,
     );
@@ -129,10 +133,10 @@ class RobotsPanel extends Part {
     setText(
       this.#trouble,
       connection !== "open"
-        ? "The server is not reached: what is shown here is old."
+        ? "No connection to the server: the values shown here are stale."
         : sentence(
             robots?.process?.trouble ??
-              "the drive process is being started anew; the robots' own watchdogs stop them meanwhile",
+              "the drive process is restarting; the robots' own watchdogs stop them in the meantime",
           ),
     );
     this.#trouble.hidden = !lost || !robots;

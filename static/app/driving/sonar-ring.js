@@ -60,7 +60,7 @@ export class SonarRing {
       setAttribute(arc, "data-old", age > OLD_S ? "" : null);
       setAttribute(arc, "opacity", Math.max(0.25, 1 - 0.6 * age).toFixed(2));
     });
-    setAttribute(this.element, "aria-label", `The robot from above. ${sonarInWords(robot)}`);
+    setAttribute(this.element, "aria-label", `Top view of the robot. ${sonarInWords(robot)}`);
   }
 
   /** @param {RobotNow | null} robot */

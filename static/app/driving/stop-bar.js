@@ -8,7 +8,7 @@ import { attempt, notify } from "../shell/notice.js";
 const WHAT_IT_IS = "Software stop, no emergency stop: keep the hardware switch in reach";
 // It is answered within a tenth of this, or something is wrong.
 const CONFIRMED_MS = 1000;
-const KEYS = "Space and Esc press it; while a robot is armed they do so everywhere on this page.";
+const KEYS = "Space and Esc press it; while a robot is armed, they do so everywhere on this page.";
 
 class StopBar extends Part {
   #stop = button([icon("stop"), h("span", "Stop robots")], null, {
@@ -22,7 +22,7 @@ class StopBar extends Part {
   #keys = h("p.stop-keys");
   #stopped = h("span.stop-state");
   #reset = button("Reset", () => this.#resetStop(), {
-    title: "Robots may be armed again; none starts by itself",
+    title: "Allows robots to be armed again; none starts by itself",
   });
   #latched = h("div.stop-latched", { hidden: true, role: "alert" }, this.#stopped, this.#reset);
   /** Pressed here and not answered yet. */

@@ -14,18 +14,18 @@ const NAMES = {
   threshold: ["Threshold", " σ", 1],
   min_significance: ["Required", " σ", 1],
   speed_mps: ["Speed", " m/s", 2],
-  speed_std_mps: ["Speed ±", " m/s", 3],
-  least_speed_mps: ["Slowest to be seen", " m/s", 2],
+  speed_std_mps: ["Speed, 1 σ", " m/s", 3],
+  least_speed_mps: ["Slowest detectable", " m/s", 2],
   depth_m: ["Depth", " m", 2],
-  age_s: ["Followed for", " s", 2],
-  group_points: ["Points of the group", "", 0],
+  age_s: ["Track age", " s", 2],
+  group_points: ["Points in group", "", 0],
   neighbours: ["Features pooled", "", 0],
-  features_near: ["Features near", "", 0],
+  features_near: ["Features nearby", "", 0],
   nearest_feature_px: ["Nearest feature", " px", 1],
   texture_grey_per_px: ["Texture", " grey levels/px", 2],
-  inliers: ["Matches of the background", "", 0],
+  inliers: ["Background matches", "", 0],
   matches: ["Matches", "", 0],
-  min_inliers: ["Fewest needed", "", 0],
+  min_inliers: ["Matches required", "", 0],
 };
 
 /**
@@ -41,7 +41,7 @@ export function figuresOf(numbers) {
     .sort(([a], [b]) => place(a) - place(b))
     .map(([name, value]) => {
       const [term, unit, digits] = NAMES[name] ?? [name.replaceAll("_", " "), "", 2];
-      return [term, value === null ? "not known" : `${fixed(value, digits)}${unit}`];
+      return [term, value === null ? "unknown" : `${fixed(value, digits)}${unit}`];
     });
 }
 

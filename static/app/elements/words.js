@@ -83,7 +83,7 @@ export function firstLine(line, truth) {
     text = `Obstacle ${waving.id} moves in place, ${fixed(waving.range, 1)} m ${bearingInWords(waving.bearing)}.`;
   }
   if (missed) {
-    text = `Nothing is seen to move — truth: ${missed.name} moves at ${fixed(missed.speed, 2)} m/s.`;
+    text = `No motion detected — truth: ${missed.name} moves at ${fixed(missed.speed, 2)} m/s.`;
   }
   return { text, id: null, tone: "calm" };
 }

@@ -14,9 +14,9 @@ const DEG = 180 / Math.PI;
 class EgoMotionPanel extends Part {
   #about = h("p.hint");
   #imageFigures = h("dl.figures");
-  #image = h("div.stack", h("h4", "Of the image"), this.#imageFigures);
+  #image = h("div.stack", h("h4", "Image motion"), this.#imageFigures);
   #cameraFigures = h("dl.figures");
-  #camera = h("div.stack", h("h4", "Of the camera: right, down, forward"), this.#cameraFigures);
+  #camera = h("div.stack", h("h4", "3D motion: right, down, forward"), this.#cameraFigures);
 
   build() {
     this.append(h("h3", "Camera motion"), this.#about, this.#image, this.#camera);
@@ -28,7 +28,7 @@ class EgoMotionPanel extends Part {
     const ego = this.hub.status?.ego_motion ?? null;
     const parts = ego?.decomposition ?? null;
     const motion = ego?.motion ?? null;
-    setText(this.#about, ego ? about(ego) : "Not known: no frame was compared with another yet.");
+    setText(this.#about, ego ? about(ego) : "No data yet: no two frames have been compared.");
     this.#image.hidden = !parts;
     this.#camera.hidden = !motion;
     if (parts) fillFigures(this.#imageFigures, ofImage(parts));
@@ -40,8 +40,8 @@ class EgoMotionPanel extends Part {
 function about({ model, status, matches, inliers, dt }) {
   const since = dt === null ? "" : ` over ${fixed(1000 * dt, 0)} ms`;
   if (status === "lost")
-    return `The ${model} model lost it${since}: ${matches} matches follow no one motion.`;
-  return `The ${model} model${since}: ${inliers} of ${matches} matches follow it${status === "ok" ? "" : ", weakly"}.`;
+    return `Camera motion lost with the ${model} model${since}: no single motion fits the ${matches} matches.`;
+  return `Estimated with the ${model} model${since}: ${inliers} of ${matches} matches agree${status === "ok" ? "" : " (weak estimate)"}.`;
 }
 
 /** @param {NonNullable<EgoMotionStatus["decomposition"]>} parts @returns {Figure[]} */

@@ -8,7 +8,7 @@ import { counted, fixed } from "../elements/words.js";
 /** @import { LiveCamera, LiveStatus } from "../contract" */
 
 const SIDES = { left: "Left camera", right: "Right camera", both: "Camera" };
-const STATES = { open: "delivers", waiting: "is being opened again", failed: "cannot be opened" };
+const STATES = { open: "streaming", waiting: "reconnecting", failed: "cannot be opened" };
 
 class LiveCameras extends Part {
   #trouble = h("p.field-error", { role: "alert" });
@@ -38,7 +38,7 @@ class LiveCameras extends Part {
     setText(this.#skew, skewWords(live));
     setText(
       this.#counts,
-      `${counted(live.pairs, "pair")}, ${live.dropped} dropped for being more than half an image apart in time, ${live.reopened} times opened again.`,
+      `${counted(live.pairs, "pair")}, ${live.dropped} dropped (left and right more than half a frame apart), reconnected ${counted(live.reopened, "time")}.`,
     );
     const drawn = JSON.stringify([live.cameras, live.hints]);
     if (drawn === this.#drawn) return;
@@ -63,10 +63,9 @@ function camera({ side, device, state, trouble, settings, refused }) {
 
 /** @param {LiveStatus} live */
 function skewWords({ cameras, skew_median_s, skew_p95_s }) {
-  if (cameras.length < 2) return "Both images are of one instant.";
-  if (skew_median_s === null)
-    return "How far left and right are apart in time shows after some pairs.";
-  return `Left and right are ${fixed(1000 * skew_median_s, 1)} ms apart (median), 95 % within ${fixed(1000 * (skew_p95_s ?? 0), 1)} ms; motion in space allows for it.`;
+  if (cameras.length < 2) return "One camera provides both images at the same instant.";
+  if (skew_median_s === null) return "Sync error unknown: waiting for more pairs.";
+  return `Sync error between left and right: median ${fixed(1000 * skew_median_s, 1)} ms, 95th percentile ${fixed(1000 * (skew_p95_s ?? 0), 1)} ms. The 3D motion estimate accounts for it.`;
 }
 
 customElements.define("observer-live-cameras", LiveCameras);

@@ -12,29 +12,29 @@ export const VIEWS = {
   left: {
     title: "Left",
     help:
-      "Green stars are features, lines their flow. A yellow box is an obstacle that moves, a blue " +
-      "one stands for now, a grey one is out of sight; shaded is all that is seen of it. " +
-      "Click a place to ask why it counts as moving or not.",
+      "Green stars are features, lines their flow. A yellow box is a moving obstacle, a blue one " +
+      "has stopped, a grey one is out of view; the shading covers its visible part. " +
+      "Click any point to ask why it counts as moving or not.",
   },
   warped: {
     title: "Warped",
     help:
-      "The newer image moved back to where the older one was taken; black is outside it. Only " +
-      "affine and homography transform images.",
+      "The newer image warped to the older camera position; black is outside the image. Only the " +
+      "affine and homography models warp images.",
   },
   disparity: {
     title: "Disparity",
-    help: "Warm colours are near, cold ones far; black is where the two cameras find no match.",
+    help: "Warm colours are near, cold colours far; black means no match between the cameras.",
   },
   residual: {
     title: "Residual",
     help:
-      "Motion that is left after the camera's own is taken away, drawn four times as long; red " +
-      "counts as dynamic.",
+      "Motion after subtracting the camera's own motion, drawn at four times its length; red " +
+      "counts as moving.",
   },
-  camera_left: { title: "Left camera", help: "As taken." },
-  camera_right: { title: "Right camera", help: "As taken." },
-  plain: { title: "Plain left", help: "The rectified left image with nothing drawn on it." },
+  camera_left: { title: "Left camera", help: "Unprocessed camera image." },
+  camera_right: { title: "Right camera", help: "Unprocessed camera image." },
+  plain: { title: "Left, no overlay", help: "The rectified left image without overlays." },
 };
 
 export class LiveView extends Part {

@@ -13,14 +13,14 @@ import {
 
 /** @import { ObstacleEntry } from "../contract" */
 
-const COLUMNS = ["Id", "Speed, m/s", "Truth", "Where"];
+const COLUMNS = ["ID", "Speed, m/s", "Truth", "Position"];
 
 /** @type {Record<string, string>} */
 const STATES = { moving: "Moving", in_place: "Moving in place", stopped: "Stopped" };
 
 class ObstacleTable extends Part {
   #body = h("tbody");
-  #empty = h("p.empty", "No moving obstacle.");
+  #empty = h("p.empty", "No moving obstacles.");
   #scroll = h("div.scroll-x", { tabindex: 0, role: "region", "aria-label": "Obstacles" });
   /** @type {Map<number, ReturnType<typeof makeRow>>} */
   #rows = new Map();
@@ -72,7 +72,7 @@ function makeRow(id, opened) {
   const more = button([swatch, String(id)], null, {
     class: "row-button",
     "aria-expanded": "false",
-    title: "Why it counts as moving",
+    title: "Show why it counts as moving",
   });
   const figures = h("tr", h("th", { scope: "row" }, more), ...cells);
   const behind = h("dl.figures", { hidden: true });
@@ -111,7 +111,7 @@ function fillRow([figures, why], obstacle, truth) {
   });
   setAttribute(figures, "data-state", obstacle.state);
   const [sentence, behind] = why.cells[0]?.children ?? [];
-  const state = obstacle.state === "coasting" ? "Not seen now" : STATES[obstacle.motion];
+  const state = obstacle.state === "coasting" ? "Not visible now" : STATES[obstacle.motion];
   const words = `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`;
   if (sentence) setText(sentence, words);
   if (behind instanceof HTMLDListElement && !behind.hidden)
@@ -123,8 +123,8 @@ function figuresBehind({ points, significance, closing_speed, size, state }) {
   return [
     ["Significance", `${fixed(significance, 1)} σ`],
     ["Moving points", String(points)],
-    ["Closing speed", closing_speed === null ? "not known" : `${fixed(closing_speed, 2)} m/s`],
-    ["Size seen", `${size.map((m) => fixed(m, 2)).join(" × ")} m`],
+    ["Closing speed", closing_speed === null ? "unknown" : `${fixed(closing_speed, 2)} m/s`],
+    ["Visible size", `${size.map((m) => fixed(m, 2)).join(" × ")} m`],
     ["State", state],
   ];
 }

@@ -10,7 +10,7 @@ import { request } from "../shell/api.js";
 /** @type {Record<string, string>} */
 const VERDICTS = {
   dynamic: "Moving",
-  static: "Standing",
+  static: "Static",
   undecided: "Undecided",
   too_far: "Too far",
   too_few_features: "Too few features",
@@ -30,7 +30,7 @@ export class PixelQuestion extends Part {
   /** Lies over the image; a click asks the place, Enter the marked one. */
   pick = button([], null, {
     class: "pixel-pick",
-    "aria-label": "Ask a pixel of the left image: arrow keys move the mark, Enter asks",
+    "aria-label": "Ask about a pixel in the left image: arrow keys move the mark, Enter asks",
   });
   #mark = h("span.pixel-mark", { hidden: true });
   #verdict = h("b.verdict-chip");
@@ -55,7 +55,7 @@ export class PixelQuestion extends Part {
     const again = button("Ask again", () => this.#ask());
     const close = button(icon("close"), () => this.#close(), {
       class: "quiet",
-      "aria-label": "Close the answer",
+      "aria-label": "Close answer",
     });
     this.#words.append(this.#sentence, this.#obstacle, this.#change);
     this.#card.append(
@@ -149,7 +149,7 @@ export class PixelQuestion extends Part {
     setText(this.#sentence, answer.sentence);
     this.#obstacle.hidden = obstacle === null;
     if (obstacle) {
-      const state = obstacle.reported ? "" : ", not yet seen often enough to be reported";
+      const state = obstacle.reported ? "" : ", not confirmed yet";
       const name = obstacle.id < 0 ? "An obstacle" : `Obstacle ${obstacle.id}`;
       setText(this.#obstacle, `${name}${state}: ${obstacle.why.replace(/\.?$/, ".")}`);
     }

@@ -11,11 +11,11 @@ import { fixed } from "../elements/words.js";
 class StatusPanel extends Part {
   #figures = h("dl.figures");
   #version = h("span", "–");
-  #bars = h("ul.bars", { "aria-label": "Time of each stage" });
+  #bars = h("ul.bars", { "aria-label": "Stage timings" });
   #total = h("span.figure");
   #skipped = h("ul.plain-list");
   #warnings = h("ul.plain-list.warnings", { "aria-label": "Warnings" });
-  #noneSkipped = h("p.hint", "No frame was skipped.");
+  #noneSkipped = h("p.hint", "No frames skipped.");
 
   build() {
     this.append(
@@ -27,7 +27,7 @@ class StatusPanel extends Part {
       h("h3", "Skipped frames"),
       this.#noneSkipped,
       this.#skipped,
-      h("p.hint", this.#version, " · ", h("a", { href: "/docs" }, "REST interface")),
+      h("p.hint", this.#version, " · ", h("a", { href: "/docs" }, "REST API")),
     );
     this.hear("status", () => this.#render());
     this.whenShown(() => this.#render());
@@ -57,7 +57,7 @@ class StatusPanel extends Part {
     const stages = Object.entries(timings).filter(([name]) => name !== "total");
     const sum = stages.reduce((total, [, ms]) => total + ms, 0);
     const total = timings.total ?? sum;
-    setText(this.#total, stages.length ? `${fixed(total, 1)} ms together` : "");
+    setText(this.#total, stages.length ? `${fixed(total, 1)} ms total` : "");
     const longest = Math.max(1, ...stages.map(([, ms]) => ms));
     if (this.#bars.childElementCount !== stages.length) {
       this.#bars.replaceChildren(
@@ -84,27 +84,31 @@ function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops }) 
     [
       "Unique frames",
       `${fixed(rates.unique_frames_per_s, 1)} /s`,
-      "frames observed each second, each counted once",
+      "frames processed per second, each counted once",
     ],
     [
       "Dense cloud",
       denseWords(dense_stereo),
-      "clouds and disparity views made each second, and the newest one's age",
+      "point clouds and disparity images per second, and the age of the newest",
     ],
     [
-      "Exposure to page",
+      "Latency to page, median",
       `${fixed(latency_ms.median, 0)} ms`,
-      "median from reception to painted here",
+      "from receiving a frame to drawing it on this page",
     ],
-    ["Exposure to page, 95 %", `${fixed(latency_ms.p95, 0)} ms`, "19 of 20 frames are faster"],
-    ["Open pages", String(viewers), "that receive live data now"],
-    ["Engine restarts", String(engine.restarts), "since the server was started"],
-    ["Frames skipped", String(drops.frames_skipped), "that the source could not read"],
-    ["Observations lost", String(drops.observations_lost), "between engine and server"],
+    [
+      "Latency to page, 95th percentile",
+      `${fixed(latency_ms.p95, 0)} ms`,
+      "19 of 20 frames are faster",
+    ],
+    ["Open pages", String(viewers), "pages that receive live data now"],
+    ["Engine restarts", String(engine.restarts), "since the server started"],
+    ["Frames skipped", String(drops.frames_skipped), "frames that the source could not read"],
+    ["Observations dropped", String(drops.observations_lost), "because the server was busy"],
     [
       "Messages dropped",
       String(drops.live_messages_dropped),
-      "by pages slower than the frame rate",
+      "because a page was slower than the frame rate",
     ],
     ["Writes dropped", String(drops.writes_dropped), "while the database was unavailable"],
   ];
@@ -113,7 +117,7 @@ function figuresOf({ rates, dense_stereo, latency_ms, viewers, engine, drops }) 
 /** @param {Status["dense_stereo"]} dense */
 function denseWords({ per_s, age_s, coarseness }) {
   if (!per_s || age_s === null) return "–";
-  const grid = coarseness && coarseness > 1 ? `, of 1/${coarseness} size` : "";
+  const grid = coarseness && coarseness > 1 ? `, at 1/${coarseness} size` : "";
   return `${fixed(per_s, 1)} /s, ${fixed(1000 * age_s, 0)} ms old${grid}`;
 }
 

@@ -67,13 +67,15 @@ export class ParameterField extends HTMLElement {
     const used = model === "" || this.entry?.models.includes(model) !== false;
     const cloud = this.entry?.cloud === true;
     this.toggleAttribute("data-idle", !used && !cloud);
-    const unused = cloud ? `With ${model} it acts on the cloud only.` : `Not used by ${model}.`;
+    const unused = cloud
+      ? `With the ${model} model, it affects only the point cloud.`
+      : `Not used by the ${model} model.`;
     setText(this.#idle, used ? "" : unused);
     const fallback = this.store?.defaults[this.entry?.name ?? ""];
     const changed = value !== fallback;
     this.toggleAttribute("data-changed", changed);
     this.#reset.hidden = !changed;
-    this.#reset.title = `Back to ${String(fallback)}`;
+    this.#reset.title = `Reset to ${String(fallback)}`;
     if (value !== this.#shown) this.fail("");
     this.#shown = value;
     this.#show(value);
@@ -82,7 +84,7 @@ export class ParameterField extends HTMLElement {
   /** @param {string} message empty takes the error away */
   fail(message) {
     const kept = message
-      ? `Refused: ${message.replace(/\.$/, "")}. It stays at ${String(this.#shown)}.`
+      ? `Not applied: ${message.replace(/\.$/, "")}. The value stays at ${String(this.#shown)}.`
       : "";
     setText(this.#error, kept);
     for (const control of this.querySelectorAll("input, select"))

@@ -15,7 +15,7 @@ class ParameterForm extends Part {
   #store = new ParameterStore();
   #presets = new PresetPicker(this.#store);
   #groups = new ParameterGroups("parameter", OPEN_AT_START);
-  #search = input("search", "parameter-search", { placeholder: "Find a parameter" });
+  #search = input("search", "parameter-search", { placeholder: "Find parameters" });
   #found = h("p.hint", { role: "status" });
   #revision = h("p.hint.figure.revision");
   #undo = iconButton("undo", "Undo", () => this.#store.undo(), {
@@ -39,7 +39,7 @@ class ParameterForm extends Part {
       this.#presets,
       h(
         "div.row.parameter-tools",
-        h("label.visually-hidden", { for: "parameter-search" }, "Find a parameter"),
+        h("label.visually-hidden", { for: "parameter-search" }, "Find parameters"),
         this.#search,
         this.#undo,
         this.#redo,

@@ -71,7 +71,10 @@ export class ParameterGroups extends HTMLElement {
       const changed = group.querySelectorAll("[data-changed]").length;
       const idle = group.querySelector("observer-parameter:not([data-idle])") === null;
       group.toggleAttribute("data-idle", idle);
-      const notes = [idle ? `not used by ${model}` : "", changed ? `${changed} changed` : ""];
+      const notes = [
+        idle ? `not used by the ${model} model` : "",
+        changed ? `${changed} changed` : "",
+      ];
       const count = group.querySelector(".count");
       if (count) setText(count, notes.filter(Boolean).join(", "));
     }

@@ -10,12 +10,12 @@ export class PresetPicker extends HTMLElement {
   #help = h("p.hint", { id: "preset-help" });
   #name = input("text", "preset-name", {
     maxlength: 60,
-    placeholder: "New preset's name",
+    placeholder: "New preset name",
     "aria-describedby": "preset-error",
     required: true,
   });
   #error = h("p.field-error", { id: "preset-error", role: "alert" });
-  #delete = iconButton("trash", "Delete this preset", () => this.#remove());
+  #delete = iconButton("trash", "Delete preset", () => this.#remove());
   #store;
 
   /** @param {ParameterStore} store */
@@ -25,7 +25,7 @@ export class PresetPicker extends HTMLElement {
     const save = h(
       "form.row",
       { novalidate: true },
-      h("label.visually-hidden", { for: "preset-name" }, "Name of the new preset"),
+      h("label.visually-hidden", { for: "preset-name" }, "New preset name"),
       this.#name,
       h("button.button", { type: "submit" }, "Save preset"),
     );
@@ -42,7 +42,7 @@ export class PresetPicker extends HTMLElement {
     );
     store.addEventListener("loaded", () => {
       const names = store.presets.map(({ name }) => [name, name]);
-      offer(this.#select, [["", "your own values"], ...names]);
+      offer(this.#select, [["", "custom values"], ...names]);
       // Nothing to be chosen: it says that no preset has these values.
       this.#select.options[0]?.toggleAttribute("disabled", true);
     });
@@ -53,12 +53,12 @@ export class PresetPicker extends HTMLElement {
     const preset = this.#store.matchingPreset;
     this.#select.value = preset?.name ?? "";
     this.#delete.hidden = preset === null || preset.built_in;
-    setText(this.#help, preset?.help || "Differs from every preset.");
+    setText(this.#help, preset?.help || "The current values match no preset.");
   }
 
   async #save() {
     const name = this.#name.value.trim();
-    if (!name) return refuse(this.#error, "Give the preset a name first.");
+    if (!name) return refuse(this.#error, "Enter a preset name.");
     await attemptIn(this.#error, async () => {
       await this.#store.savePreset(name);
       this.#name.value = "";
@@ -70,7 +70,7 @@ export class PresetPicker extends HTMLElement {
     const name = this.#select.value;
     const sure = await confirmed(
       `Delete preset ${name}?`,
-      "The values in force stay as they are.",
+      "You cannot undo this. The current parameter values stay in force.",
       "Delete preset",
     );
     if (sure) await attempt(() => this.#store.deletePreset(name));

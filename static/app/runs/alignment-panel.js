@@ -25,7 +25,7 @@ export class AlignmentPanel extends Part {
   /** Called once a run is aligned anew. @type {() => void} */
   aligned = () => {};
 
-  #heading = h("h3", "Truth");
+  #heading = h("h3", "Ground truth");
   // Its change tells that it is aligned anew.
   #sentence = h("p", { role: "status" });
   #figures = h("dl.figures");
@@ -34,7 +34,7 @@ export class AlignmentPanel extends Part {
   #picker = new TruthPicker();
   #observer = h("select", { id: "align-observer" });
   #camera = new CameraOnBody();
-  #compared = h("div.chips", { role: "group", "aria-label": "Bodies that are compared" });
+  #compared = h("div.chips", { role: "group", "aria-label": "Bodies to compare" });
   #bodies = h("div.stack");
   #align = button("Align", () => this.#alignAnew(), { class: "button primary" });
   #state = h("p.hint", { role: "status" });
@@ -46,9 +46,9 @@ export class AlignmentPanel extends Part {
 
   build() {
     this.#bodies.append(
-      field("The observer is", this.#observer),
+      field("Observer body", this.#observer),
       this.#camera,
-      h("div.named-part", h("span.field-name", "Compared bodies"), this.#compared),
+      h("div.named-part", h("span.field-name", "Bodies to compare"), this.#compared),
     );
     const file = h("div.stack", this.#picker, this.#bodies, h("div.row", this.#align));
     this.#another.append(file);
@@ -90,7 +90,7 @@ export class AlignmentPanel extends Part {
     }
     setText(
       this.#sentence,
-      sentence(chart.sentence ?? (chart.aligned ? "aligned" : "there is no truth to compare with")),
+      sentence(chart.sentence ?? (chart.aligned ? "aligned" : "no ground truth to compare with")),
     );
     setAttribute(this.#sentence, "class", chart.aligned ? "" : "hint");
     const { alignment } = chart;
@@ -117,7 +117,7 @@ export class AlignmentPanel extends Part {
     setAttribute(this.#align, "aria-disabled", file || live ? null : "true");
     const observer = names.find((name) => roles[name] === "observer");
     const choices = names.map((name) => [name, name]);
-    offer(this.#observer, [["", "found out by its motion"], ...choices], observer);
+    offer(this.#observer, [["", "detect from motion"], ...choices], observer);
     this.#compared.replaceChildren(
       ...names.map((name) => {
         const box = h("input", { type: "checkbox", value: name });
@@ -148,7 +148,7 @@ export class AlignmentPanel extends Part {
 
   async #alignAnew() {
     const { file, live } = this.#picker;
-    if (!file && !live) return this.#refuse("Choose a truth file first.");
+    if (!file && !live) return this.#refuse("Choose a ground-truth file first.");
     let camera;
     try {
       camera = this.#camera.place;
@@ -194,10 +194,10 @@ export class AlignmentPanel extends Part {
     const run = this.#chart?.run;
     if (!run || this.#busy) return this.#showMatches();
     this.#setBusy(true);
-    setText(this.#state, "Aligning: the speeds of the whole run are compared…");
+    setText(this.#state, "Aligning: comparing speeds over the whole run…");
     const done = await attemptIn(this.#error, async () => {
       await request("POST", `/runs/${encodeURIComponent(run.id)}/align`, wanted);
-      setText(this.#state, "Aligned; the errors are computed anew…");
+      setText(this.#state, "Aligned. Recomputing the errors…");
       this.hub.tell("runs");
       this.aligned();
     });
@@ -206,7 +206,7 @@ export class AlignmentPanel extends Part {
     setText(this.#state, "");
     this.#showMatches();
     if (this.#chart?.aligned)
-      setText(this.#error, `${this.#error.textContent} The alignment stays as it was.`);
+      setText(this.#error, `${this.#error.textContent} The previous alignment is kept.`);
   }
 }
 
@@ -214,7 +214,7 @@ export class AlignmentPanel extends Part {
 function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time }) {
   const drift =
     time.drift_sigma_ppm === null
-      ? "not told apart"
+      ? "not determined"
       : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
   /** @type {import("../elements/figure-list.js").Figure[]} */
   const figures = [
@@ -222,10 +222,10 @@ function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time })
     ["Clock drift", drift],
     ["Correlation", fixed(time.correlation, 3)],
     ["Overlap", `${fixed(time.overlap_s, 1)} s`],
-    ["Left over", `${fixed(time.residual_mps, 3)} m/s`],
-    ["Positions apart", apart === null ? "not compared" : `${fixed(apart, 2)} m`],
+    ["Residual", `${fixed(time.residual_mps, 3)} m/s`],
+    ["Position residual", apart === null ? "not compared" : `${fixed(apart, 2)} m`],
   ];
-  if (camera) figures.push(["Camera on its body", placeInWords(camera)]);
+  if (camera) figures.push(["Camera on the body", placeInWords(camera)]);
   return figures;
 }
 

@@ -7,24 +7,24 @@ import { fixed } from "../elements/words.js";
 
 /** Key, words, unit, help. @type {[keyof CameraOnBodyFacts, string, string, string][]} */
 const NUMBERS = [
-  ["x_m", "x", "m", "along the body's x"],
-  ["y_m", "y", "m", "along the body's y"],
-  ["z_m", "z", "m", "along the body's z"],
-  ["pan_deg", "Pan", "°", "from the body's x towards its y"],
-  ["tilt_deg", "Tilt", "°", "by which it looks down"],
-  ["roll_deg", "Roll", "°", "right side down"],
+  ["x_m", "x", "m", "along the body's x axis"],
+  ["y_m", "y", "m", "along the body's y axis"],
+  ["z_m", "z", "m", "along the body's z axis"],
+  ["pan_deg", "Pan", "°", "positive from the body's x axis towards its y axis"],
+  ["tilt_deg", "Tilt", "°", "positive when the camera looks down"],
+  ["roll_deg", "Roll", "°", "positive when the right side is lower"],
 ];
 
 export class CameraOnBody extends HTMLElement {
   #inputs = new Map(
     NUMBERS.map(([key]) => [
       key,
-      input("text", `camera-on-body-${key}`, { inputmode: "decimal", placeholder: "found out" }),
+      input("text", `camera-on-body-${key}`, { inputmode: "decimal", placeholder: "estimated" }),
     ]),
   );
-  #fill = button("Fill in what was found", () => this.#write(this.#found));
-  #empty = button("Leave it to be found out", () => this.#write(null));
-  #details = details("Where the camera sits on that body");
+  #fill = button("Fill in the estimate", () => this.#write(this.#found));
+  #empty = button("Estimate automatically", () => this.#write(null));
+  #details = details("Camera on the body");
   /** @type {CameraOnBodyFacts | null} */
   #found = null;
 
@@ -35,7 +35,7 @@ export class CameraOnBody extends HTMLElement {
         "div.stack",
         h(
           "p.hint",
-          "Of the left camera, in the body's axes. Empty: it is found out by the drive, or as the rig says. With all angles 0 it looks along the body's x with the body's z above.",
+          "Pose of the left camera in the body's axes. Leave all fields empty to estimate it from the drive or take it from “Camera on the robot”. With all angles 0, the camera looks along the body's x axis with the body's z axis up.",
         ),
         h(
           "div.rig-fields",
@@ -75,11 +75,11 @@ export class CameraOnBody extends HTMLElement {
     for (const { words, text } of texts) {
       if (text === "")
         throw new RangeError(
-          `The camera on its body lacks ${words}; fill in all six numbers, or none.`,
+          `Camera on the body: ${words} is missing. Fill in all six numbers or none.`,
         );
       if (!Number.isFinite(Number(text)))
         throw new RangeError(
-          `${words} of the camera on its body must be a number, not ${text.slice(0, 40)}.`,
+          `Camera on the body: ${words} must be a number, not ${text.slice(0, 40)}.`,
         );
     }
     return /** @type {CameraOnBodyFacts} */ (

@@ -41,7 +41,7 @@ export class CompareView extends Part {
     this.#chart.show([]);
     this.#table.replaceChildren();
     setText(this.#error, "");
-    setText(this.#waiting, "The speeds are being read from the recordings…");
+    setText(this.#waiting, "Reading the speeds from the recordings…");
     void this.#load();
   }
 
@@ -59,7 +59,7 @@ export class CompareView extends Part {
       );
       if (asked !== this.#asked) return;
       setText(this.#waiting, "");
-      this.named(`${charts.map(({ run }) => run.name).join(" and ")} compared`);
+      this.named(`Compare ${charts.map(({ run }) => run.name).join(" and ")}`);
       this.#chart.show(charts);
       this.#table.replaceChildren(settingsTable(charts));
       this.#again += 1;
@@ -93,10 +93,10 @@ function settingsTable(charts) {
   const rows = [
     ["Source", ({ run }) => run.source],
     ["Started", ({ run }) => when(run.started_at)],
-    ["Lasted", ({ run }) => duration(run.duration_s)],
+    ["Duration", ({ run }) => duration(run.duration_s)],
     ["Frames", ({ run }) => String(run.frames)],
     ["Segments", ({ run }) => String(run.segments)],
-    ["Truth", ({ aligned, sentence }) => sentence ?? (aligned ? "aligned" : "none")],
+    ["Ground truth", ({ aligned, sentence }) => sentence ?? (aligned ? "aligned" : "none")],
     ...differing.map(
       (name) =>
         /** @type {[string, (chart: Chart) => string]} */ ([
@@ -111,7 +111,7 @@ function settingsTable(charts) {
     rows.map(([name, text]) => tableRow(name, ...charts.map(text))),
     differing.length === 0
       ? "All parameters are the same."
-      : "Parameters that differ, and what is known of each run.",
+      : "Run details and parameters that differ.",
   );
 }
 

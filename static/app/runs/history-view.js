@@ -65,7 +65,7 @@ class HistoryView extends Part {
     this.#savedClips.show(view === "list");
     this.#run.show(view === "run" ? (ids[0] ?? "") : null);
     this.#compare.show(view === "compare" ? ids : []);
-    this.#name(view === "compare" ? "Runs compared" : view === "run" ? "Run" : "Runs");
+    this.#name(view === "compare" ? "Compare runs" : view === "run" ? "Run" : "Runs");
     if (!moved) return;
     this.closest("main")?.scrollTo({ top: 0 });
     // The keyboard goes on where the eye does.

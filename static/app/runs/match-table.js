@@ -6,8 +6,8 @@ import { fixed, trackColour } from "../elements/words.js";
 /** @import { AlignmentFacts, ChartCurve } from "../contract" */
 
 /** Ways in which a track's body was found. @type {Record<string, string>} */
-const BY = { position: "by position", speed: "by speed", person: "as you said" };
-const NONE = "none of them";
+const BY = { position: "position", speed: "speed", person: "manual choice" };
+const NONE = "unmatched";
 const MOST_BUTTONS = 5;
 
 export class MatchTable extends HTMLElement {
@@ -31,9 +31,9 @@ export class MatchTable extends HTMLElement {
     this.replaceChildren(
       table(
         "matches",
-        ["Track", "Seen", "Body", "Found"],
+        ["Track", "Visible", "Body", "Matched by"],
         keys.map((key) => this.#row(key, alignment, bodies, curves)),
-        "Which body each track is; choose another to correct it.",
+        "Body matched to each track. Choose another to correct it.",
       ),
     );
     if (focused)
@@ -64,7 +64,7 @@ export class MatchTable extends HTMLElement {
     const first = curve?.times[0];
     const seen =
       curve && first !== undefined ? `${fixed(first, 1)}–${fixed(curve.times.at(-1), 1)} s` : "–";
-    const name = segment > 0 ? `${track} of segment ${segment}` : String(track);
+    const name = segment > 0 ? `${track}, segment ${segment}` : String(track);
     const label = `Body of track ${name}`;
     const distance = match?.distance_m;
     const how = match

@@ -54,7 +54,7 @@ export class RerunForm extends Part {
   #groups = new ParameterGroups("rerun");
   #name = input("text", "rerun-name", { maxlength: 100, placeholder: "optional" });
   #preset = h("select", { id: "rerun-preset" });
-  #search = input("search", "rerun-search", { placeholder: "Find a parameter" });
+  #search = input("search", "rerun-search", { placeholder: "Find parameters" });
   #differing = h("ul.plain-list");
   #differs = h("p.hint", { role: "status" });
   #start = h("button.button.primary", { type: "submit" }, "Re-run");
@@ -79,14 +79,14 @@ export class RerunForm extends Part {
     this.#form.append(
       h(
         "p.hint",
-        "The recording is observed once through, as fast as it goes. What is open now is closed for it, the robots stand meanwhile, and its parameters stay in force.",
+        "The recording is processed once from start to end, as fast as possible. The current source is closed, the robots are stopped during the re-run, and the re-run's parameters stay in force afterwards.",
       ),
-      h("div.rerun-fields", field("Name", this.#name), field("Begin with", this.#preset)),
+      h("div.rerun-fields", field("Name", this.#name), field("Start from", this.#preset)),
       details(
-        "Other parameters",
+        "Change parameters",
         h(
           "div.stack",
-          h("label.visually-hidden", { for: "rerun-search" }, "Find a parameter"),
+          h("label.visually-hidden", { for: "rerun-search" }, "Find parameters"),
           this.#search,
           this.#groups,
         ),
@@ -96,7 +96,7 @@ export class RerunForm extends Part {
       this.#error,
       h("div.row", this.#start),
     );
-    this.append(h("h3", "Run again"), this.#without, this.#form, this.#progress);
+    this.append(h("h3", "Re-run"), this.#without, this.#form, this.#progress);
     onSubmit(this.#form, () => this.#begin());
     this.#preset.addEventListener("change", () => void this.#draft.change(this.#startingValues()));
     this.#search.addEventListener("input", () =>
@@ -116,10 +116,10 @@ export class RerunForm extends Part {
     setText(
       this.#without,
       run.state === "running"
-        ? "Possible once the run has ended."
+        ? "Available when the run has ended."
         : run.rerun_of
-          ? "Its images are in the recording of the run it was made from; observe that one again."
-          : "Its recording holds no images, so it cannot be re-run.",
+          ? "This re-run has no images of its own. Re-run the original run instead."
+          : "The recording has no images, so it cannot be re-run.",
     );
     if (!other) return;
     this.#begun = null;
@@ -136,7 +136,7 @@ export class RerunForm extends Part {
     this.#presets = await request("GET", "/presets").catch(() => []);
     this.#groups.make(this.#schema, this.#draft);
     const presets = this.#presets.map(({ name }) => [name, `preset ${name}`]);
-    offer(this.#preset, [["", "the values of this run"], ...presets], "");
+    offer(this.#preset, [["", "this run's values"], ...presets], "");
     const declared = Object.fromEntries(this.#schema.map((entry) => [entry.name, entry.default]));
     this.#draft.values = {};
     const own = /** @type {typeof declared | undefined} */ (this.#run?.parameters);
@@ -163,7 +163,7 @@ export class RerunForm extends Part {
     setText(
       this.#differs,
       lines.length === 0
-        ? "The same values as in this run."
+        ? "Same values as this run."
         : `${counted(lines.length, "value")} will differ from this run:`,
     );
     fillList(this.#differing, lines);
@@ -198,9 +198,9 @@ export class RerunForm extends Part {
       // Told in tenths, or nobody could listen to it.
       const share =
         frame !== null && frame !== undefined && count
-          ? `, ${Math.floor((10 * (frame + 1)) / count) * 10} % of it done`
+          ? `, ${Math.floor((10 * (frame + 1)) / count) * 10} % done`
           : "";
-      return setText(this.#progress, `${begun.name} is being observed${share}.`);
+      return setText(this.#progress, `${begun.name} is running${share}.`);
     }
     // The status may be older than the beginning of the run.
     if (Date.now() - Date.parse(begun.started_at) < 1500) return;
@@ -208,7 +208,7 @@ export class RerunForm extends Part {
     this.#progress.replaceChildren(
       h("a", { href: runHref(begun.id) }, begun.name),
       " has ended. ",
-      h("a", { href: compareHref([this.#run.id, begun.id]) }, "Compare both side by side"),
+      h("a", { href: compareHref([this.#run.id, begun.id]) }, "Compare both runs"),
     );
   }
 }

@@ -42,8 +42,8 @@ class RunBar extends Part {
   #record = select(
     {
       id: "run-record",
-      "aria-label": "Images in the recording",
-      title: "All else is recorded in any case",
+      "aria-label": "Recorded images",
+      title: "Everything else is always recorded",
     },
     RECORDS,
   );
@@ -62,7 +62,7 @@ class RunBar extends Part {
   build() {
     const form = h(
       "form.row",
-      h("label.visually-hidden", { for: "run-name" }, "Name of the run"),
+      h("label.visually-hidden", { for: "run-name" }, "Run name"),
       this.#name,
       this.#record,
       this.#recording,
@@ -100,7 +100,7 @@ class RunBar extends Part {
     this.#recording.hidden = recording === null;
     if (!recording) return;
     const { images, bytes, dropped, trouble } = recording;
-    const lost = dropped > 0 ? `, ${dropped} lost` : "";
+    const lost = dropped > 0 ? `, ${dropped} dropped` : "";
     setText(
       this.#recording,
       trouble
@@ -111,7 +111,7 @@ class RunBar extends Part {
     setAttribute(
       this.#recording,
       "title",
-      trouble ? sentence(trouble) : dropped > 0 ? "The disk did not keep up." : null,
+      trouble ? sentence(trouble) : dropped > 0 ? "The disk could not keep up." : null,
     );
   }
 
@@ -120,7 +120,7 @@ class RunBar extends Part {
     const before = this.#restarts;
     this.#restarts = restarts;
     if (before === null || restarts <= before) return;
-    notify("The engine had ended and was restarted; what follows is a new segment.", "error");
+    notify("The engine stopped and was restarted. A new segment begins here.", "error");
   }
 
   async #begin() {
@@ -139,7 +139,7 @@ class RunBar extends Part {
     const run = this.hub.status?.run;
     if (!run) return;
     await request("POST", `/runs/${encodeURIComponent(run.id)}/stop`);
-    notify(`Run ${run.name} stopped and kept.`);
+    notify(`Run ${run.name} stopped and saved.`);
     this.hub.tell("runs");
   }
 

@@ -192,7 +192,7 @@ function choiceOf({ kind, role, body }, known) {
 /** Name a curve as the live chart does. @param {ChartCurve} curve */
 function labelOf({ kind, label, track_id }) {
   if (kind === "estimate") return track_id === null ? label : `Obstacle ${track_id}`;
-  return kind === "truth" ? `Truth ${label}` : label;
+  return kind === "truth" ? `Ground truth ${label}` : label;
 }
 
 /** @param {ChartCurve} curve @param {Choice} choice */

@@ -5,9 +5,16 @@ import { fixed, trackColour } from "../elements/words.js";
 
 /** @import { RunChart, SpeedErrorsEntry } from "../contract" */
 
-const COLUMNS = ["samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % band", "seen"];
-const WHAT = `An error is the speed by the observer less the true one at the instant to which it belongs,
-  over the whole run. Seen is the share of the time in which the body moved in sight and was measured.`;
+const COLUMNS = [
+  "samples",
+  "bias, m/s",
+  "RMSE, m/s",
+  "maximum, m/s",
+  "within 95 % interval",
+  "measured",
+];
+const WHAT = `The error is the estimated speed minus the ground-truth speed at the same instant, over the whole
+  run. “Measured” is the share of time with an estimate while the body moved in view.`;
 
 /** @param {RunChart[]} charts @param {boolean} coloured by run, as the chart is @returns {HTMLElement} */
 export function errorSection(charts, coloured) {
@@ -15,11 +22,11 @@ export function errorSection(charts, coloured) {
   const known = charts.some((chart) => chart.errors.some(({ samples }) => samples > 0));
   return h(
     "section.chart-errors",
-    { "aria-label": "Errors of speed" },
-    h("h3", "Errors of speed"),
+    { "aria-label": "Speed errors" },
+    h("h3", "Speed errors"),
     known
       ? h("p.hint", WHAT)
-      : h("p.empty", "No errors can be told: no truth is known at the times of these speeds."),
+      : h("p.empty", "No speed errors: there is no ground truth at the times of these speeds."),
     known
       ? several
         ? comparison(charts, coloured)
@@ -30,8 +37,8 @@ export function errorSection(charts, coloured) {
 
 /** @param {string[]} more headings @param {HTMLElement[]} rows or bodies of rows */
 function errorTable(more, rows) {
-  const of = h("span.visually-hidden", "of");
-  const scrolled = { tabindex: 0, role: "group", "aria-label": "Table of errors" };
+  const of = h("span.visually-hidden", "Group");
+  const scrolled = { tabindex: 0, role: "group", "aria-label": "Table of speed errors" };
   return table("", [of, ...more, ...COLUMNS], rows, undefined, scrolled);
 }
 
@@ -45,7 +52,7 @@ function ofOne(errors) {
     errorTable([], rows(errors.filter(({ group }) => group !== "track"))),
     tracks.length
       ? details(
-          tracks.length === 1 ? "Track details" : `Each of ${tracks.length} tracks`,
+          tracks.length === 1 ? "Track details" : `Details of ${tracks.length} tracks`,
           errorTable([], rows(tracks)),
         )
       : null,
@@ -86,7 +93,7 @@ function comparison(charts, coloured) {
 
 /** @param {SpeedErrorsEntry} each @param {boolean} best */
 function cells(each, best) {
-  const covered = each.coverage === null ? null : `of ${each.covered_of} that state a band`;
+  const covered = each.coverage === null ? null : `of ${each.covered_of} with a 95 % interval`;
   const number = (/** @type {string} */ words, /** @type {Record<string, unknown>} */ more = {}) =>
     h("td", { ...more }, words);
   return [
@@ -94,7 +101,7 @@ function cells(each, best) {
     number(fixed(each.bias_mps, 3)),
     number(fixed(each.rmse_mps, 3), {
       "data-best": best,
-      title: best ? "The smallest of these runs" : null,
+      title: best ? "Smallest of these runs" : null,
     }),
     number(fixed(each.maximum_mps, 3)),
     number(percent(each.coverage), { title: covered }),
@@ -113,7 +120,7 @@ function inWords({ group, label, body }) {
   if (group === "direction")
     return label === "at rest" ? "At rest" : `Moving ${directionInWords(label)}`;
   if (group === "way") return `Driving ${label}`;
-  if (group === "track") return `Track ${label} of ${body ?? "no body"}`;
+  if (group === "track") return body ? `Track ${label} of ${body}` : `Track ${label}, unmatched`;
   return `Body ${label}`;
 }
 

@@ -28,9 +28,9 @@ const PAN = 0.2;
 const ZOOM = 2;
 const REACH = 0.005;
 const LISTED_AT_MOST = 6;
-const READING = "Point at the chart to read values, or use the arrow keys.";
+const READING = "Hover over the chart or use the arrow keys to read values.";
 const KEYS_IN_WORDS =
-  "Arrow keys read values, with Shift they move what is seen; plus and minus zoom; 0 shows all.";
+  "Arrow keys read values, Shift with arrow keys pans, plus and minus zoom, 0 shows all.";
 
 export class ChartPanel {
   #host = h("div.chart", {
@@ -75,7 +75,7 @@ export class ChartPanel {
       ...panel.charts.map((chart) => noteOf(chart, panel.charts.length > 1)),
       ...(panel.curves.length > 0
         ? [this.#host, this.#reading, this.#said, factsOf(panel)]
-        : [h("p.empty", "No speed is known of this run.")]),
+        : [h("p.empty", "No speeds in this run.")]),
     );
   }
 
@@ -126,7 +126,7 @@ export class ChartPanel {
     );
     this.#reading.replaceChildren(
       h("b", `${fixed(time, 2)} s`),
-      ...(values.length ? values : [h("span", "nothing measured")]),
+      ...(values.length ? values : [h("span", "no measurement")]),
     );
   }
 
@@ -193,10 +193,10 @@ function factsOf({ charts, changes, gaps }) {
   return h(
     "ul.chart-facts.hint",
     changed.length
-      ? h("li", { "data-fact": "changes" }, `Identity changes: ${listed(changed)}.`)
+      ? h("li", { "data-fact": "changes" }, `Identity switches: ${listed(changed)}.`)
       : null,
     missing.length
-      ? h("li", { "data-fact": "gaps" }, `Truth is missing: ${listed(missing)}.`)
+      ? h("li", { "data-fact": "gaps" }, `Ground truth missing: ${listed(missing)}.`)
       : null,
   );
 }

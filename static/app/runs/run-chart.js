@@ -44,13 +44,13 @@ export class RunChart extends HTMLElement {
     type: "number",
     step: "any",
     id: `${this.#name}-begin`,
-    "aria-label": "Seen from, seconds",
+    "aria-label": "Visible range from, seconds",
   });
   #end = h("input", {
     type: "number",
     step: "any",
     id: `${this.#name}-end`,
-    "aria-label": "Seen to, seconds",
+    "aria-label": "Visible range to, seconds",
   });
   #layout = h("fieldset.chips", { hidden: true });
   #clock = h("span.hint");
@@ -107,8 +107,8 @@ export class RunChart extends HTMLElement {
       "aria-label": "Zoom in",
       title: "Zoom in",
     });
-    const all = button("All", () => this.#zoom(...this.#extent), {
-      title: "Show all (double click)",
+    const all = button("Show all", () => this.#zoom(...this.#extent), {
+      title: "Show all (double-click)",
     });
     this.#begin.addEventListener("change", () =>
       this.#typed(this.#begin.valueAsNumber, this.#range[1]),
@@ -117,7 +117,7 @@ export class RunChart extends HTMLElement {
       this.#typed(this.#range[0], this.#end.valueAsNumber),
     );
     this.#layout.append(
-      h("legend.visually-hidden", "How runs are compared"),
+      h("legend.visually-hidden", "Comparison layout"),
       ...["Side by side", "Overlaid"].map((words, at) => {
         const input = h("input", {
           type: "radio",
@@ -188,8 +188,8 @@ export class RunChart extends HTMLElement {
     setText(
       this.#clock,
       sameRecording(this.#charts)
-        ? "m/s over seconds on the source's clock. Drag over a stretch to zoom in, double click for all."
-        : "m/s over seconds since each run's beginning. Drag over a stretch to zoom in, double click for all.",
+        ? "Speed in m/s over source time in s. Drag to zoom in, double-click to show all."
+        : "Speed in m/s over time in s since the start of each run. Drag to zoom in, double-click to show all.",
     );
     this.#renderLegend();
     this.#draw();

@@ -23,30 +23,30 @@ const FILES = [
     "report",
     "html",
     "Report",
-    "One page with the paper's figures redone from this run, its errors, parameters and calibration.",
+    "One page with the paper's figures for this run, its errors, parameters and calibration.",
   ],
   [
     "export?format=zip",
     "zip",
     "Everything, ZIP",
-    "Tables, video and cloud with a README of the columns.",
+    "Tables, video and point cloud, with a README that explains the columns.",
   ],
-  ["export?format=csv", "csv", "Table, CSV", "The table that is chosen below."],
-  ["export?format=parquet", "parquet", "Table, Parquet", "The same for pandas and Polars."],
-  ["export?format=mp4", "mp4", "Video, MP4", "The left image with what was found."],
-  ["export?format=ply", "ply", "Point cloud, PLY", "Of the first recorded frame."],
+  ["export?format=csv", "csv", "Table, CSV", "The table selected below."],
+  ["export?format=parquet", "parquet", "Table, Parquet", "The same table for pandas and Polars."],
+  ["export?format=mp4", "mp4", "Video, MP4", "The left image with tracks drawn on it."],
+  ["export?format=ply", "ply", "Point cloud, PLY", "The first recorded frame."],
   ["export?format=ros2", "ros2.zip", "ROS 2 bag, ZIP", "For ros2 bag play."],
 ];
 
 /** @type {[string, string][]} */
 const TABLES = [
   ["obstacles", "every obstacle in every frame"],
-  ["frames", "frames and the camera's motion"],
-  ["truth", "true motion"],
-  ["matched_truth", "truth beside what was seen of it"],
-  ["odometry", "the robots' odometry"],
-  ["robots", "what the robots were told and did"],
-  ["parameters", "parameters and their changes"],
+  ["frames", "frames and camera motion"],
+  ["truth", "ground truth"],
+  ["matched_truth", "ground truth with matched estimates"],
+  ["odometry", "robot odometry"],
+  ["robots", "robot commands and telemetry"],
+  ["parameters", "parameters and changes"],
 ];
 
 export class RunFiles extends Part {
@@ -73,11 +73,11 @@ export class RunFiles extends Part {
       this.#list.append(h("li", make, h("span.hint", { id: `file-${ending}` }, help)));
     }
     this.#more.append(
-      field("Table of CSV and Parquet", this.#table),
-      h("p", this.#open, h("span.hint", " (up to a minute)")),
+      field("Table for CSV and Parquet", this.#table),
+      h("p", this.#open, h("span.hint", " (can take up to a minute)")),
     );
     this.append(
-      h("h3", "Report and files"),
+      h("h3", "Report and export"),
       this.#without,
       this.#list,
       this.#more,
@@ -103,15 +103,15 @@ export class RunFiles extends Part {
     setText(
       this.#without,
       run.state === "running"
-        ? "Made from the recording once the run has ended."
-        : "It has no recording to make them from.",
+        ? "Available when the run has ended."
+        : "This run has no recording to export.",
     );
     this.#recording.hidden = !recorded;
     setAttribute(this.#recording, "href", `${path}/recording`);
     setAttribute(
       this.#recording,
       "title",
-      `${run.recording_bytes === null ? "" : `${size(run.recording_bytes)}; `}opens in Foxglove and Lichtblick, and as a source`,
+      `${run.recording_bytes === null ? "" : `${size(run.recording_bytes)}; `}opens in Foxglove and Lichtblick, or as a source`,
     );
     setAttribute(this.#speeds, "href", `${path}/speeds?format=csv`);
   }
@@ -127,13 +127,13 @@ export class RunFiles extends Part {
     const run = this.#run;
     if (!run) return;
     if (this.#making)
-      return setText(this.#error, "Something is being made already; wait for it or cancel it.");
+      return setText(this.#error, "Another export is in progress. Wait for it or cancel it.");
     const table = ["csv", "parquet"].includes(ending) ? this.#table.value : "";
     const making = new AbortController();
     this.#making = making;
     this.#cancel.hidden = false;
     setText(this.#error, "");
-    setText(this.#state, `${words} is being made…`);
+    setText(this.#state, `Exporting ${words}…`);
     let end = "";
     try {
       const { blob } = await requestImage(
@@ -142,9 +142,9 @@ export class RunFiles extends Part {
       );
       const name = `${run.name}${table ? ` ${table}` : ""}.${ending}`;
       download(blob, name.replace(/[\\/:]/g, "_"));
-      end = `${words} is made: ${size(blob.size)}.`;
+      end = `${words} exported: ${size(blob.size)}.`;
     } catch (error) {
-      if (making.signal.aborted) end = `${words} was cancelled.`;
+      if (making.signal.aborted) end = `${words} cancelled.`;
       else if (error instanceof ApiError) setText(this.#error, error.message);
       else throw error;
     } finally {

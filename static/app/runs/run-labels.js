@@ -23,7 +23,7 @@ export class RunLabels extends Part {
   #add = input("text", "run-label-tag", {
     list: "run-label-tags",
     maxlength: 300,
-    placeholder: "Add a tag",
+    placeholder: "Add tag",
   });
   #known = h("datalist", { id: "run-label-tags" });
   #state = h("p.hint", { role: "status" });
@@ -34,7 +34,7 @@ export class RunLabels extends Part {
   build() {
     const form = h(
       "form.row.tag-form",
-      h("label.visually-hidden", { for: "run-label-tag" }, "Add a tag"),
+      h("label.visually-hidden", { for: "run-label-tag" }, "Add tag"),
       this.#add,
       this.#known,
       h("button.button", { type: "submit" }, "Add"),

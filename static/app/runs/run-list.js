@@ -23,10 +23,10 @@ class RunList extends Part {
   );
   #empty = h(
     "p.empty",
-    "No run yet. Start one at the top of the page; it is recorded and listed here.",
+    "No runs yet. Start a run at the top of the page to record it and list it here.",
   );
   #history = h("a.button.primary", { href: "#history" }, "All runs");
-  #save = button("Save the last half minute", () => this.#saveClip(), {
+  #save = button("Save last 30 s", () => this.#saveClip(), {
     "aria-describedby": "save-clip-help",
   });
   /** @type {string | null} */
@@ -39,9 +39,9 @@ class RunList extends Part {
       h(
         "p.hint",
         { id: "save-clip-help" },
-        "Half a minute back is at hand of live cameras and of every run; it is also saved when the guard stops a robot.",
+        "The last 30 s are buffered with live cameras and during every run. They are also saved when the guard stops a robot.",
       ),
-      h("h3", "Newest"),
+      h("h3", "Recent runs"),
       this.#empty,
       this.#list,
     );

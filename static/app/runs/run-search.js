@@ -26,7 +26,7 @@ const MOST_COMPARED = 4;
 
 export class RunSearch extends Part {
   #words = input("search", "history-words", { placeholder: "Name, note or tag" });
-  #tags = h("div.chips", { role: "group", "aria-label": "Only runs with these tags" });
+  #tags = h("div.chips", { role: "group", "aria-label": "Filter by tag" });
   #chips = new KeptList(
     this.#tags,
     (/** @type {[string, number]} */ tag) => this.#tag(...tag),
@@ -65,7 +65,7 @@ export class RunSearch extends Part {
         "div.history-tools",
         h("label.visually-hidden", { for: "history-words" }, "Find runs"),
         this.#words,
-        h("label.check", this.#deleted, "Deleted"),
+        h("label.check", this.#deleted, "Show deleted"),
         this.#compare,
       ),
       this.#tags,
@@ -124,16 +124,16 @@ export class RunSearch extends Part {
     setText(this.#found, searched ? `${counted(total, there)} found` : counted(total, there));
     setText(
       this.#disk,
-      `The data folder takes ${size(disk.used_bytes)}; ${size(disk.free_bytes)} are free.`,
+      `Data folder: ${size(disk.used_bytes)} used, ${size(disk.free_bytes)} free.`,
     );
     this.#empty.hidden = total > 0;
     setText(
       this.#empty,
       searched
-        ? "No run is like that."
+        ? "No matching runs."
         : this.#deleted.checked
-          ? `Nothing was deleted within the last ${counted(Math.round(days), "day")}.`
-          : "No run yet. Start one at the top of the page; it is recorded and listed here.",
+          ? `No runs deleted in the last ${counted(Math.round(days), "day")}.`
+          : "No runs yet. Start a run at the top of the page to record it and list it here.",
     );
     // A tag that no run bears any more can still be taken out of the question.
     const known = { ...Object.fromEntries([...this.#wantedTags].map((tag) => [tag, 0])), ...tags };
@@ -167,7 +167,7 @@ export class RunSearch extends Part {
   #row(run) {
     const choose = h("input", {
       type: "checkbox",
-      "aria-label": `Choose run ${run.name} to compare`,
+      "aria-label": `Select run ${run.name} to compare`,
       "data-run": run.id,
     });
     choose.checked = this.#chosen.has(run.id);
@@ -185,7 +185,7 @@ export class RunSearch extends Part {
           "p.run-line",
           run.deleted_at ? h("b", run.name) : h("a", { href: runHref(run.id) }, run.name),
           stateChip(run.state),
-          run.aligned ? h("span.mark-chip", "aligned with truth") : null,
+          run.aligned ? h("span.mark-chip", "ground truth") : null,
           run.rerun_of ? h("span.mark-chip", "re-run") : null,
           ...run.tags.map((tag) => h("span.tag-chip.plain", tag)),
         ),
@@ -195,13 +195,13 @@ export class RunSearch extends Part {
         run.deleted_at
           ? h(
               "p.hint",
-              `Deleted ${when(run.deleted_at)}; gone for good ${counted(Math.round(this.#undoDays), "day")} later.`,
+              `Deleted ${when(run.deleted_at)}. You can restore it for ${counted(Math.round(this.#undoDays), "day")} after that.`,
             )
           : null,
       ),
       run.deleted_at
-        ? button([icon("undo"), "Bring back"], () => recover(this.hub, run), {
-            "aria-label": `Bring back run ${run.name}`,
+        ? button([icon("undo"), "Restore"], () => recover(this.hub, run), {
+            "aria-label": `Restore run ${run.name}`,
           })
         : iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
             disabled: run.state === "running",
@@ -226,14 +226,14 @@ export class RunSearch extends Part {
     setAttribute(
       this.#compare,
       "title",
-      possible ? [...this.#chosen.values()].join(", ") : `Choose two to ${MOST_COMPARED} runs.`,
+      possible ? [...this.#chosen.values()].join(", ") : `Select 2 to ${MOST_COMPARED} runs.`,
     );
   }
 
   #goCompare() {
     const count = this.#chosen.size;
     if (count < 2 || count > MOST_COMPARED)
-      return notify(`Choose two to ${MOST_COMPARED} runs by the boxes before their names.`);
+      return notify(`Select 2 to ${MOST_COMPARED} runs with the checkboxes beside their names.`);
     location.hash = compareHref([...this.#chosen.keys()]);
   }
 }
@@ -260,7 +260,7 @@ export async function removeRun(hub, run) {
 async function recover(hub, run) {
   await attempt(async () => {
     await request("POST", `/runs/${encodeURIComponent(run.id)}/recover`);
-    notify(`Run ${run.name} is back.`);
+    notify(`Run ${run.name} restored.`);
   });
   hub.tell("runs");
 }

@@ -26,7 +26,7 @@ export class RunView extends Part {
   #facts = h("p.hint");
   #state = h("span.state-chip");
   #reason = h("p.hint");
-  #original = h("a", "Compare with the run it was made from");
+  #original = h("a", "Compare with the original run");
   #play = button([icon("play"), "Play recording"], () => this.#open());
   #remove = button([icon("trash"), "Delete run"], () => this.#delete());
   #error = h("p.field-error", { role: "alert" });
@@ -103,8 +103,7 @@ export class RunView extends Part {
       const run = await request("GET", path);
       if (asked !== this.#asked) return;
       this.#takeRun(run);
-      if (this.#shown !== id)
-        setText(this.#waiting, "The speeds are being read from the recording…");
+      if (this.#shown !== id) setText(this.#waiting, "Reading the speeds from the recording…");
       /** @type {Chart} */
       const chart = await request("GET", `${path}/chart`);
       if (asked !== this.#asked) return;
@@ -156,7 +155,7 @@ export class RunView extends Part {
     this.#play.setAttribute("aria-disabled", "true");
     await attempt(async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
-      notify(`The recording of ${run.name} is open and plays.`);
+      notify(`Playing the recording of ${run.name}.`);
       this.left();
     });
     this.#play.removeAttribute("aria-disabled");
@@ -172,7 +171,7 @@ function settingsOf(run) {
   const { preset, calibration_id: calibration, record, versions, parameters } = run;
   /** @type {[string, string][]} */
   const lines = [
-    ["Preset", preset ?? "own values"],
+    ["Preset", preset ?? "custom values"],
     ["Calibration", calibration ? calibration.slice(0, 12) : "the source's own"],
     ["Recorded images", record ?? "no recording"],
     ...Object.entries(versions),
@@ -183,7 +182,7 @@ function settingsOf(run) {
       [],
       rows.map(([name, value]) => tableRow(name, String(value))),
     );
-  return details("Settings of this run", listed(lines), listed(Object.entries(parameters)));
+  return details("Run settings", listed(lines), listed(Object.entries(parameters)));
 }
 
 customElements.define("observer-run", RunView);

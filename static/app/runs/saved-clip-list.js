@@ -14,7 +14,7 @@ export class SavedClipList extends Part {
   /** Called once one of them is open as a source. @type {() => void} */
   left = () => {};
 
-  #heading = h("h3", { tabindex: "-1" }, "Saved half minutes");
+  #heading = h("h3", { tabindex: "-1" }, "Saved clips");
   #list = h("ul.item-list");
   #items = new KeptList(
     this.#list,
@@ -50,24 +50,29 @@ export class SavedClipList extends Part {
     const { name, run_id: run, bytes } = clip;
     const at = when(clip.saved_at);
     const play = button([icon("play"), "Play"], () => this.#open(clip), {
-      "aria-label": `Play the half minute until ${at}`,
+      "aria-label": `Play the clip that ends at ${at}`,
     });
     const remove = iconButton(
       "trash",
-      `Delete the half minute until ${at}`,
+      `Delete the clip that ends at ${at}`,
       () => this.#delete(clip),
       { title: "Delete" },
     );
     return item(
       [
-        h("p", `Until ${at}`),
-        h("p.hint", size(bytes), run && ", ", run && h("a", { href: runHref(run) }, "of this run")),
+        h("p", `Ends at ${at}`),
+        h(
+          "p.hint",
+          size(bytes),
+          run && ", ",
+          run && h("a", { href: runHref(run) }, "from this run"),
+        ),
       ],
       play,
       downloadLink("MCAP", {
         href: `/api/recording/rings/${encodeURIComponent(name)}`,
         download: `${name}.mcap`,
-        "aria-label": `Download the half minute until ${at}`,
+        "aria-label": `Download the clip that ends at ${at}`,
       }),
       remove,
     );
@@ -77,7 +82,7 @@ export class SavedClipList extends Part {
   async #open(clip) {
     await attempt(async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: clip.source }));
-      notify(`The half minute until ${when(clip.saved_at)} is open and plays.`);
+      notify(`Playing the clip that ends at ${when(clip.saved_at)}.`);
       this.left();
     });
   }
@@ -85,9 +90,9 @@ export class SavedClipList extends Part {
   /** @param {RingEntry} clip */
   async #delete(clip) {
     const sure = await confirmed(
-      `Delete the half minute until ${when(clip.saved_at)}?`,
-      "It cannot be had back.",
-      "Delete half minute",
+      `Delete the clip that ends at ${when(clip.saved_at)}?`,
+      "You cannot undo this.",
+      "Delete clip",
     );
     if (!sure) return;
     await attempt(() => request("DELETE", `/recording/rings/${encodeURIComponent(clip.name)}`));

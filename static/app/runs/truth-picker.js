@@ -35,16 +35,16 @@ export class TruthPicker extends Part {
     min: 1,
     max: 10000,
     step: "any",
-    placeholder: "as the file says",
+    placeholder: "from the file",
   });
   #select = h("select", { id: "truth-select" });
-  #remove = iconButton("trash", "Delete this truth file", () => this.#delete());
+  #remove = iconButton("trash", "Delete ground-truth file", () => this.#delete());
   #choice = h("div.field");
   #sending = h("p.hint", { role: "status" });
   #error = h("p.field-error", { id: "truth-error", role: "alert" });
   #angles = h("div.row", {
     role: "group",
-    "aria-label": "How the angles are meant",
+    "aria-label": "Angle convention",
     hidden: true,
   });
   #understood = h("div.stack.understood");
@@ -56,20 +56,18 @@ export class TruthPicker extends Part {
 
   build() {
     this.#choice.append(
-      h("label", { for: "truth-select" }, "Truth"),
+      h("label", { for: "truth-select" }, "Ground truth"),
       h("div.row", this.#select, this.#remove),
     );
-    const helical = button("Helical, as Tracker writes them", () =>
-      this.#send(this.#unclear, "helical"),
-    );
+    const helical = button("Helical (Vicon Tracker)", () => this.#send(this.#unclear, "helical"));
     const euler = button("Euler angles XYZ", () => this.#send(this.#unclear, "euler_xyz"));
     this.#angles.append(helical, euler);
     const drop = dropZone(
       this.#file,
-      "Choose a file of motion capture, or drop it here",
-      "Vicon Tracker, Nexus, OptiTrack Motive, C3D, EuRoC, TUM, or plain CSV with t,x,y,z in seconds and metres; recognised by content.",
+      "Choose a motion-capture file, or drop it here",
+      "Vicon Tracker, Nexus, OptiTrack Motive, C3D, EuRoC, TUM, or plain CSV with t,x,y,z in seconds and metres; the format is detected automatically.",
       ([file]) => this.#send(file ?? null),
-      details("Where the file tells no rate", field("Rate, Hz", this.#rate)),
+      details("Sample rate, if the file has none", field("Sample rate, Hz", this.#rate)),
       this.#error,
       this.#angles,
       this.#sending,
@@ -102,8 +100,8 @@ export class TruthPicker extends Part {
     offer(
       this.#select,
       [
-        ["", "Choose one, or send one in below"],
-        [LIVE, "What was received live with the run"],
+        ["", "Choose a file, or upload one below"],
+        [LIVE, "Motion capture received during the run"],
         ...all.map((file) => [file.id, `${file.name} (${when(file.created_at)})`]),
       ],
       id,
@@ -152,8 +150,8 @@ export class TruthPicker extends Part {
     if (
       !file ||
       !(await confirmed(
-        `Delete ${file.name}?`,
-        "Runs that were aligned with it keep their results.",
+        `Delete ground-truth file ${file.name}?`,
+        "You cannot undo this. Runs that were aligned with it keep their results.",
         "Delete file",
       ))
     )
@@ -170,7 +168,7 @@ export class TruthPicker extends Part {
  */
 function naming(message, name) {
   const named = message.toLowerCase().startsWith(name.toLowerCase());
-  return named ? `${name}${message.slice(name.length)}` : `${name} was not taken: ${message}`;
+  return named ? `${name}${message.slice(name.length)}` : `${name} not imported: ${message}`;
 }
 
 /**
@@ -187,14 +185,14 @@ function understood({ format, info }) {
     counted(bodies.length, "body").replace("bodys", "bodies"),
   ];
   return [
-    h("p", "Understood as ", h("b", facts.filter(Boolean).join(", ")), "."),
+    h("p", "Read as ", h("b", facts.filter(Boolean).join(", ")), "."),
     table(
       "",
-      ["Body", "Turns", "Samples", "Gaps", "Reaches over, m", "Fastest, m/s"],
+      ["Body", "Orientation", "Samples", "Gaps", "Extent, m", "Max speed, m/s"],
       bodies.map((body) =>
         tableRow(
           body.name,
-          body.has_orientation ? "known" : "not known",
+          body.has_orientation ? "known" : "unknown",
           body.samples === body.seen ? body.samples : `${body.seen} of ${body.samples}`,
           body.gaps,
           body.extent_m ? body.extent_m.map((metres) => fixed(metres, 2)).join(" × ") : "–",
@@ -202,7 +200,7 @@ function understood({ format, info }) {
         ),
       ),
       undefined,
-      { role: "region", "aria-label": "What the file holds", tabindex: "0" },
+      { role: "region", "aria-label": "File contents", tabindex: "0" },
     ),
     ...(notes.length > 0
       ? [h("ul.plain-list", ...notes.map((note) => h("li", sentence(note))))]

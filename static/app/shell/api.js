@@ -69,7 +69,7 @@ async function send(method, path, body, signal) {
   try {
     response = await fetch(`/api${path}`, options);
   } catch {
-    throw new ApiError("The server does not answer; try again once it is back.", 0);
+    throw new ApiError("The server is not responding. Try again when it is back.", 0);
   }
   if (response.ok) return response;
   if (response.status === 401) toSignIn();
@@ -94,5 +94,9 @@ function refusal(status, body) {
     }
   }
   const first = Object.values(fields)[0];
-  return new ApiError(sentence(first ?? `The server refused this (${status}).`), status, fields);
+  return new ApiError(
+    sentence(first ?? `The server refused the request (${status}).`),
+    status,
+    fields,
+  );
 }

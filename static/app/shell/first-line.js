@@ -62,15 +62,11 @@ class FirstLine extends Part {
           source.spec,
           `${source.width} × ${source.height} at ${Number(source.frame_rate.toFixed(1))} fps`,
           calibration && !calibrating ? `calibration ${calibration.name}` : null,
-          calibrating ? null : status.has_truth ? "with truth" : "without truth",
+          calibrating ? null : status.has_truth ? "with ground truth" : "no ground truth",
           this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
-          run
-            ? `kept as run ${run.name}`
-            : calibrating
-              ? "nothing is observed meanwhile"
-              : "preview, nothing is kept",
+          run ? `run ${run.name}` : calibrating ? "observation paused" : "preview, not recorded",
         ]
-      : ["No source is open; choose one under Source."];
+      : ["No source is open. Choose one under Source."];
     setText(this.#context, words.filter(Boolean).join(" · "));
   }
 }

@@ -26,7 +26,7 @@ class FreshnessBanner extends Part {
   #renderAge() {
     const { state, age_s } = this.hub.freshness;
     const known = state === "stale" && age_s > 0;
-    setText(this.#age, known ? `What you see is ${age_s.toFixed(0)} s old.` : "");
+    setText(this.#age, known ? `The data shown is ${age_s.toFixed(0)} s old.` : "");
   }
 }
 

@@ -152,12 +152,12 @@ export function judge(connection, status, beat, now) {
   const age_s = beat && beat.age_s !== null ? beat.age_s + silent_s : 0;
   if (connection !== "open") {
     return status
-      ? { state: "stale", age_s, reason: "Connection to the server lost, reconnecting." }
+      ? { state: "stale", age_s, reason: "Connection to the server lost. Reconnecting." }
       : { state: "none", age_s, reason: "Connecting to the server." };
   }
   if (!status) return { state: "none", age_s, reason: "Connecting to the server." };
   if (silent_s > STALE_AFTER_S) {
-    return { state: "stale", age_s, reason: "The server has gone silent, waiting for it." };
+    return { state: "stale", age_s, reason: "The server is not responding. Waiting for it." };
   }
   const { engine, playback } = status;
   if (!["idle", "preview", "running", "calibrating"].includes(engine.state)) {
@@ -165,7 +165,7 @@ export function judge(connection, status, beat, now) {
   }
   if (!status.source) return { state: "none", age_s, reason: "No source is open." };
   if (engine.state === "calibrating")
-    return { state: "none", age_s, reason: "The cameras are being calibrated." };
+    return { state: "none", age_s, reason: "Calibration in progress." };
   const trouble = status.live?.trouble;
   if (trouble) return { state: "stale", age_s, reason: sentence(trouble) };
   const seen = beat !== null && beat.age_s !== null;
@@ -178,5 +178,5 @@ export function judge(connection, status, beat, now) {
       reason: playback.frame === null ? "Paused." : `Paused at frame ${playback.frame}.`,
     };
   if (!seen) return { state: "none", age_s, reason: "Waiting for the first frame." };
-  return { state: "stale", age_s, reason: "No new frame arrives." };
+  return { state: "stale", age_s, reason: "No new frames are arriving." };
 }

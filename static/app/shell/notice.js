@@ -22,7 +22,7 @@ export function notify(text, kind = "done", offer) {
   });
   const close = button(icon("close"), () => notice.remove(), {
     class: "quiet",
-    "aria-label": "Close this message",
+    "aria-label": "Dismiss message",
   });
   const taken = () => {
     notice.remove();
@@ -130,7 +130,7 @@ export async function confirmed(question, consequence, action) {
     "question",
     question,
     [h("p", consequence)],
-    h("button.button", { value: "no" }, "Keep"),
+    h("button.button", { value: "no" }, "Cancel"),
     h("button.button.danger", { value: "yes" }, action),
   );
   return answer === "yes";
@@ -150,8 +150,8 @@ export async function answered(question, label, first) {
     "question",
     question,
     [field(label, line)],
-    h("button.button.primary", { value: "yes" }, "Take it"),
-    h("button.button", { value: "no", formnovalidate: true }, "Leave"),
+    h("button.button.primary", { value: "yes" }, "Save"),
+    h("button.button", { value: "no", formnovalidate: true }, "Cancel"),
   );
   line.select();
   return (await closed) === "yes" ? line.value.trim() : null;

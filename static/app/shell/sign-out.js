@@ -20,8 +20,14 @@ class SignOut extends HTMLElement {
       "question",
       "Sign out?",
       [
-        h("p", "This browser will need the token to sign in again. A robot it is driving stops."),
-        h("p.hint", "Everywhere: all other browsers, too, and the robots they are driving stop."),
+        h(
+          "p",
+          "You need the token to sign in again in this browser. A robot that it is driving stops.",
+        ),
+        h(
+          "p.hint",
+          "“Sign out everywhere” also signs out all other browsers, and the robots that they are driving stop.",
+        ),
       ],
       h("button.button", { value: "" }, "Cancel"),
       h("button.button", { value: "everywhere" }, "Sign out everywhere"),

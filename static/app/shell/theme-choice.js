@@ -5,9 +5,9 @@ import { h, icon } from "../elements/dom.js";
 const KEY = "dynamic-observer.theme";
 /** @type {{value: "auto" | "light" | "dark", label: string, icon: "auto" | "sun" | "moon"}[]} */
 const CHOICES = [
-  { value: "auto", label: "Colours as the system has them", icon: "auto" },
-  { value: "light", label: "Light colours", icon: "sun" },
-  { value: "dark", label: "Dark colours", icon: "moon" },
+  { value: "auto", label: "System theme", icon: "auto" },
+  { value: "light", label: "Light theme", icon: "sun" },
+  { value: "dark", label: "Dark theme", icon: "moon" },
 ];
 
 class ThemeChoice extends HTMLElement {
@@ -18,7 +18,7 @@ class ThemeChoice extends HTMLElement {
     this.append(
       h(
         "fieldset.segmented",
-        h("legend.visually-hidden", "Colours"),
+        h("legend.visually-hidden", "Theme"),
         ...CHOICES.map((choice) => {
           const input = h("input", { type: "radio", name: "theme", value: choice.value });
           input.checked = choice.value === chosen;

@@ -22,7 +22,7 @@ const SETTINGS = [
   ["exposure", "Exposure, 100 µs", "auto, or a number such as 156"],
   ["gain", "Gain", "auto or a number"],
   ["white_balance", "White balance, K", "auto, or a number such as 4600"],
-  ["focus", "Focus", "auto or a number; a calibration holds for one focus"],
+  ["focus", "Focus", "auto or a number; a calibration is valid for one focus setting"],
 ];
 
 export class CameraPicker extends Part {
@@ -34,16 +34,16 @@ export class CameraPicker extends Part {
   #right = h("select", { id: "camera-right" });
   #mode = h("select", { id: "camera-mode" });
   #line = select({ id: "camera-line" }, [
-    ["", "As it is"],
+    ["", "Unchanged"],
     ["50", "50 Hz"],
     ["60", "60 Hz"],
     ["auto", "Automatic"],
   ]);
   #settings = new Map(
-    SETTINGS.map(([key]) => [key, input("text", `camera-${key}`, { placeholder: "as it is" })]),
+    SETTINGS.map(([key]) => [key, input("text", `camera-${key}`, { placeholder: "unchanged" })]),
   );
   #form = h("form.stack", { hidden: true });
-  #again = button("Look again", () => this.#load());
+  #again = button("Find cameras", () => this.#load());
   #troubles = h("ul.plain-list.warnings");
   /** @type {VideoDevice[]} */
   #cameras = [];
@@ -62,19 +62,19 @@ export class CameraPicker extends Part {
           "div.stack",
           h(
             "p.hint",
-            "A number switches the automatic off and locks it. Both cameras get the same.",
+            "A number turns off automatic control and locks the value. It applies to both cameras.",
           ),
           ...SETTINGS.map(([key, words, help]) => {
             const input = this.#settings.get(key);
             return input ? field(words, input, help) : null;
           }),
-          field("Mains frequency of the light", this.#line),
+          field("Mains frequency, to avoid flicker", this.#line),
         ),
       ),
       h("div.row", use),
     );
     this.append(
-      h("h3", "Plugged in"),
+      h("h3", "Connected cameras"),
       this.#words,
       this.#troubles,
       this.#form,
@@ -97,10 +97,10 @@ export class CameraPicker extends Part {
     setText(
       this.#words,
       count === 0
-        ? "No camera that can be used is plugged into the server's machine."
+        ? "No usable camera is connected to the server."
         : count === 1
-          ? "One camera is plugged in; it can be used if it shows both images side by side."
-          : `${count} cameras are plugged in.`,
+          ? "One camera is connected. It works only if it delivers both images side by side."
+          : `${count} cameras are connected.`,
     );
     const troubles = cameras.flatMap((camera) => camera.trouble ?? []);
     fillList(this.#troubles, [...troubles, ...hints]);
@@ -111,7 +111,7 @@ export class CameraPicker extends Part {
       nameOf(each),
       `${each.path}: ${each.card ?? "camera"}`,
     ]);
-    const choices = [...named, ["", "None: the left one shows both images"]];
+    const choices = [...named, ["", "None: the left camera delivers both images"]];
     offer(this.#left, named);
     offer(this.#right, choices, known ? this.#right.value : null, choices[Math.min(1, count)]?.[0]);
     this.#renderModes(known ? this.#mode.value : null);
@@ -127,12 +127,12 @@ export class CameraPicker extends Part {
         format: pixel_format,
         ...(rate ? { rate: String(rate) } : {}),
       });
-      const words = `${width} × ${height}, ${pixel_format}${rate ? `, ${rate} images/s` : ""}`;
+      const words = `${width} × ${height}, ${pixel_format}${rate ? `, ${rate} fps` : ""}`;
       return [value.toString(), words];
     });
     // Compressed images of the usual size are what two cameras on one port can carry.
     const usual = modes.find(([, words]) => words?.startsWith("640 × 480, MJPG"));
-    offer(this.#mode, [["", "As it is"], ...modes], chosen, usual?.[0]);
+    offer(this.#mode, [["", "Unchanged"], ...modes], chosen, usual?.[0]);
   }
 
   #spec() {

@@ -21,7 +21,7 @@ import { notify, oneAtATime, refuse } from "../shell/notice.js";
 /** @type {Record<string, [string, string]>} words and colour of the chip */
 const STATES = {
   connecting: ["connecting", "connecting"],
-  waiting: ["no body is seen", "connecting"],
+  waiting: ["no body visible", "connecting"],
   receiving: ["receiving", "running"],
 };
 
@@ -57,9 +57,9 @@ class LiveTruthForm extends Part {
       "form.stack",
       { novalidate: true },
       field(
-        "Listen to",
+        "Motion-capture stream",
         this.#spec,
-        "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is aligned while both move, and recorded with every run.",
+        "vrpn:HOST for a VRPN server such as Vicon Tracker's, vicon-udp:51001 for its UDP object stream. It is time-aligned while the robots move, and recorded with every run.",
         this.#error,
       ),
       h("div.row", this.#listen, this.#stop),
@@ -69,8 +69,8 @@ class LiveTruthForm extends Part {
       this.#trouble,
       this.#sentence,
       this.#clock,
-      field("The observer is", this.#observer),
-      h("div.named-part", h("span.field-name", "Compared bodies"), this.#list),
+      field("Observer body", this.#observer),
+      h("div.named-part", h("span.field-name", "Bodies to compare"), this.#list),
     );
     this.append(h("h3", "Live motion capture"), form, this.#heard);
     onSubmit(form, () => this.#begin());
@@ -109,10 +109,7 @@ class LiveTruthForm extends Part {
     ].sort();
     if (names.join("\n") !== this.#names) {
       this.#names = names.join("\n");
-      offer(this.#observer, [
-        ["", "found out by its motion"],
-        ...names.map((name) => [name, name]),
-      ]);
+      offer(this.#observer, [["", "detect from motion"], ...names.map((name) => [name, name])]);
     }
     if (document.activeElement !== this.#observer) this.#observer.value = observer ?? "";
     this.#bodies.show(names, (name) => name);
@@ -124,7 +121,7 @@ class LiveTruthForm extends Part {
       if (rate)
         setText(
           rate,
-          [body?.role, body ? rateInWords(body.rate_hz) : "not seen"].filter(Boolean).join(", "),
+          [body?.role, body ? rateInWords(body.rate_hz) : "not visible"].filter(Boolean).join(", "),
         );
     }
   }
@@ -140,13 +137,13 @@ class LiveTruthForm extends Part {
 
   async #begin() {
     const spec = this.#spec.value.trim();
-    if (!spec) return refuse(this.#error, "Say where it comes from, as in vrpn:192.168.0.5.");
+    if (!spec) return refuse(this.#error, "Enter a stream address, for example vrpn:192.168.0.5.");
     await this.#put({ spec, observer: null, ignore: [] }, this.#listen, "Connecting…");
   }
 
   async #end() {
     if (await this.#put({ spec: null, observer: null, ignore: [] }, this.#stop, "Stopping…"))
-      notify("Motion capture is not listened to any more.");
+      notify("Stopped listening to motion capture.");
   }
 
   async #choose() {
@@ -184,14 +181,14 @@ class LiveTruthForm extends Part {
 
 /** @param {number | null} rate */
 function rateInWords(rate) {
-  return rate === null || rate === 0 ? "not seen" : `${fixed(rate, 0)} Hz`;
+  return rate === null || rate === 0 ? "not visible" : `${fixed(rate, 0)} Hz`;
 }
 
 /** @param {LiveTruthStatus} truth */
 function clockInWords({ clock }) {
   if (!clock) return "";
-  const drift = clock.drift_ppm === null ? "" : `, drifting by ${fixed(clock.drift_ppm, 0)} ppm`;
-  return `Its clock is known to ${fixed(1000 * clock.sigma_s, 1)} ms${drift}, from ${clock.samples} samples.`;
+  const drift = clock.drift_ppm === null ? "" : `, clock drift ${fixed(clock.drift_ppm, 0)} ppm`;
+  return `Time offset known to ± ${fixed(1000 * clock.sigma_s, 1)} ms${drift}, from ${clock.samples} samples.`;
 }
 
 customElements.define("observer-live-truth", LiveTruthForm);

@@ -15,8 +15,8 @@ const SEND_EVERY_MS = 150;
 
 class PlaybackBar extends Part {
   #pause = button([], () => this.#send({ paused: !this.#paused }), { class: "button icon-button" });
-  #step = iconButton("step", "One frame further", () => this.#send({ paused: true, step: 1 }), {
-    title: "One frame further (pauses)",
+  #step = iconButton("step", "Step forward", () => this.#send({ paused: true, step: 1 }), {
+    title: "Step forward one frame (pauses playback)",
   });
   #restart = iconButton("restart", "Restart from the first frame", () =>
     this.#send({ restart: true }),

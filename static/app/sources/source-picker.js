@@ -40,7 +40,7 @@ class SourcePicker extends Part {
       field(
         "Source",
         this.#spec,
-        "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path of a recording or of a folder with stereo images on the server.",
+        "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path on the server of a recording or of a folder with stereo images.",
         this.#error,
       ),
       field("Calibration", this.#calibration),

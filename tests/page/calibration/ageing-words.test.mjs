@@ -13,10 +13,13 @@ const drifted = /** @type {const} */ ({
 });
 
 test("refining names the vergence as kept, or as corrected once it drifted", () => {
-  assert.match(words.refinementInWords(ageing()), /vergence, baseline and lenses stay\.$/);
+  assert.match(
+    words.refinementInWords(ageing()),
+    /Vergence, baseline and lens parameters stay the same\.$/,
+  );
   const offer = words.refinementInWords(ageing({ vergence: drifted }));
-  assert.match(offer, /corrects the vergence/);
-  assert.match(offer, /calibration; baseline and lenses stay\.$/);
+  assert.match(offer, /corrects the pitch, roll and vergence/);
+  assert.match(offer, /calibration\. Baseline and lens parameters stay the same\.$/);
 });
 
 test("rows and vergence warn, each as a sentence, and nothing warns while all is well", () => {

@@ -31,7 +31,10 @@ test("a stop comes before every other reason for which a robot stands", () => {
   const faulty = robot({ why: "it is far", report: report({ fault: "a wheel stalls" }) });
   const because = (/** @type {RobotsMessage} */ known) =>
     words.standsBecause("observer", faulty, known, true);
-  assert.match(because(facts({ stopped: { by: "Ann", since: 0 } })), /^Stopped by Ann: reset it/);
+  assert.match(
+    because(facts({ stopped: { by: "Ann", since: 0 } })),
+    /^Stopped by Ann\. Reset the stop/,
+  );
   assert.equal(because(facts()), "A wheel stalls.");
 });
 
@@ -41,35 +44,41 @@ test("a robot that is not reached says why", () => {
   const connecting = robot({ state: "connecting" });
   assert.equal(
     words.standsBecause("observer", connecting, facts(), true),
-    "It is being connected.",
+    "Connecting to the robot.",
   );
 });
 
 test("who is armed waits for whoever drives it", () => {
   const armed = robot({ state: "armed" });
-  assert.match(words.standsBecause("observer", armed, facts(), true), /waits for you/);
-  assert.match(words.standsBecause("observer", armed, facts(), false), /somebody else/);
+  assert.match(words.standsBecause("observer", armed, facts(), true), /^Armed\. Hold the pad/);
+  assert.match(
+    words.standsBecause("observer", armed, facts(), false),
+    /another operator has control/i,
+  );
 });
 
 test("where there is no robot the reason is told", () => {
   const because = (/** @type {RobotsMessage | null} */ known) =>
     words.standsBecause("obstacle", null, known, false);
-  assert.equal(because(null), "Waiting for word of the robots.");
+  assert.equal(because(null), "Waiting for robot status.");
   const ports = { observer: null, obstacle: { port: "/dev/ttyUSB0", model: null } };
-  assert.match(because(facts({ ports, world: "simulated" })), /of another world/);
-  assert.match(because(facts({ world: null })), /only replayed/);
-  assert.match(because(facts()), /give its port/);
+  assert.match(
+    because(facts({ ports, world: "simulated" })),
+    /only while live cameras are the current source/,
+  );
+  assert.match(because(facts({ world: null })), /^The current source has no robots/);
+  assert.match(because(facts()), /enter its port/i);
   const trouble = { observer: null, obstacle: "the port is busy" };
   assert.equal(because(facts({ ports, trouble })), "The port is busy.");
 });
 
 test("who drives, and whether they are there", () => {
-  assert.equal(words.driverInWords(robot({ operator: "Ann" }), true), "You drive it");
+  assert.equal(words.driverInWords(robot({ operator: "Ann" }), true), "You have control");
   assert.equal(
     words.driverInWords(robot({ operator: "Ann" }), false),
-    "Ann drives it, but is not there",
+    "Ann has control, but is not present",
   );
-  assert.equal(words.driverInWords(robot(), false), "Nobody drives it");
+  assert.equal(words.driverInWords(robot(), false), "Nobody has control");
   assert.equal(words.driverInWords(null, false), "");
 });
 
@@ -91,13 +100,13 @@ test("figures say what is not known, which wheel stalls and which bumper is pres
     ["Wheel encoders", "Wheels", "Hardware stop", "Bumpers"].map((term) => unknown[term]),
     ["–", "–", "–", "none fitted"],
   );
-  assert.equal(told({ stalled: [false, true] })["Wheels"], "right one stalled");
+  assert.equal(told({ stalled: [false, true] })["Wheels"], "right stalled");
   assert.equal(
     told({ front_bumpers: [true, false, true], rear_bumpers: [false, true] })["Bumpers"],
     "front 1, 3; rear 2",
   );
   assert.equal(
-    told({ odometry: { x: 1, y: -0.5, yaw: Math.PI / 2 } })["Pose by its wheels"],
+    told({ odometry: { x: 1, y: -0.5, yaw: Math.PI / 2 } })["Wheel odometry"],
     "1.00, -0.50 m, 90°",
   );
 });
@@ -106,11 +115,11 @@ test("a stop is told with what was measured of it", () => {
   const stop = { zero_ms: 220, stood_ms: 610, distance_m: 0.123, speed_mps: 0.3 };
   assert.equal(
     words.stopInWords({ ...stop, separation_m: 0.4 }),
-    "zero after 220 ms, stood after 610 ms and 0.12 m, 0.40 m left",
+    "zero sent after 220 ms, stood still after 610 ms and 0.12 m, 0.40 m clearance",
   );
   assert.equal(
     words.stopInWords({ ...stop, zero_ms: null, stood_ms: null, separation_m: null }),
-    "zero never went out, not seen to stand",
+    "zero never sent, standstill not observed",
   );
 });
 

@@ -62,7 +62,7 @@ test("the first line says what is missed, unless it is hidden or stands", () => 
   const text = (
     /** @type {Partial<import("../../../static/app/contract").TrueBodyEntry>} */ changes,
   ) => words.firstLine(line(), [body(changes)]).text;
-  assert.equal(text({}), "Nothing is seen to move — truth: cart moves at 0.50 m/s.");
+  assert.equal(text({}), "No motion detected — truth: cart moves at 0.50 m/s.");
   assert.match(text({ visible: null }), /truth: cart/);
   assert.equal(text({ visible: 0.1 }), "Nothing moves.");
   assert.equal(text({ speed: 0.01 }), "Nothing moves.");

@@ -117,7 +117,7 @@ test("over each other, what a run and its re-run share is drawn once", () => {
     [
       ["first: Obstacle 1", "--track-0"],
       ["again: Obstacle 1", "--track-1"],
-      ["Truth cart", "--text"],
+      ["Ground truth cart", "--text"],
     ],
   );
 });

@@ -50,7 +50,7 @@ test("an answer that is no JSON, and a server that is gone, are told in words", 
   answers(() => new Response("<html>", { status: 502 }));
   await assert.rejects(
     request("GET", "/runs"),
-    (error) => error.message === "The server refused this (502).",
+    (error) => error.message === "The server refused the request (502).",
   );
   answers(() => {
     throw new TypeError("network");

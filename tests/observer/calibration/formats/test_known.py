@@ -28,7 +28,10 @@ def test_every_kind_of_file_is_declared_once() -> None:
     ("place", "paragraph"),
     [
         ("README.md", r"\*\*Bring your own\.\*\*.*?\n\n"),
-        ("static/app/calibration/calibration-panel.js", r'"[^"\n]*recognised by content;[^"\n]*"'),
+        (
+            "static/app/calibration/calibration-panel.js",
+            r'"[^"\n]*the format is detected automatically\.[^"\n]*"',
+        ),
     ],
 )
 def test_every_list_for_people_names_every_tool(place: str, paragraph: str) -> None:

@@ -21,7 +21,7 @@ def test_every_reader_has_a_format() -> None:
     ("place", "paragraph"),
     [
         ("README.md", r"\*\*Truth\*\* may be a file of .*?\n\n"),
-        ("static/app/runs/truth-picker.js", r'"[^"\n]*recognised by content\."'),
+        ("static/app/runs/truth-picker.js", r'"[^"\n]*the format is detected automatically\."'),
     ],
 )
 def test_every_list_for_people_names_every_format(place: str, paragraph: str) -> None:
