@@ -14,8 +14,9 @@
 #   make coverage as make test but for promises in real time, with a report of what is not run
 #   make bench    set up, then time the method and the server
 #   make soak     keep a server busy for MINUTES=60; fails where its processes grow
-#   make wheel    dist/*.whl: all of it, the page inside; and the library alone
-#   make setup    only set up; a second time it has nothing to do
+#   make docs     build the documentation into docs/site, which the server shows at /help
+#   make wheel    dist/*.whl: all of it, page and documentation inside; and the library alone
+#   make setup    only set up, documentation included; a second time it has nothing to do
 #   make clean    remove all that the above made, .venv too; runs and settings stay
 #
 # Another Python: make PYTHON=/path/to/python3.12
@@ -36,6 +37,7 @@ MADE := $(VENV)/.made
 INSTALLED := $(VENV)/.installed
 INSTALLED_DEV := $(VENV)/.installed-dev
 VENDORED := static/vendor/.complete
+SITE := docs/site/.complete
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
@@ -44,13 +46,13 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test clients-test image-test system faults lint coverage bench soak wheel constraints clean
+.PHONY: moved help setup setup-dev run test clients-test image-test system faults lint coverage bench soak docs wheel constraints clean
 .DELETE_ON_ERROR:
 
 help:
 	@sed -n 's/^# \{0,1\}//p' Makefile | sed '/^Another/q'
 
-setup: $(INSTALLED) $(VENDORED)
+setup: $(INSTALLED) $(VENDORED) $(SITE)
 	@$(BIN)/python -c pass 2>/dev/null || { \
 	  echo "the Python that $(VENV) was made with is gone; next: rm -r $(VENV), then make again" >&2; \
 	  exit 1; }
@@ -119,7 +121,11 @@ bench: setup-dev
 soak: setup-dev
 	$(BIN)/python -m tools.benchmark soak --minutes $(MINUTES) $(ARGS)
 
-wheel: setup-dev
+# Always: its references are made of all that the code declares.
+docs: $(INSTALLED)
+	$(BIN)/python -m tools.docs
+
+wheel: setup-dev docs
 	$(BIN)/python -m build --wheel
 	$(BIN)/python -m build --wheel --outdir dist tools/packaging/library
 
@@ -131,7 +137,7 @@ $(MADE):
 
 $(INSTALLED): pyproject.toml constraints.txt $(MADE)
 	@echo "Installing dynamic-observer into $(VENV) (the first time: about a minute)"
-	@$(PIP) --editable . || { $(registry_hint); exit 1; }
+	@$(PIP) --editable '.[docs]' || { $(registry_hint); exit 1; }
 	@touch $@
 
 $(INSTALLED_DEV): $(INSTALLED)
@@ -143,6 +149,10 @@ $(VENDORED): static/package-lock.json tools/packaging/frontend.py | $(MADE)
 	@echo "Fetching the page's libraries into static/vendor"
 	@$(BIN)/python tools/packaging/frontend.py vendor
 	@touch $@
+
+$(SITE): $(INSTALLED) docs/mkdocs.yml $(wildcard docs/pages/* docs/pages/*/* tools/docs/*.py)
+	@echo "Building the documentation into docs/site"
+	@$(BIN)/python -m tools.docs
 
 # With apt-get, as root or where sudo asks for no password; fails where something stays missing.
 system:
@@ -157,7 +167,8 @@ constraints: setup-dev
 	} > constraints.new && mv constraints.new constraints.txt
 
 clean:
-	rm -rf $(VENV) static/vendor static/vendor.new static/node_modules build dist artefacts
+	rm -rf $(VENV) static/vendor static/vendor.new static/node_modules docs/site docs/site.new
+	rm -rf build dist artefacts
 	rm -rf .pytest_cache .mypy_cache .ruff_cache .import_linter_cache .hypothesis .coverage*
 	find app observer tests tools -name __pycache__ -type d -prune -exec rm -rf {} +
 

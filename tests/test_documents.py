@@ -1,24 +1,40 @@
-"""Documents name only files, folders and modules that exist."""
+"""Documents name only what exists, and the documentation is whole and stands for itself."""
 
 from __future__ import annotations
 
 import importlib
 import importlib.util
 import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from html.parser import HTMLParser
 from pathlib import Path
+from urllib.parse import unquote, urlsplit
 
 import pytest
 
+import observer
+from app.cli.command_line import COMMANDS, load_command
+from observer.guard.parameters import AllParameters
+
 REPOSITORY = Path(__file__).parents[1]
-DOCUMENTS = ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md", "SECURITY.md")
-ROOMS = "app|observer|static|tests|tools|docker|notebooks"
+PAGES = REPOSITORY / "docs" / "pages"
+DOCUMENTS = ("ARCHITECTURE.md", "CONTRIBUTING.md", "README.md", "SECURITY.md", "docker/README.md")
+ALL = [*DOCUMENTS, *sorted(str(page.relative_to(REPOSITORY)) for page in PAGES.glob("*.md"))]
+ROOMS = "app|observer|static|tests|tools|docker|docs|notebooks"
+# A build makes it; it may be absent here.
+MADE = {"docs/site"}
+# Beside the documentation on the same server.
+SERVED = {"/docs", "/openapi.json"}
+README_LINES = 200
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
+@pytest.mark.parametrize("document", ALL)
 def test_every_path_and_module_that_is_named_exists(document: str) -> None:
     text = (REPOSITORY / document).read_text()
     paths = set(re.findall(rf"`((?:{ROOMS})/[\w./-]*)`", text))
-    missing = [path for path in paths if not (REPOSITORY / path).exists()]
+    missing = [path for path in paths - MADE if not (REPOSITORY / path).exists()]
     assert missing == []
     for name in set(re.findall(r"`((?:app|observer)(?:\.[a-z_]+)+)(?:\.[A-Z]\w*)?`", text)):
         assert _exists(name), name
@@ -29,3 +45,171 @@ def _exists(name: str) -> bool:
     module, _, attribute = name.rpartition(".")
     parent = importlib.import_module(module)
     return hasattr(parent, attribute) or importlib.util.find_spec(name) is not None
+
+
+def test_the_readme_is_short() -> None:
+    assert len((REPOSITORY / "README.md").read_text().splitlines()) <= README_LINES
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_every_link_between_documents_leads_somewhere(document: str) -> None:
+    """Those of the documentation's own pages are checked as it is built."""
+    folder = (REPOSITORY / document).parent
+    for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", (REPOSITORY / document).read_text()):
+        path, _, anchor = target.partition("#")
+        file = folder / path if path else REPOSITORY / document
+        assert file.exists(), target
+        if anchor:
+            assert anchor in _anchors(file), target
+
+
+def _anchors(document: Path) -> set[str]:
+    heads = re.findall(r"^#+ (.+)$", document.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", head).lower().replace(" ", "-") for head in heads}
+
+
+@pytest.mark.parametrize("document", ALL)
+def test_every_command_that_is_shown_is_taken(document: str) -> None:
+    """By name, with every option that stands behind it."""
+    targets = set(re.findall(r"^([a-z-]+):", (REPOSITORY / "Makefile").read_text(), re.MULTILINE))
+    for code in _code((REPOSITORY / document).read_text()):
+        for name, rest in re.findall(r"dynamic-observer ([a-z][a-z-]*)([^#|&;]*)", code):
+            assert name in COMMANDS, code
+            taken = {option for each in load_command(name).params for option in each.opts}
+            assert set(re.findall(r"(?<!\S)--[a-z][\w-]*", rest)) <= taken, code
+        for name in re.findall(r"--set[ ]+([\w.]+)=", code):
+            assert name in AllParameters().flat(), code
+        for target in re.findall(r"^(?:\$ )?make ([a-z-]+)", code, re.MULTILINE):
+            assert target in targets, code
+
+
+def _code(text: str) -> Iterator[str]:
+    """Yield the blocks of code, continued lines joined, and what stands between backticks."""
+    for block in re.findall(r"^ *```\w*\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+        yield from re.sub(r"\\\n\s*", " ", block).splitlines()
+    yield from re.findall(r"`([^`\n]+)`", re.sub(r"```.*?```", "", text, flags=re.DOTALL))
+
+
+@pytest.mark.parametrize("document", [name for name in ALL if name.startswith(("README", "docs"))])
+def test_every_label_that_is_named_is_on_the_page(document: str) -> None:
+    """A label is written in italics, as in *Start run*."""
+    text = re.sub(r"```.*?```", "", (REPOSITORY / document).read_text(), flags=re.DOTALL)
+    labels = set(re.findall(r"(?<!\*)\*([A-Z][^*\n]{2,30})\*(?!\*)", text))
+    words = _words("static/*.html", "static/app/**/*.js", "observer/**/*.py", "app/**/*.py")
+    assert [label for label in labels if label not in words] == []
+
+
+def test_every_sentence_to_look_up_is_one_that_is_said() -> None:
+    """``…`` stands for what varies; each part between is looked for."""
+    rows = re.findall(r"^\| `(.+?)` \|", (PAGES / "troubleshooting.md").read_text(), re.MULTILINE)
+    assert len(rows) > 30
+    words = _words("observer/**/*.py", "app/**/*.py", "tools/**/*.py", "Makefile")
+    # Texts that are written on several lines, and figures put into them.
+    words = re.sub(r"\"\s+f?\"", "", words)
+    words = re.sub(r"{[^{}]*}", "…", words)
+    missing = [
+        part
+        for row in rows
+        for part in re.split(r"\s*…\s*", row)
+        if len(part) > 3 and part not in words
+    ]
+    assert missing == []
+
+
+def _words(*patterns: str) -> str:
+    files = [file for pattern in patterns for file in sorted(REPOSITORY.glob(pattern))]
+    return "\n".join(file.read_text() for file in files)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The documentation as it is built now. What leads nowhere in its own links ends the build."""
+    folder = tmp_path_factory.mktemp("documentation") / "site"
+    done = subprocess.run(
+        [sys.executable, "-m", "tools.docs", str(folder)],
+        cwd=REPOSITORY,
+        capture_output=True,
+        text=True,
+        timeout=100,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    return folder
+
+
+class _Page(HTMLParser):
+    """What a page links to, what it loads and which places it has."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.links: list[str] = []
+        self.loads: list[str] = []
+        self.places: set[str] = set()
+        self.feed(page.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = {name: value or "" for name, value in attrs}
+        self.places |= {given[name] for name in ("id", "name") if name in given}
+        if tag in ("a", "area") and "href" in given:
+            self.links.append(given["href"])
+        elif "href" in given:
+            self.loads.append(given["href"])
+        self.loads += [given[name] for name in ("src", "data", "poster") if given.get(name)]
+        # Otherwise a picture in another resolution could come from elsewhere.
+        assert "srcset" not in given
+
+
+@pytest.fixture(scope="module")
+def pages(site: Path) -> dict[Path, _Page]:
+    return {page: _Page(page) for page in site.rglob("*.html")}
+
+
+def test_every_page_is_in_the_site(site: Path, pages: dict[Path, _Page]) -> None:
+    assert {page.stem for page in PAGES.glob("*.md")} <= {page.stem for page in pages}
+    # Of a site that has an address.
+    assert not list(site.glob("sitemap*")) + list(site.glob("404.html"))
+
+
+def test_every_link_of_the_site_leads_somewhere(pages: dict[Path, _Page]) -> None:
+    for page, content in pages.items():
+        for link in [*content.links, *content.loads]:
+            parts = urlsplit(link)
+            if parts.scheme in ("http", "https"):
+                continue
+            if parts.path in SERVED:
+                continue
+            target = (page.parent / unquote(parts.path)).resolve() if parts.path else page
+            target = target / "index.html" if target.is_dir() else target
+            assert target.is_file(), f"{page.name}: {link}"
+            if parts.fragment and target in pages:
+                assert unquote(parts.fragment) in pages[target].places, f"{page.name}: {link}"
+
+
+def test_nothing_is_loaded_from_elsewhere(site: Path, pages: dict[Path, _Page]) -> None:
+    for page, content in pages.items():
+        assert [each for each in content.loads if re.match(r"(?:\w+:)?//", each)] == [], page.name
+    for style in site.rglob("*.css"):
+        text = style.read_text(encoding="utf-8")
+        assert not re.search(r"url\(\s*['\"]?(?:https?:)?//|@import", text), style.name
+
+
+def test_the_references_are_complete(site: Path) -> None:
+    commands = (site / "commands.html").read_text()
+    for name in COMMANDS:
+        assert f'id="{name}"' in commands
+        options = {each for param in load_command(name).params for each in param.opts}
+        assert [each for each in options if each.startswith("-") and each not in commands] == []
+    parameters = (site / "parameters.html").read_text()
+    assert [name for name in AllParameters().flat() if f">{name}<" not in parameters] == []
+    library = (site / "library.html").read_text()
+    public = set(observer.__all__) - {"__version__"}
+    assert [name for name in public if f".{name}" not in library] == []
+    assert "/api/runs/{id}/recording" in (site / "rest.html").read_text()
+
+
+def test_the_accuracy_table_says_how_it_was_made() -> None:
+    """The command stands right above it, so that whoever measures again replaces both."""
+    text = (PAGES / "accuracy.md").read_text()
+    assert re.search(
+        r"dynamic-observer benchmark --seeds \d+ --frames \d+\n```\n\n\| figure at", text
+    )

@@ -11,9 +11,7 @@ from observer.parameters import MODELS
 
 
 def parameters(
-    as_markdown: Annotated[
-        bool, typer.Option("--markdown", help="As the table that stands in the README.")
-    ] = False,
+    as_markdown: Annotated[bool, typer.Option("--markdown", help="As a Markdown table.")] = False,
 ) -> None:
     """List the parameters that --set, the panel and REST take."""
     if as_markdown:

@@ -1,4 +1,4 @@
-"""Pages and files: the panel, sign-in, the API description, health."""
+"""Pages and files: the panel, sign-in, the documentation, the API description, health."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from urllib.parse import parse_qs
 from fastapi import APIRouter, FastAPI, Request
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
 from starlette.staticfiles import StaticFiles
-from starlette.types import Scope
+from starlette.types import Receive, Scope, Send
 
 import app as app_package
 from app.http.errors import SafeJSON
 from app.http.gate.admission import Refusal
-from app.http.gate.headers import DOCS_POLICY
+from app.http.gate.headers import DOCS_POLICY, help_policy
 from app.http.gate.security import Policy, refused_page, sign_in_headers, wants_page
 from app.server import Server
 
@@ -45,6 +45,16 @@ def static_folder() -> Path:
     return inside.parents[1] / "static"
 
 
+def help_folder() -> Path:
+    """Return the folder of the documentation, which need not be built: in the installed package, or
+    in a source tree.
+    """
+    inside = Path(app_package.__file__).parent / "help"
+    if (inside / "index.html").is_file():
+        return inside
+    return inside.parents[1] / "docs" / "site"
+
+
 def sign_in_page(folder: Path) -> str:
     """Return the sign-in page; it is self-contained."""
     page = folder / "sign-in.html"
@@ -66,8 +76,46 @@ class PanelFiles(StaticFiles):
         return response
 
 
-def add_pages(app: FastAPI, server: Server, policy: Policy, folder: Path) -> None:
-    """Add everything that is not part of the REST interface, except the viewer."""
+class HelpFiles(PanelFiles):
+    """Documentation, each page with the policy that its own inline scripts need.
+
+    It may be built while the server runs.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(directory=folder, html=True, check_dir=False)
+        self._first = folder / "index.html"
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if not self._first.is_file():
+            missing = HTMLResponse(
+                "<p>The documentation is not built; make docs builds it.</p>", 404
+            )
+            return await missing(scope, receive, send)
+        return await super().__call__(scope, receive, send)
+
+    def file_response(
+        self,
+        full_path: str | os.PathLike[str],
+        stat_result: os.stat_result,
+        scope: Scope,
+        status_code: int = 200,
+    ) -> Response:
+        response = super().file_response(full_path, stat_result, scope, status_code)
+        if response.media_type == "text/html":
+            page = Path(full_path).read_text(encoding="utf-8")
+            response.headers["Content-Security-Policy"] = help_policy(page)
+        return response
+
+
+def add_pages(
+    app: FastAPI, server: Server, policy: Policy, folder: Path, documentation: Path
+) -> None:
+    """Add everything that is not part of the REST interface, except the viewer.
+
+    Args:
+        folder: the panel's files. documentation: the built one's, which need not be there.
+    """
     router = APIRouter(include_in_schema=False)
 
     @router.get("/", name="panel")
@@ -122,6 +170,11 @@ def add_pages(app: FastAPI, server: Server, policy: Policy, folder: Path) -> Non
     async def docs_script() -> Response:
         return FileResponse(_ASSETS / "docs-start.js", media_type="text/javascript")
 
+    @router.get("/help", name="help")
+    async def help_() -> Response:
+        return RedirectResponse("/help/", 303)
+
     app.include_router(router)
+    app.mount("/help", HelpFiles(documentation), name="documentation")
     if folder.is_dir():
         app.mount("/static", PanelFiles(directory=folder), name="static")

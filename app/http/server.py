@@ -44,7 +44,7 @@ from app.http.gate.security import Gate, Policy
 from app.http.gate.session_file import SESSION_FILE, SessionFile
 from app.http.gate.sessions import Sessions
 from app.http.gate.token import TokenGuard
-from app.http.pages import add_pages, sign_in_page, static_folder
+from app.http.pages import add_pages, help_folder, sign_in_page, static_folder
 from app.http.sockets import viewer_proxy
 from app.http.sockets.drive import DriveSocket
 from app.http.sockets.live import LiveHub
@@ -185,7 +185,7 @@ def create_app(
     _add_rest(app, live)
     app.include_router(viewer_proxy.router)
     app.include_router(metrics.router)
-    add_pages(app, server, policy, folder)
+    add_pages(app, server, policy, folder, help_folder())
     _complete_description(app)
     app.add_middleware(Gate, policy=policy)
     return app

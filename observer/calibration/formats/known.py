@@ -1,4 +1,4 @@
-"""Calibration formats that are read, declared once: for refusals, helps, the page and README."""
+"""Calibration formats that are read, declared once: for refusals, helps, page and documentation."""
 
 from __future__ import annotations
 

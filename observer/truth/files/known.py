@@ -1,4 +1,4 @@
-"""Motion capture formats that are read, declared once: for refusals, helps, the page and README.
+"""Motion capture formats that are read, declared once: for refusals, helps, page and documentation.
 
 It is imported by every help of the command line and therefore imports nothing that takes time.
 """

@@ -180,8 +180,8 @@ def test_make_alone_lists_the_targets(clone: Path) -> None:
     done = make(clone)
     assert done.returncode == 0
     for target in (
-        "run", "test", "clients-test", "system", "lint", "coverage", "bench", "wheel", "setup",
-        "clean",
+        "run", "test", "clients-test", "system", "lint", "coverage", "bench", "docs", "wheel",
+        "setup", "clean",
     ):  # fmt: skip
         assert f"make {target} " in done.stdout
 

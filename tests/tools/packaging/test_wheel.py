@@ -39,6 +39,8 @@ def wheel(clone_into: Callable[[Path], None], tmp_path_factory: pytest.TempPathF
     folder = tmp_path_factory.mktemp("wheel")
     clone = folder / "fresh clone"
     clone_into(clone)
+    # As `make wheel` does it: the build takes up what stands there.
+    subprocess.run([sys.executable, "-m", "tools.docs"], cwd=clone, check=True, timeout=100)
     done = subprocess.run(
         [sys.executable, "-m", "build", "--wheel", "--outdir", str(folder / "dist"), str(clone)],
         capture_output=True,
@@ -54,6 +56,7 @@ def wheel(clone_into: Callable[[Path], None], tmp_path_factory: pytest.TempPathF
 @pytest.mark.patient
 def test_a_fresh_clone_is_set_up_once(set_up: Path) -> None:
     assert (set_up / "static" / "vendor" / "uplot" / "uPlot.esm.js").is_file()
+    assert (set_up / "docs" / "site" / "index.html").is_file()
     assert not list((set_up / ".venv" / "lib").glob("python3.*/site-packages/app"))
     where = subprocess.run(
         [set_up / ".venv" / "bin" / "python", "-c", "import app; print(app.__file__)"],
@@ -78,6 +81,9 @@ def test_what_is_in_it(wheel: Path, repository: Path) -> None:
         "app/static/vendor/swagger-ui/swagger-ui-bundle.js",
         "app/static/vendor/swagger-ui/swagger-ui.css",
         "app/static/vendor/swagger-ui/LICENSE.txt",
+        "app/help/index.html",
+        "app/help/parameters.html",
+        "app/help/search/search_index.json",
         "app/storage/migrations/env.py",
         "app/storage/migrations/versions/0001_runs_and_parameters.py",
     ):
@@ -106,6 +112,7 @@ def test_it_serves_from_an_environment_of_what_it_needs_alone(
     subprocess.run(install, check=True, timeout=60)
     (installed,) = (environment / "lib").glob("python3.*/site-packages/app")
     assert (installed / "static" / "vendor").is_dir()
+    assert (installed / "help").is_dir()
 
     log = tmp_path / "serve.log"
     command = [str(environment / "bin" / "dynamic-observer"), "serve"]
@@ -119,6 +126,8 @@ def test_it_serves_from_an_environment_of_what_it_needs_alone(
             ("/static/app/main.js", "javascript"),
             ("/static/vendor/uplot/uPlot.esm.js", "javascript"),
             ("/static/vendor/swagger-ui/swagger-ui.css", "css"),
+            ("/help/", "html"),
+            ("/help/search/search_index.json", "json"),
         ):
             status, kind = get(free_port, path, token)
             assert (status, content in kind) == (200, True), f"{path}: {status} {kind}"
@@ -133,6 +142,7 @@ def test_clean_removes_all_that_setup_made(set_up: Path) -> None:
     assert make(set_up, "clean").returncode == 0
     assert not (set_up / ".venv").exists()
     assert not (set_up / "static" / "vendor").exists()
+    assert not (set_up / "docs" / "site").exists()
 
 
 def wait_for_token(server: subprocess.Popen[bytes], log: Path) -> str:

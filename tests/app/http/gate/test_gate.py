@@ -60,7 +60,15 @@ async def test_the_walk_finds_every_kind_of_route(served: Any) -> None:
     paths = {path for _, path in http_routes(served.app)}
     described = {concrete(path) for path in served.app.openapi()["paths"]}
     assert described <= paths
-    assert {"/", "/openapi.json", "/docs", "/viewer/", "/static/index.html"} <= paths
+    assert {
+        "/",
+        "/openapi.json",
+        "/docs",
+        "/viewer/",
+        "/static/index.html",
+        "/help",
+        "/help/index.html",
+    } <= paths
     sockets = {"/api/live", "/api/drive", "/api/views/left", "/viewer"}
     assert sockets <= set(socket_routes(served.app))
 

@@ -27,7 +27,7 @@ def test_every_kind_of_file_is_declared_once() -> None:
 @pytest.mark.parametrize(
     ("place", "paragraph"),
     [
-        ("README.md", r"\*\*Bring your own\.\*\*.*?\n\n"),
+        ("docs/pages/calibration.md", r"## Bring your own\n\n.*?\n\n"),
         (
             "static/app/calibration/calibration-panel.js",
             r'"[^"\n]*the format is detected automatically\.[^"\n]*"',

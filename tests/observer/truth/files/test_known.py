@@ -20,7 +20,7 @@ def test_every_reader_has_a_format() -> None:
 @pytest.mark.parametrize(
     ("place", "paragraph"),
     [
-        ("README.md", r"\*\*Truth\*\* may be a file of .*?\n\n"),
+        ("docs/pages/motion-capture.md", r"Ground truth may be a file of.*?Files are"),
         ("static/app/runs/truth-picker.js", r'"[^"\n]*the format is detected automatically\."'),
     ],
 )

@@ -1,0 +1,78 @@
+"""The documentation is served like every other page, with a policy of its own for each."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.http import server as http_server
+from app.http.gate.headers import PANEL_POLICY
+
+INLINE = "document.title = 'read'"
+PAGE = f"""<!doctype html><title>Home</title>
+<script>{INLINE}</script><script src="later.js"></script><p style="color: red">Read.</p>
+"""
+
+
+@pytest.fixture
+def built(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder of a documentation with one page and one script; not there yet."""
+    folder = tmp_path / "site"
+    monkeypatch.setattr(http_server, "help_folder", lambda: folder)
+    return folder
+
+
+def build(folder: Path) -> None:
+    folder.mkdir()
+    (folder / "index.html").write_text(PAGE)
+    (folder / "later.js").write_text("later()")
+    (folder.parent / "secret.txt").write_text("not for readers")
+
+
+async def test_where_it_is_not_built_one_sentence_says_what_builds_it(
+    built: Path, serve: Any
+) -> None:
+    async with serve() as served:
+        for path in ("/help/", "/help/first-day.html"):
+            answer = await served.http.get(path)
+            assert answer.status_code == 404
+            assert answer.text == "<p>The documentation is not built; make docs builds it.</p>"
+        # The server need not be started again.
+        build(built)
+        assert (await served.http.get("/help/")).text == PAGE
+
+
+async def test_it_is_read_behind_sign_in(built: Path, serve: Any) -> None:
+    build(built)
+    async with serve() as served:
+        answer = await served.http.get("/help")
+        assert (answer.status_code, answer.headers["Location"]) == (303, "/help/")
+        async with served.anonymous() as client:
+            for path in ("/help", "/help/", "/help/index.html", "/help/later.js"):
+                assert (await client.get(path)).status_code == 401, path
+        for path in ("/help/none.html", "/help/..%2fsecret.txt", "/help/%2e%2e/secret.txt"):
+            answer = await served.http.get(path)
+            assert answer.status_code == 404, path
+
+
+async def test_a_page_may_run_its_own_inline_scripts_alone(built: Path, serve: Any) -> None:
+    build(built)
+    digest = base64.b64encode(hashlib.sha256(INLINE.encode()).digest()).decode()
+    async with serve() as served:
+        policy = (await served.http.get("/help/")).headers["Content-Security-Policy"]
+        rules = dict(rule.split(" ", 1) for rule in policy.split("; "))
+        assert rules["script-src"] == f"'self' 'sha256-{digest}'"
+        assert rules["default-src"] == "'none'"
+        assert {*rules["connect-src"].split(), *rules["worker-src"].split()} == {"'self'"}
+        # From no other server, and nothing that a script makes of text.
+        assert "://" not in policy
+        assert "eval" not in policy
+        # What belongs to no page of it keeps the strict one.
+        for path in ("/help/later.js", "/", "/static/index.html", "/api/status", "/help"):
+            answer = await served.http.get(path)
+            assert answer.headers["Content-Security-Policy"] == PANEL_POLICY, path
+        assert (await served.http.get("/help/")).headers["Cache-Control"] == "no-cache"

@@ -1,0 +1,24 @@
+"""The documentation in a browser, under the policy that the server gives it."""
+
+from __future__ import annotations
+
+from playwright.sync_api import expect
+
+from .conftest import KeepPicture, OpenPanel, Server
+
+
+def test_it_is_read_and_searched_without_anything_from_elsewhere(
+    open_panel: OpenPanel, server: Server, keep_picture: KeepPicture
+) -> None:
+    """Whatever the policy refuses is an error on the console, which fails the test."""
+    page = open_panel()
+    link = page.get_by_role("link", name="Help")
+    expect(link).to_have_attribute("target", "_blank")
+    page.goto(server.link.partition("/?")[0] + link.get_attribute("href"))
+    expect(page.get_by_role("heading", name="Dynamic Observer", level=1)).to_be_visible()
+    keep_picture(page, "help")
+    page.get_by_role("link", name="Accuracy").first.click()
+    expect(page.get_by_role("cell", name="centre RMSE, m")).to_be_visible()
+    page.get_by_role("textbox", name="Search").fill("vergence")
+    expect(page.locator(".md-search-result__item").first).to_be_visible()
+    keep_picture(page, "help-search")

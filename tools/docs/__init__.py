@@ -1,0 +1,1 @@
+"""Build of the documentation; none of it is in the wheel."""
