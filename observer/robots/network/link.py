@@ -156,6 +156,8 @@ class ExternalLink:
             self._selector.unregister(listener)
             if self._robot is not None:
                 self._say_permit()
+            # The permit may have found it gone.
+            if self._robot is not None:
                 self._drop(self._robot, None, "its port is closed")
             for each in tuple(self._strangers):
                 self._drop(each, None)
