@@ -39,20 +39,20 @@ def static_folder() -> Path:
     """Return the folder of the panel's files: in the installed package, or beside it in a source
     tree.
     """
-    inside = Path(app_package.__file__).parent / "static"
-    if (inside / "index.html").is_file():
-        return inside
-    return inside.parents[1] / "static"
+    return _installed_or_in_tree("static", "static")
 
 
 def help_folder() -> Path:
     """Return the folder of the documentation, which need not be built: in the installed package, or
     in a source tree.
     """
-    inside = Path(app_package.__file__).parent / "help"
-    if (inside / "index.html").is_file():
-        return inside
-    return inside.parents[1] / "docs" / "site"
+    return _installed_or_in_tree("help", "docs/site")
+
+
+def _installed_or_in_tree(name: str, in_tree: str) -> Path:
+    package = Path(app_package.__file__).parent
+    inside = package / name
+    return inside if (inside / "index.html").is_file() else package.parent / in_tree
 
 
 def sign_in_page(folder: Path) -> str:
@@ -94,16 +94,10 @@ class HelpFiles(PanelFiles):
             return await missing(scope, receive, send)
         return await super().__call__(scope, receive, send)
 
-    def file_response(
-        self,
-        full_path: str | os.PathLike[str],
-        stat_result: os.stat_result,
-        scope: Scope,
-        status_code: int = 200,
-    ) -> Response:
-        response = super().file_response(full_path, stat_result, scope, status_code)
-        if response.media_type == "text/html":
-            page = Path(full_path).read_text(encoding="utf-8")
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        response = await super().get_response(path, scope)
+        if isinstance(response, FileResponse) and response.media_type == "text/html":
+            page = Path(response.path).read_text(encoding="utf-8")
             response.headers["Content-Security-Policy"] = help_policy(page)
         return response
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import asdict
 from typing import Any
 
 from sqlalchemy import select
@@ -61,7 +60,7 @@ class ParameterTables(Database):
         """
         record = ParameterRevision(run_id, frame, revision, dict(difference), utc_now())
         with self._writing() as session:
-            session.add(Revision(**asdict(record)))
+            session.add(Revision(**dataclasses.asdict(record)))
         return record
 
     def parameter_revisions(self, run_id: str | None) -> list[ParameterRevision]:

@@ -120,9 +120,10 @@ def _never_left(track: BodyTrack) -> bool:
 
     Segments of what stands change from frame to frame, and so do their middles.
     """
-    if track.confirmed_at is None or track.outline is None or _shown_by_many(track):
+    if track.confirmed_at is None or track.outline is None or track.box is None:
         return False
-    assert track.box is not None
+    if _shown_by_many(track):
+        return False
     way = float(np.linalg.norm(track.centre - track.confirmed_at))
     return way < float(track.box.size[[0, 2]].max())
 
