@@ -46,7 +46,7 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test clients-test image-test system faults lint coverage bench soak docs wheel constraints clean
+.PHONY: moved help setup setup-dev run test clients-test image-test system faults lint lint-types lint-rest coverage bench soak docs wheel constraints clean
 .DELETE_ON_ERROR:
 
 help:
@@ -93,10 +93,16 @@ image-test: setup-dev
 	$(install_missing)
 	IMAGE_TEST=1 $(BIN)/pytest -s tests/image $(ARGS)
 
+# Types take longer than all the rest, which is checked meanwhile.
 lint: setup-dev
+	@$(MAKE) --no-print-directory --jobs 2 --output-sync=recurse lint-types lint-rest
+
+lint-types:
+	$(BIN)/mypy
+
+lint-rest:
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check --quiet .
-	$(BIN)/mypy
 	$(BIN)/lint-imports
 	$(BIN)/python tools/packaging/frontend.py check
 	$(BIN)/bandit --quiet --configfile pyproject.toml --recursive app observer tools

@@ -87,15 +87,22 @@ def test_a_phone_shows_everything_without_scrolling_sideways(
     page.evaluate("document.querySelector('observer-scene iframe').remove()")
     for name in ("warped", "disparity"):
         page.locator(f"input[name=view][value={name}]").check()
-    for tab in _TABS:
+    for tab in ("View", *_TABS):
         page.get_by_role("tab", name=tab).click()
         page.wait_for_timeout(150)
         assert page.evaluate("document.documentElement.scrollWidth") <= 360, tab
         assert page.evaluate(_TOO_WIDE) == [], tab
+        # What stops the robots, and the tabs, never scroll away: the window does not scroll at all.
+        assert page.evaluate("document.documentElement.scrollHeight") <= 780, tab
+        expect(page.locator("#stop-robots")).to_be_in_viewport()
+        expect(page.get_by_role("tab", name="View")).to_be_in_viewport()
     page.get_by_role("tab", name="Parameters").click()
-    page.locator("#panel").scroll_into_view_if_needed()
-    page.evaluate("document.querySelector('#panel').scrollIntoView()")
     keep_picture(page, "phone-parameters")
+    # Who drives sees where to.
+    page.get_by_role("tab", name="Robots").click()
+    expect(page.locator("observer-live-view canvas").first).to_be_in_viewport()
+    page.get_by_role("tab", name="View").click()
+    expect(page.locator("observer-scene")).to_be_in_viewport()
 
 
 def _darkness(page: Page) -> float:
@@ -108,11 +115,13 @@ def _darkness(page: Page) -> float:
 def test_colours_follow_the_system_or_the_choice_and_stay(open_panel: OpenPanel) -> None:
     page = open_panel(color_scheme="dark")
     assert _darkness(page) > 0.85
+    page.get_by_role("button", name="Menu").click()
     page.locator("input[name=theme][value=light]").check()
     assert _darkness(page) < 0.1
     page.reload()
-    page.wait_for_selector("input[name=theme][value=light]:checked")
+    page.wait_for_selector("input[name=theme][value=light]:checked", state="attached")
     assert _darkness(page) < 0.1
+    page.get_by_role("button", name="Menu").click()
     page.locator("input[name=theme][value=auto]").check()
     assert _darkness(page) > 0.85
 

@@ -36,11 +36,13 @@ def test_signing_out_ends_both_tabs_and_the_token_signs_in_again(
     server: Server, context: BrowserContext, keep_picture: KeepPicture
 ) -> None:
     page, other_tab = _opened(context, server.link), _opened(context, server.link)
+    page.get_by_role("button", name="Menu").click()
     page.get_by_role("button", name="Sign out").click()
     question = page.get_by_role("dialog", name="Sign out?")
     keep_picture(page, "sign-out")
     question.get_by_role("button", name="Cancel").click()
     expect(question).to_be_hidden()
+    page.get_by_role("button", name="Menu").click()
     page.get_by_role("button", name="Sign out").click()
     question.get_by_role("button", name="Sign out", exact=True).click()
     for each in (page, other_tab):

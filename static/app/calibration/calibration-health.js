@@ -28,7 +28,8 @@ class CalibrationHealth extends Part {
     this.#do(() => this.#refineRows(), this.#refine, "Refining…"),
   );
   #drawn = "";
-  #do = oneAtATime();
+  #refusal = h("p.field-error", { role: "alert" });
+  #do = oneAtATime(undefined, this.#refusal);
 
   build() {
     this.append(
@@ -41,6 +42,7 @@ class CalibrationHealth extends Part {
       this.#skew,
       this.#refines,
       h("div.row", this.#refine),
+      this.#refusal,
     );
     this.hear("status", () => this.#render());
   }

@@ -2,9 +2,9 @@
 
 import { button, field, h, input, onSubmit, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
-import { fixed, sentence } from "../elements/words.js";
+import { fixed, half95, sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { attempt, notify, oneAtATime } from "../shell/notice.js";
+import { attemptIn, notify, oneAtATime } from "../shell/notice.js";
 
 /** @import { DriveNow, FloorEstimate, RigNow, RigNumber } from "../contract" */
 
@@ -42,7 +42,9 @@ class RigPanel extends Part {
   #asking = 0;
   /** Estimates not typed over yet. @type {Map<string, RigNumber>} */
   #estimated = new Map();
-  #do = oneAtATime();
+  /** Why nothing could be estimated; what is wrong with the fields stands in the other. */
+  #refusal = h("p.field-error", { role: "alert" });
+  #do = oneAtATime(undefined, this.#refusal);
   /** True while the form holds something that is not in use yet. */
   #changed = false;
   /** Keys that a drive filled in. @type {Set<string>} */
@@ -68,6 +70,7 @@ class RigPanel extends Part {
         this.#drive,
         h("a.button", { href: "/api/rig/file", download: "rig.yaml" }, "Download rig.yaml"),
       ),
+      this.#refusal,
       this.#words,
     );
     this.append(
@@ -104,7 +107,7 @@ class RigPanel extends Part {
     const ending = this.#asking !== 0;
     clearInterval(this.#asking);
     this.#asking = 0;
-    await attempt(async () => {
+    await attemptIn(this.#refusal, async () => {
       await this.#showDrive(ending ? "DELETE" : "POST");
       if (!ending)
         this.#asking = setInterval(
@@ -162,7 +165,11 @@ class RigPanel extends Part {
   #note(key, number) {
     const note = this.#notes.get(key);
     const digits = NUMBERS.find(([each]) => each === key)?.[3] ?? 2;
-    if (note) setText(note, number?.sigma ? `estimated, ± ${fixed(number.sigma, digits)}` : "");
+    if (note)
+      setText(
+        note,
+        number?.sigma ? `estimated, ± ${fixed(half95(number.sigma), digits)} (95 % interval)` : "",
+      );
   }
 
   #renderInUse() {
@@ -222,8 +229,7 @@ class RigPanel extends Part {
         /** @type {FloorEstimate & Record<string, any>} */
         const found = await request("POST", "/rig/floor");
         for (const [key, , , digits] of NUMBERS.slice(0, 3)) this.#fill(key, found[key], digits);
-        const said = sentence(found.sentence).replaceAll("+-", "±");
-        words = `${said} Press “Use this mount” to apply it.`;
+        words = `${sentence(found.sentence)} Press “Use this mount” to apply it.`;
       },
       this.#words,
       "Estimating from the floor…",

@@ -1,6 +1,7 @@
 /** Driving by hand: the pad to hold, how fast, what was sent, and what limits it. */
 
 import { h, input, setAttribute, setText } from "../elements/dom.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { fixed, sentence } from "../elements/words.js";
 import { connected, followGamepad } from "./hold-gamepad.js";
@@ -214,6 +215,11 @@ export class DrivePad extends Part {
     setText(
       this.#guard,
       guard ? `Guard: ${LEVELS[guard.level] ?? guard.level}${why}` : "Guard: no data yet",
+    );
+    setAttribute(
+      this.#guard,
+      "title",
+      why.includes("degraded") ? `Degraded: ${GLOSSARY["degraded"]}` : GLOSSARY["guard"],
     );
     this.#guard.hidden = !robot;
     const sight = this.hub.robots?.sight;

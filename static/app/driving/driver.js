@@ -1,7 +1,7 @@
 /** Driving by this page: what is held becomes velocities ten times a second, and silence else. */
 
 import { sentence } from "../elements/words.js";
-import { request } from "../shell/api.js";
+import { ApiError, request } from "../shell/api.js";
 import { Teller } from "../shell/teller.js";
 import { DriveLink } from "./drive-link.js";
 import { Hold } from "./hold.js";
@@ -115,7 +115,7 @@ export class Driver extends Teller {
    * Switch motors on, asking for the lease first.
    *
    * @param {Role} role
-   * @throws {Error} one sentence of why not
+   * @throws {ApiError} one sentence of why not
    */
   async arm(role) {
     await this.take(role, false);
@@ -128,11 +128,11 @@ export class Driver extends Teller {
    *
    * @param {Role} role
    * @param {boolean} takeover also where somebody else does
-   * @throws {Error} one sentence of why not
+   * @throws {ApiError} one sentence of why not
    */
   async take(role, takeover) {
     const refusal = await this.link.take(role, takeover);
-    if (refusal) throw new Error(sentence(refusal));
+    if (refusal) throw new ApiError(sentence(refusal), 409);
   }
 
   /** Have Space and Esc stop in a window of this page. @param {Window} inside */

@@ -58,6 +58,7 @@ class GuardCheck extends Part {
     this.#told,
     h("div.row", this.#skip, this.#giveUp),
   );
+  #refusal = h("p.field-error", { role: "alert" });
   #outcome = h("p", { role: "status" });
   #trouble = h("p.robot-trouble", { role: "alert", hidden: true });
   #keep = button("Save record", () => this.#do(() => this.#end()), { hidden: true });
@@ -73,6 +74,7 @@ class GuardCheck extends Part {
     this.#advice,
     this.#form,
     this.#now,
+    this.#refusal,
     this.#outcome,
     this.#trouble,
     this.#keep,
@@ -83,7 +85,7 @@ class GuardCheck extends Part {
     if (busy) return;
     this.#loaded = "";
     this.#render();
-  });
+  }, this.#refusal);
   /** Role and record of what was loaded; another means to load again. */
   #loaded = "";
 

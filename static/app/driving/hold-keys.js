@@ -1,6 +1,8 @@
 /** Driving by W, A, S, D and the arrow keys. */
 
-import { writesText } from "./stop-keys.js";
+import { declareKeys, writesText } from "../elements/keys.js";
+
+declareKeys("Driving", ["W A S D ↑ ← ↓ →", "Drive while held"]);
 
 /** Key by its place on the keyboard, whatever letter stands on it. @type {Record<string, [number, number]>} */
 const DIRECTIONS = {

@@ -42,7 +42,7 @@ export class PortForm extends Part {
   #shown = "";
   /** True while the form holds something that is not in use yet. */
   #changed = false;
-  #do = oneAtATime();
+  #do = oneAtATime(undefined, this.#error);
 
   build() {
     const form = h(

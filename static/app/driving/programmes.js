@@ -15,7 +15,7 @@ import {
 import { KeptList } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
-import { request } from "../shell/api.js";
+import { ApiError, request } from "../shell/api.js";
 import { attemptIn, confirmed, notify, oneAtATime } from "../shell/notice.js";
 import { clock, incidentInWords, lastsInWords } from "./robot-words.js";
 import { isArmed, ROLE_WORDS } from "./roles.js";
@@ -50,7 +50,8 @@ class Programmes extends Part {
   #runs = false;
   /** Time of the last early end as the newest programme began. */
   #endedBefore = "";
-  #do = oneAtATime();
+  #refusal = h("p.field-error", { role: "alert" });
+  #do = oneAtATime(undefined, this.#refusal);
   #loaded = false;
 
   build() {
@@ -82,6 +83,7 @@ class Programmes extends Part {
         this.#repeat,
         h("label.check", { for: "programme-reverse" }, this.#reverse, "Both directions"),
       ),
+      this.#refusal,
       this.#empty,
       this.#list,
       this.#own,
@@ -202,7 +204,7 @@ class Programmes extends Part {
     const { leases } = this.hub.driver.link;
     const repeat = Number(this.#repeat.value);
     if (!Number.isInteger(repeat) || repeat < 1)
-      throw new Error("Repeat must be a whole number, 1 or more.");
+      throw new ApiError("Repeat must be a whole number, 1 or more.", 422);
     await request("POST", "/robots/programme", {
       name,
       repeat,

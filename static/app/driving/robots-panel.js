@@ -13,9 +13,10 @@ import {
 } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { passFocus } from "../elements/focus-place.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
-import { request } from "../shell/api.js";
+import { ApiError, request } from "../shell/api.js";
 import { oneAtATime } from "../shell/notice.js";
 import { DrivePad } from "./drive-pad.js";
 import { PortForm } from "./port-form.js";
@@ -29,16 +30,25 @@ import {
 } from "./robot-words.js";
 import { isArmed, ROLE_WORDS, ROLES } from "./roles.js";
 
-/** @import { } from "../contract" */
 /** @import { Hub } from "../shell/hub.js" */
 /** @import { Role } from "./roles.js" */
 
 class RobotsPanel extends Part {
   #cards = new Map(ROLES.map((role) => [role, makeCard(role)]));
   #why = h("p.robot-why", { role: "status" });
-  #arm = this.#act("Arm", ({ driver }) => driver.arm(driver.role), { class: "button primary" });
-  #disarm = this.#act("Disarm", ({ driver }) => request("POST", `/robots/${driver.role}/disarm`));
-  #takeOver = this.#act("Take control", ({ driver }) => driver.take(driver.role, true));
+  #arm = this.#act("Arm", "Not armed", ({ driver }) => driver.arm(driver.role), {
+    class: "button primary",
+    title: GLOSSARY["armed"],
+  });
+  #disarm = this.#act("Disarm", "Not disarmed", ({ driver }) =>
+    request("POST", `/robots/${driver.role}/disarm`),
+  );
+  #takeOver = this.#act(
+    "Take control",
+    "Control not taken",
+    ({ driver }) => driver.take(driver.role, true),
+    { title: GLOSSARY["control"] },
+  );
   #giveBack = button("Release control", () => this.hub.driver.link.release(this.hub.driver.role), {
     title: "Stops and disarms the robot so that others can drive it",
   });
@@ -51,7 +61,8 @@ class RobotsPanel extends Part {
   #port = new PortForm();
   #place = details("Port and model", this.#port);
   #name = input("text", "operator-name", { maxlength: "40", autocomplete: "nickname" });
-  #do = oneAtATime(() => this.#render());
+  #refusal = h("p.field-error", { role: "alert" });
+  #do = oneAtATime(() => this.#render(), this.#refusal);
   #placed = false;
 
   build() {
@@ -69,6 +80,7 @@ class RobotsPanel extends Part {
         this.#why,
         this.#warnings,
         h("div.row", this.#arm, this.#disarm, this.#takeOver, this.#giveBack),
+        this.#refusal,
       ),
       this.#pad,
       details("Telemetry", this.#figures),
@@ -102,11 +114,21 @@ class RobotsPanel extends Part {
 
   /**
    * @param {string} words
+   * @param {string} failed what a refusal begins with: what did not happen
    * @param {(hub: Hub) => unknown} act
    * @param {Record<string, unknown>} [more]
    */
-  #act(words, act, more) {
-    return button(words, () => this.#do(() => act(this.hub)), more);
+  #act(words, failed, act, more) {
+    const tried = async () => {
+      try {
+        await act(this.hub);
+      } catch (error) {
+        if (!(error instanceof ApiError)) throw error;
+        const why = error.message.charAt(0).toLowerCase() + error.message.slice(1);
+        throw new ApiError(`${failed}: ${why}`, error.status, error.fields);
+      }
+    };
+    return button(words, () => this.#do(tried), more);
   }
 
   #render() {

@@ -5,13 +5,14 @@ import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
 
-const WHAT_IT_IS = "Software stop, no emergency stop: keep the hardware switch in reach";
+const WHAT_IT_IS =
+  "Software stop, not a substitute for an emergency stop: keep the hardware switch within reach";
 // It is answered within a tenth of this, or something is wrong.
 const CONFIRMED_MS = 1000;
 const KEYS = "Space and Esc press it; while a robot is armed, they do so everywhere on this page.";
 
 class StopBar extends Part {
-  #stop = button([icon("stop"), h("span", "Stop robots")], null, {
+  #stop = button([icon("stop"), h("span", "Stop", h("span.stop-word", " robots"))], null, {
     class: "stop-button",
     id: "stop-robots",
     title: `${WHAT_IT_IS}. ${KEYS}`,

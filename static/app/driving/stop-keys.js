@@ -1,19 +1,11 @@
 /** Space and Esc stop the robots. */
 
-const WRITTEN_IN = ["text", "search", "number", "password", "url", "email", "tel"];
+import { declareKeys, writesText } from "../elements/keys.js";
+
+declareKeys("Everywhere", ["Space Esc", "Stop all robots"]);
+
 // What Space presses or Esc leaves, where no robot is armed.
 const OWN_SPACE = 'button, summary, select, input, a, [role="tab"], [contenteditable]';
-
-/**
- * Say whether typed text goes into this element.
- *
- * @param {HTMLElement} element
- */
-export function writesText(element) {
-  if (element instanceof HTMLInputElement) return WRITTEN_IN.includes(element.type);
-  // Elements of the viewer's frame are of another window's classes.
-  return element.isContentEditable || ["TEXTAREA", "INPUT"].includes(element.tagName);
-}
 
 /**
  * Have Space and Esc stop in a window.
@@ -53,7 +45,8 @@ export function listenForStop(inside, driver) {
   inside.addEventListener("keydown", (event) => {
     if (!isStop(event) || event.defaultPrevented || event.repeat || !driver.anyConnected) return;
     const target = /** @type {HTMLElement | null} */ (event.target);
-    if (target?.closest?.("dialog") || (target && target.tagName && writesText(target))) return;
+    if (target?.closest?.("dialog, [popover]") || (target && target.tagName && writesText(target)))
+      return;
     if (event.code === "Space" && target?.closest?.(OWN_SPACE)) return;
     event.preventDefault();
     void driver.stop().catch(() => {});

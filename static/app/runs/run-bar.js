@@ -2,8 +2,10 @@
 
 import {
   button,
+  field,
   h,
   icon,
+  iconButton,
   input,
   onSubmit,
   select,
@@ -31,24 +33,31 @@ const STATES = {
 
 /** Choices of the images that a recording keeps. @type {[string, string][]} */
 const RECORDS = [
-  ["jpeg", "Record JPEG"],
-  ["lossless", "Record lossless"],
-  ["none", "Record no images"],
+  ["jpeg", "JPEG"],
+  ["lossless", "Lossless"],
+  ["none", "None"],
 ];
 
 class RunBar extends Part {
-  #state = h("span.state-chip");
-  #name = input("text", "run-name", { maxlength: 80, placeholder: "Run name (optional)" });
-  #record = select(
-    {
-      id: "run-record",
-      "aria-label": "Recorded images",
-      title: "Everything else is always recorded",
-    },
-    RECORDS,
-  );
+  #words = h("span");
+  #state = h("span.state-chip", this.#words);
+  #name = input("text", "run-name", { maxlength: 80, placeholder: "Optional" });
+  #record = select({ id: "run-record" }, RECORDS);
   #recording = h("span.record-chip.figure", { hidden: true });
-  #start = h("button.button.primary", { type: "submit" }, icon("record"), "Start run");
+  #start = h(
+    "button.button.primary",
+    { type: "submit" },
+    icon("record"),
+    h("span", "Start", h("span.run-word", " run")),
+  );
+  #more = iconButton("more", "Run options", null, { popovertarget: "run-options" });
+  #options = h(
+    "div.menu-box.run-options",
+    { id: "run-options", popover: true },
+    field("Run name", this.#name),
+    field("Recorded images", this.#record),
+    h("p.hint", "Everything else is always recorded."),
+  );
   #stop = button([icon("stop"), "Stop run"], () => this.#do(() => this.#end()), {
     class: "button danger",
     hidden: true,
@@ -62,13 +71,11 @@ class RunBar extends Part {
   build() {
     const form = h(
       "form.row",
-      h("label.visually-hidden", { for: "run-name" }, "Run name"),
-      this.#name,
-      this.#record,
       this.#recording,
       this.#running,
-      this.#start,
+      h("div.split-button", this.#start, this.#more),
       this.#stop,
+      this.#options,
     );
     onSubmit(form, () => this.#do(() => this.#begin()));
     this.append(this.#state, form);
@@ -79,14 +86,13 @@ class RunBar extends Part {
   #render() {
     const { status, connection } = this.hub;
     const state = connection === "open" && status ? status.engine.state : connection;
-    setText(this.#state, STATES[state] ?? state);
+    setText(this.#words, STATES[state] ?? state);
     setAttribute(this.#state, "data-state", state);
     setAttribute(this.#state, "title", status?.engine.reason ?? null);
     if (status) this.#tellRestart(status.engine.restarts);
     const run = status?.run ?? null;
-    this.#name.hidden = this.#record.hidden = run !== null;
     this.#renderRecording(status?.recording ?? null);
-    this.#start.hidden = run !== null;
+    this.#start.hidden = this.#more.hidden = run !== null;
     this.#stop.hidden = run === null;
     this.#running.hidden = run === null;
     if (run) setText(this.#running, `${run.name} · ${duration(run.duration_s)}`);

@@ -1,8 +1,13 @@
-/** The first line: who moves, how fast, plus or minus what, against the truth; in words. */
+/**
+ * The first line: who moves, how fast, plus or minus what, against the truth; in words. While what
+ * the page shows is old it says that instead, on every page: the one sign of it in words.
+ */
 
 import { h, setAttribute, setText, tint } from "../elements/dom.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { firstLine, trackColour } from "../elements/words.js";
+import { tooSlow } from "./pace-words.js";
 
 // Faster changes cannot be read; what is spoken changes more slowly still.
 const SHOWN_EVERY_MS = 250;
@@ -12,7 +17,7 @@ class FirstLine extends Part {
   #shownAt = 0;
   #spokenAt = 0;
   #tone = "";
-  #text = h("p.first-line-text");
+  #text = h("p.first-line-text", { title: `95 % interval: ${GLOSSARY["95 % interval"]}` });
   // The words change several times a second; a screen reader hears them from here, less often.
   #spoken = h("p.visually-hidden", { role: "status", "aria-live": "polite" });
   #context = h("p.first-line-context");
@@ -23,10 +28,12 @@ class FirstLine extends Part {
     this.hear("freshness", () => this.#render(true));
     this.hear("status", () => this.#renderContext());
     this.#render(true);
+    setInterval(() => this.#render(false), SHOWN_EVERY_MS);
   }
 
   /** @param {boolean} atOnce */
   #render(atOnce) {
+    document.documentElement.dataset.freshness = this.hub.freshness.state;
     const now = performance.now();
     const { text, id, tone } = this.#words();
     if (!atOnce && tone === this.#tone && now - this.#shownAt < SHOWN_EVERY_MS) return;
@@ -45,7 +52,9 @@ class FirstLine extends Part {
   #words() {
     const { freshness, observation } = this.hub;
     if (freshness.state === "stale") {
-      return { text: `Stopped: ${lowerFirst(freshness.reason)}`, id: null, tone: "lost" };
+      const age = Math.round(freshness.age_s);
+      const old = age > 0 ? ` What is shown is ${age} s old.` : "";
+      return { text: `Stale: ${freshness.reason}${old}`, id: null, tone: "stale" };
     }
     if (freshness.state === "none") return { text: freshness.reason, id: null, tone: "calm" };
     if (!observation) return { text: freshness.reason, id: null, tone: "calm" };
@@ -59,21 +68,17 @@ class FirstLine extends Part {
     const calibrating = status.engine.state === "calibrating";
     const words = source
       ? [
-          source.spec,
+          source.name,
           `${source.width} × ${source.height} at ${Number(source.frame_rate.toFixed(1))} fps`,
           calibration && !calibrating ? `calibration ${calibration.name}` : null,
           calibrating ? null : status.has_truth ? "with ground truth" : "no ground truth",
+          tooSlow(status),
           this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
           run ? `run ${run.name}` : calibrating ? "observation paused" : "preview, not recorded",
         ]
       : ["No source is open. Choose one under Source."];
     setText(this.#context, words.filter(Boolean).join(" · "));
   }
-}
-
-/** @param {string} text */
-function lowerFirst(text) {
-  return text.charAt(0).toLowerCase() + text.slice(1);
 }
 
 customElements.define("observer-first-line", FirstLine);

@@ -1,8 +1,19 @@
-/** The side panel's tabs, by the keyboard pattern for tabs: arrows, Home and End. */
+/**
+ * The side panel's tabs, by the keyboard pattern for tabs: arrows, Home and End.
+ *
+ * Where the window is narrow they are a bar at its foot, and a first one shows what otherwise stands
+ * beside the panel; layout.css has the same limit.
+ */
+
+import { declareKeys } from "../elements/keys.js";
+
+declareKeys("Tabs", ["← →", "Previous or next tab"], ["Home End", "First or last tab"]);
 
 const KEY = "dynamic-observer.tab";
 // What a newcomer wants next after watching: to change something and see what it does.
 const FIRST = "tab-parameters";
+const VIEW = "tab-view";
+const NARROW = matchMedia("(max-width: 59.99rem)");
 
 class SideTabs extends HTMLElement {
   connectedCallback() {
@@ -11,8 +22,18 @@ class SideTabs extends HTMLElement {
       tab.addEventListener("click", () => this.select(tab));
       tab.addEventListener("keydown", (event) => this.#move(event, tab));
     }
-    const remembered = localStorage.getItem(KEY);
-    const first = tabs.find((tab) => tab.id === (remembered ?? FIRST)) ?? tabs[0];
+    NARROW.addEventListener("change", () => this.#fit());
+    document.addEventListener("pane-wanted", (event) => {
+      if (event instanceof CustomEvent && event.detail === "main" && NARROW.matches) this.#fit();
+    });
+    this.#fit();
+  }
+
+  /** Begin with the view where there is room for one pane only, else with the tab of last time. */
+  #fit() {
+    const wanted = NARROW.matches ? VIEW : (localStorage.getItem(KEY) ?? FIRST);
+    const tabs = this.#tabs();
+    const first = tabs.find((tab) => tab.id === wanted) ?? tabs.find((tab) => tab.id === FIRST);
     if (first) this.select(first);
   }
 
@@ -23,11 +44,13 @@ class SideTabs extends HTMLElement {
       tab.setAttribute("aria-selected", String(selected));
       tab.tabIndex = selected ? 0 : -1;
       const panel = document.getElementById(tab.getAttribute("aria-controls") ?? "");
-      if (panel) panel.hidden = !selected;
+      // The view is the page itself, which the style sheet shows or leaves out.
+      if (panel && tab.id !== VIEW) panel.hidden = !selected;
       // What is hidden is not kept up; now it is wanted.
       if (selected) panel?.dispatchEvent(new Event("shown"));
     }
-    localStorage.setItem(KEY, chosen.id);
+    document.body.dataset.pane = chosen.id.replace("tab-", "");
+    if (chosen.id !== VIEW) localStorage.setItem(KEY, chosen.id);
   }
 
   /**
@@ -35,7 +58,7 @@ class SideTabs extends HTMLElement {
    * @param {HTMLElement} tab
    */
   #move(event, tab) {
-    const tabs = this.#tabs();
+    const tabs = this.#tabs().filter((each) => each.checkVisibility());
     const at = tabs.indexOf(tab);
     /** @type {Record<string, number>} */
     const places = {

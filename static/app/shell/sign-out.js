@@ -1,6 +1,6 @@
 /** The button that signs this browser out, or every one. */
 
-import { h, iconButton } from "../elements/dom.js";
+import { button, h, icon } from "../elements/dom.js";
 import { request } from "./api.js";
 import { showModal } from "./modal.js";
 import { attempt } from "./notice.js";
@@ -12,7 +12,7 @@ const ENDS = { here: "/session", everywhere: "/sessions" };
 class SignOut extends HTMLElement {
   connectedCallback() {
     if (this.childElementCount) return;
-    this.append(iconButton("leave", "Sign out", () => this.#ask()));
+    this.append(button([icon("leave"), "Sign out"], () => this.#ask()));
   }
 
   async #ask() {

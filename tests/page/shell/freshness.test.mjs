@@ -28,7 +28,8 @@ test("before the server spoke nothing is stale, after it was lost everything is"
   assert.equal(judge("open", null, null, NOW).state, "none");
   const lost = judge("closed", status(), beat(4, 0.5), NOW);
   assert.deepEqual([lost.state, lost.age_s], ["stale", 4.5]);
-  assert.match(lost.reason, /Reconnecting/);
+  assert.match(lost.reason, /Reconnecting\.$/);
+  assert.match(judge("closed", status(), beat(20, 0.5), NOW).reason, /open the link/);
 });
 
 test("fresh is what is a second old at most, the silence since then included", () => {

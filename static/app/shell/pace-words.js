@@ -1,0 +1,20 @@
+/** Whether the computer keeps up with its source, in words. A pure function. */
+
+/** @import { Status } from "../contract" */
+
+// Below this share of what was asked for, it does not keep up.
+const KEPT_UP = 0.9;
+
+/**
+ * @param {Pick<Status, "playback" | "live" | "source" | "rates">} status
+ * @returns {string} as in "this computer is too slow: 0.4 × real time", empty while it keeps up
+ */
+export function tooSlow({ playback, live, source, rates }) {
+  const seen = rates.unique_frames_per_s;
+  if (live && source && seen > 0 && seen < KEPT_UP * source.frame_rate)
+    return `this computer is too slow: ${seen.toFixed(1)} of ${source.frame_rate.toFixed(0)} fps`;
+  const { achieved_rate: achieved, rate = 1, paused, ended } = playback ?? {};
+  if (live || paused || ended || !achieved || achieved > KEPT_UP * rate) return "";
+  const wanted = rate === 1 ? "real time" : `real time, ${rate} × asked for`;
+  return `this computer is too slow: ${achieved.toFixed(1)} × ${wanted}`;
+}

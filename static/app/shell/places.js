@@ -1,0 +1,39 @@
+/** The way between what is live and what was recorded, and the window's title. */
+
+import { h, setAttribute } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { tourOffer } from "./tour.js";
+
+const NAME = document.title;
+const METHOD = "#steps";
+// What takes the place of the live parts; the first that is shown gives the title.
+const HEADINGS = ["observer-calibration-wizard", "observer-history"].map(
+  (part) => `${part}:not([hidden]) > header h2`,
+);
+
+class Places extends Part {
+  #live = h("a", { href: "#live" }, "Live");
+  #runs = h("a", { href: "#history" }, "Runs");
+  #method = h("a", { href: METHOD, title: "The method, step by step" }, "Method");
+
+  build() {
+    this.append(
+      h("nav", { "aria-label": "Pages" }, this.#live, this.#runs, this.#method),
+      tourOffer(),
+    );
+    this.hear("history titled", () => this.#mark());
+    this.#mark();
+  }
+
+  #mark() {
+    const away = document.body.hasAttribute("data-history");
+    const method = location.hash.startsWith(METHOD);
+    const here = !away ? this.#live : method ? this.#method : this.#runs;
+    for (const each of [this.#live, this.#runs, this.#method])
+      setAttribute(each, "aria-current", each === here ? "page" : null);
+    const [heading] = HEADINGS.flatMap((selector) => document.querySelector(selector) ?? []);
+    document.title = heading ? `${heading.textContent} · ${NAME}` : NAME;
+  }
+}
+
+customElements.define("observer-places", Places);

@@ -1,0 +1,159 @@
+/** A tour of the page: one card that goes from part to part, for whoever wants it. */
+
+import { button, h, setText } from "../elements/dom.js";
+import { giveBackFocus } from "../elements/focus-place.js";
+
+const KEY = "dynamic-observer.tour";
+const WANTED = "tour-wanted";
+const GAP_PX = 10;
+
+/** What is shown: where it stands on the page, its heading and what it is for. */
+const STOPS = /** @type {const} */ ([
+  [
+    ".first-line-text",
+    "Who moves",
+    "The nearest moving obstacle in one sentence: its speed with the 95 % interval, its heading and distance, and the ground truth where the source has it.",
+  ],
+  [
+    "observer-scene",
+    "Where it is",
+    "The point cloud of the stereo camera. Boxes are obstacles, arrows show where each will be in one second. Drag to orbit, scroll to zoom.",
+  ],
+  [
+    "#views",
+    "Why it counts as moving",
+    "The images behind the result. Click any point of the left view to ask why it counts as moving or not.",
+  ],
+  [
+    "#measured",
+    "How fast it is",
+    "Estimated speeds against ground truth. The shading is the 95 % interval.",
+  ],
+  [
+    "observer-method-switch",
+    "Two methods",
+    "Switch between the published method and ours while the source runs, or compare both on the same frames.",
+  ],
+  [
+    "#tab-parameters",
+    "Tune it",
+    "Thresholds take effect on the next frame. Undo brings any of them back.",
+  ],
+  [
+    "#tab-source",
+    "Your own data",
+    "Open two webcams, a recording, a folder of images or another simulated scene.",
+  ],
+  [
+    "#stop-robots",
+    "Stop",
+    "Stops every robot, from every page. While a robot is armed, Space and Esc do the same.",
+  ],
+]);
+
+class Tour extends HTMLElement {
+  #words = h("p");
+  #title = h("h2");
+  #count = h("span.hint.figure");
+  #back = button("Back", () => this.#go(this.#at - 1));
+  #next = button("Next", () => this.#go(this.#at + 1), { class: "button primary" });
+  #card = h(
+    "div.tour-card",
+    { popover: "manual", role: "dialog", "aria-label": "Tour", tabindex: "-1" },
+    this.#title,
+    this.#words,
+    h(
+      "div.row",
+      this.#count,
+      button("Close", () => this.#end(), { class: "button tour-close" }),
+      this.#back,
+      this.#next,
+    ),
+  );
+  #at = 0;
+  /** The element that had the focus when it began. @type {Element | null} */
+  #caller = null;
+  /** @type {Element[]} */
+  #shown = [];
+
+  connectedCallback() {
+    if (this.childElementCount) return;
+    this.append(button("Take the tour", () => this.#begin()));
+    // Out of the menu, which closes while the card is open.
+    document.body.append(this.#card);
+    this.#card.addEventListener("keydown", (event) => {
+      if (event.key === "Escape") this.#end();
+    });
+    window.addEventListener("resize", () => this.#place());
+    document.addEventListener(WANTED, () => this.#begin());
+  }
+
+  #begin() {
+    localStorage.setItem(KEY, "taken");
+    this.#caller = document.activeElement;
+    document.getElementById("page-menu")?.hidePopover();
+    location.hash = "#live";
+    this.#card.showPopover();
+    this.#go(0);
+    this.#card.focus();
+  }
+
+  #end() {
+    this.#mark(null);
+    this.#card.hidePopover();
+    giveBackFocus(this.#caller);
+  }
+
+  /** @param {number} at */
+  #go(at) {
+    // What this window has no room for is left out.
+    const stops = STOPS.filter(([selector]) => document.querySelector(selector)?.checkVisibility());
+    const stop = stops[at];
+    if (!stop) return this.#end();
+    this.#at = at;
+    const [selector, title, words] = stop;
+    setText(this.#title, title);
+    setText(this.#words, words);
+    setText(this.#count, `${at + 1} of ${stops.length}`);
+    this.#back.hidden = at === 0;
+    setText(this.#next, at === stops.length - 1 ? "Done" : "Next");
+    this.#mark(document.querySelector(selector));
+  }
+
+  /** @param {Element | null} part */
+  #mark(part) {
+    for (const each of this.#shown) each.removeAttribute("data-toured");
+    this.#shown = part ? [part] : [];
+    part?.setAttribute("data-toured", "");
+    this.#place();
+  }
+
+  /** Beside the part where there is room, else over its middle; always within the window. */
+  #place() {
+    const [part] = this.#shown;
+    if (!part) return;
+    const { left, right, top, bottom } = part.getBoundingClientRect();
+    const { width, height } = this.#card.getBoundingClientRect();
+    const below = bottom + GAP_PX + height < innerHeight;
+    const above = top - GAP_PX - height > 0;
+    const y = below ? bottom + GAP_PX : above ? top - GAP_PX - height : (top + bottom - height) / 2;
+    const x = Math.min(Math.max((left + right - width) / 2, GAP_PX), innerWidth - width - GAP_PX);
+    this.#card.style.left = `${Math.max(x, GAP_PX)}px`;
+    this.#card.style.top = `${Math.min(Math.max(y, GAP_PX), innerHeight - height - GAP_PX)}px`;
+  }
+}
+
+/** Make a button that offers the tour to whoever has not taken it. */
+export function tourOffer() {
+  const offer = button("Tour", () => document.dispatchEvent(new Event(WANTED)), {
+    class: "quiet tour-offer",
+    title: "One minute, and you can leave it at any time",
+    hidden: localStorage.getItem(KEY) !== null,
+  });
+  offer.addEventListener("click", () => {
+    offer.hidden = true;
+  });
+  return offer;
+}
+
+customElements.define("observer-tour", Tour);

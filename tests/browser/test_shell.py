@@ -1,0 +1,130 @@
+"""What stays where it is: header, stop button and panes, at every size and on every page."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import Page, ViewportSize, expect
+
+from .conftest import KeepPicture, OpenPanel
+
+_SIZES = (
+    {"width": 360, "height": 780},
+    {"width": 820, "height": 1180},
+    {"width": 1024, "height": 700},
+    {"width": 1440, "height": 900},
+    {"width": 2560, "height": 1440},
+)
+_PLACES = ("#live", "#history", "#live")
+# How much more than the window there is to scroll to, across and down.
+_OVERFLOW = """() => {
+  const { scrollWidth, scrollHeight } = document.documentElement;
+  return [scrollWidth - innerWidth, scrollHeight - innerHeight];
+}"""
+
+
+def _does_not_scroll(page: Page, where: str) -> None:
+    assert page.evaluate(_OVERFLOW) == [0, 0], where
+    expect(page.locator("#stop-robots")).to_be_in_viewport(ratio=1)
+    expect(page.get_by_role("button", name="Menu")).to_be_in_viewport(ratio=1)
+
+
+@pytest.mark.parametrize("size", _SIZES, ids=lambda size: f"{size['width']}")
+def test_the_window_never_scrolls_and_stop_stays_in_sight(
+    open_panel: OpenPanel, keep_picture: KeepPicture, size: ViewportSize
+) -> None:
+    page = open_panel(viewport=size)
+    for place in _PLACES:
+        page.evaluate("(place) => { location.hash = place; }", place)
+        page.wait_for_timeout(200)
+        _does_not_scroll(page, place)
+    keep_picture(page, f"shell-{size['width']}")
+    page.get_by_role("tab", name="Calibration").click()
+    page.locator("observer-calibration button", has_text="Calibrate").first.click()
+    expect(page.locator("observer-calibration-wizard")).to_be_visible()
+    _does_not_scroll(page, "wizard")
+    keep_picture(page, f"shell-wizard-{size['width']}")
+
+
+def test_pages_of_the_past_have_a_title_of_their_own_and_no_live_speed(
+    open_panel: OpenPanel,
+) -> None:
+    page = open_panel()
+    expect(page).to_have_title("Dynamic Observer")
+    page.get_by_role("link", name="Runs", exact=True).click()
+    expect(page).to_have_title(re.compile(r".* · Dynamic Observer"))
+    expect(page.locator("observer-first-line")).to_be_hidden()
+    expect(page.get_by_role("link", name="Runs", exact=True)).to_have_attribute(
+        "aria-current", "page"
+    )
+    page.get_by_role("link", name="Live", exact=True).click()
+    expect(page).to_have_title("Dynamic Observer")
+    expect(page.locator("observer-first-line")).to_be_visible()
+
+
+def _width(page: Page) -> float:
+    box = page.locator("#panel").bounding_box()
+    assert box is not None
+    return box["width"]
+
+
+def test_panes_are_resized_and_closed_by_pointer_and_keys_and_remember_it(
+    open_panel: OpenPanel,
+) -> None:
+    page = open_panel()
+    before = _width(page)
+    bar = page.get_by_role("separator", name="Size of the side panel")
+    bar.press("ArrowLeft")
+    assert _width(page) > before + 10
+    box = bar.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + 40
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x - 100, y, steps=4)
+    page.mouse.up()
+    dragged = _width(page)
+    assert dragged > before + 90
+    page.get_by_role("button", name="Close the speeds and obstacles").click()
+    expect(page.locator("observer-speed-chart")).to_be_hidden()
+    page.reload()
+    page.wait_for_selector('html[data-freshness="fresh"]')
+    assert abs(_width(page) - dragged) < 2
+    expect(page.locator("observer-speed-chart")).to_be_hidden()
+    page.get_by_role("button", name="Open the speeds and obstacles").click()
+    expect(page.locator("observer-speed-chart")).to_be_visible()
+    page.get_by_role("button", name="Close the side panel").click()
+    expect(page.locator("#panel")).to_be_hidden()
+    page.get_by_role("button", name="Open the side panel").click()
+    expect(page.locator("#panel")).to_be_visible()
+    # However far it is dragged, either side keeps its use.
+    for _ in range(60):
+        bar.press("ArrowRight")
+    assert _width(page) > 150
+
+
+def test_the_tour_goes_once_around_and_can_be_left(
+    open_panel: OpenPanel, keep_picture: KeepPicture
+) -> None:
+    page = open_panel()
+    page.get_by_role("button", name="Tour", exact=True).click()
+    card = page.locator(".tour-card")
+    expect(card).to_contain_text("Who moves")
+    card.get_by_role("button", name="Next").click()
+    expect(page.locator("observer-scene")).to_have_attribute("data-toured", "")
+    keep_picture(page, "tour")
+    while (following := card.get_by_role("button", name="Next")).is_visible():
+        following.click()
+        expect(card).to_be_in_viewport(ratio=1)
+    card.get_by_role("button", name="Done").click()
+    expect(card).to_be_hidden()
+    expect(page.locator("[data-toured]")).to_have_count(0)
+    # It is offered once; whoever wants it again finds it in the menu.
+    page.reload()
+    page.wait_for_selector('html[data-freshness="fresh"]')
+    expect(page.get_by_role("button", name="Tour", exact=True)).to_be_hidden()
+    page.get_by_role("button", name="Menu").click()
+    page.get_by_role("button", name="Take the tour").click()
+    page.keyboard.press("Escape")
+    expect(card).to_be_hidden()
