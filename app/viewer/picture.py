@@ -16,6 +16,7 @@ from app.viewer.robot_marks import RobotMarks, robot_marks
 from app.viewer.shapes import box_edges, rig_edges, upright_rotation, uprighted
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
+from observer.intervals import half_95
 from observer.mount import level_pose
 from observer.types import MotionState
 
@@ -135,7 +136,7 @@ def _freshness(
     event: ObservationEvent | None, state: StateEvent, now: float
 ) -> tuple[str | None, bool]:
     if state.state is EngineState.FAILED:
-        return "stale: the engine does not deliver", True
+        return "stale: the engine delivers no frames", True
     if event is None:
         return "waiting for the first frame", False
     age = now - event.received
@@ -193,7 +194,7 @@ def _tag(obstacle: Mapping[str, Any], up: Float64Array) -> Tag:
     if obstacle["motion"] == MotionState.IN_PLACE:
         return Tag(f"#{obstacle['id']}  in place", position)
     speed, std = obstacle["speed"], obstacle["speed_std"]
-    spread = "" if std is None else f" ± {std:.2f}"
+    spread = "" if std is None else f" ± {half_95(std):.2f}"
     return Tag(f"#{obstacle['id']}  {speed:.2f}{spread} m/s", position)
 
 

@@ -44,7 +44,7 @@ class PrivateViser:
         self.port = self.server.get_port()
         if not guards:
             self.stop()
-            raise RuntimeError("this version of viser cannot be kept private")
+            raise RuntimeError("this version of viser cannot be restricted to signed-in users")
 
     def stop(self) -> None:
         """End its threads and sockets."""

@@ -1,18 +1,20 @@
 """Nodes of the viser scene. Each layer is one permanent node; only its content changes.
 
 Removing and re-adding nodes, and changing the length of arrays, makes the browsers' memory grow; so
-every layer has a fixed number of elements and is hidden where it has none.
+every layer has a fixed number of elements and is hidden where it has none. What a person hides is
+the node above, which is never touched here.
 """
 
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from functools import partial
 from typing import Any
 
 import numpy as np
 import viser
 
-from app.contract.views import OBSTACLE_RGB
+from app.contract.scene import CAMERA_NODE, DISPLAY_NODE, LAYERS, WORLD_NODE, LayerName, Rgb
 from app.viewer.picture import Cloud, Picture, Tag
 from app.viewer.robot_marks import (
     MOST_OUTLINE_LINES,
@@ -32,19 +34,18 @@ _TRAIL_LINES = MOST_CAMERA_POINTS - 1
 _OBSTACLE_TRAIL_LINES = 200
 _FLOOR_HALF_WIDTH_M = 8
 _GREY = (132, 138, 142)
-_RED = (226, 44, 44)
-_ORANGE = (255, 160, 20)
-_TRUTH = (112, 150, 150)
-_BLUE = (66, 133, 244)
-_ROSE = (214, 122, 122)
 _FLOOR = (150, 162, 158)
-_SONAR = (36, 160, 148)
+(_BOX,), (_ARROW,), (_TRUTH,) = (LAYERS[name].colors for name in ("boxes", "arrows", "truth"))
+_TRAIL, _OBSTACLE_TRAIL = LAYERS["trails"].colors
+_STOP, _SLOW, _SONAR = LAYERS["guard"].colors
+# The robot and its camera have the colour of their trail.
+_ROBOT = _TRAIL
 # Colours of the stop zone and of the slow zone by the guard's action.
-_ZONES: dict[Level | None, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
+_ZONES: dict[Level | None, tuple[Rgb, Rgb]] = {
     None: (_GREY, _GREY),
     "clear": ((170, 120, 110), (120, 160, 130)),
-    "slow": ((205, 110, 70), _ORANGE),
-    "stop": (_RED, _ORANGE),
+    "slow": ((205, 110, 70), _SLOW),
+    "stop": (_STOP, _SLOW),
 }
 # Behind the robot, above it and somewhat to its left, looking in its direction.
 _EYE = (-1.6, 1.0, 1.5)
@@ -75,21 +76,24 @@ class Scene:
         server.initial_camera.up = (0.0, 0.0, 1.0)
         server.initial_camera.fov = _EYE_FOV_RAD
         server.gui.configure_theme(show_logo=False, show_share_button=False)
-        self._display = scene.add_frame("/display", show_axes=False)
+        self._display = scene.add_frame(DISPLAY_NODE, show_axes=False)
         # viser's own infinite grid is a shader over the whole picture; with software rendering it
         # takes a fifth of the drawing time.
         self._floor = scene.add_line_segments(
-            "/display/floor",
+            f"{DISPLAY_NODE}/floor",
             floor_lines(_FLOOR_HALF_WIDTH_M),
             _FLOOR,
             thickness=0.7,
             thickness_units="screen",
             visible=False,
         )
-        self._world = scene.add_frame("/display/world", show_axes=False)
-        self._cloud_frame = scene.add_frame("/display/world/cloud", show_axes=False)
+        self._world = scene.add_frame(WORLD_NODE, show_axes=False)
+        frames = {
+            name: scene.add_frame(layer.node, show_axes=False) for name, layer in LAYERS.items()
+        }
+        self._cloud_frame = frames["cloud"]
         self._cloud = scene.add_point_cloud(
-            "/display/world/cloud/points",
+            _in_layer("cloud", "points"),
             np.zeros((points, 3), np.float32),
             self._cloud_colors,
             point_size=0.024,
@@ -97,53 +101,59 @@ class Scene:
             point_shading="flat",
             visible=False,
         )
-        self._boxes = self._lines("boxes", _MOST_OBSTACLES * EDGES_OF_A_BOX, OBSTACLE_RGB, 3.0)
-        self._truth = self._lines("truth", _MOST_BODIES * EDGES_OF_A_BOX, _TRUTH, 1.5)
-        self._rig = self._lines("rig", _MOST_RIG_LINES, _BLUE, 2.0)
-        self._trail = self._lines("trail", _TRAIL_LINES, _BLUE, 2.0)
-        self._obstacle_trails = self._lines("trails", _OBSTACLE_TRAIL_LINES, _ROSE, 2.0)
-        self._outline = self._lines("robot", MOST_OUTLINE_LINES, _BLUE, 2.5)
-        self._stop_zone = self._lines("stop_zone", MOST_ZONE_LINES, _RED, 3.0)
-        self._slow_zone = self._lines("slow_zone", MOST_ZONE_LINES, _ORANGE, 2.0)
-        self._sonar = self._lines("sonar", MOST_SONAR_LINES, _SONAR, 2.5)
+        boxes, trails, guard = (partial(_in_layer, name) for name in ("boxes", "trails", "guard"))
+        self._boxes = self._lines(boxes("edges"), _MOST_OBSTACLES * EDGES_OF_A_BOX, _BOX, 3.0)
+        self._truth = self._lines(
+            _in_layer("truth", "edges"), _MOST_BODIES * EDGES_OF_A_BOX, _TRUTH, 1.5
+        )
+        self._rig = self._lines(f"{WORLD_NODE}/rig", _MOST_RIG_LINES, _ROBOT, 2.0)
+        self._trail = self._lines(trails("camera"), _TRAIL_LINES, _TRAIL, 2.0)
+        self._obstacle_trails = self._lines(
+            trails("obstacles"), _OBSTACLE_TRAIL_LINES, _OBSTACLE_TRAIL, 2.0
+        )
+        self._outline = self._lines(f"{WORLD_NODE}/robot", MOST_OUTLINE_LINES, _ROBOT, 2.5)
+        self._stop_zone = self._lines(guard("stop"), MOST_ZONE_LINES, _STOP, 3.0)
+        self._slow_zone = self._lines(guard("slow"), MOST_ZONE_LINES, _SLOW, 2.0)
+        self._sonar = self._lines(guard("sonar"), MOST_SONAR_LINES, _SONAR, 2.5)
         self._level: Level | None = None
         self._arrows = scene.add_arrows(
-            "/display/world/velocities",
+            _in_layer("arrows", "velocities"),
             np.zeros((_MOST_OBSTACLES, 2, 3), np.float32),
-            _ORANGE,
+            _ARROW,
             shaft_radius=0.018,
             head_radius=0.045,
             head_length=0.1,
             visible=False,
         )
         self._camera = scene.add_camera_frustum(
-            "/display/world/camera",
+            CAMERA_NODE,
             fov=1.0,
             aspect=2.0,
             scale=0.22,
-            color=_BLUE,
+            color=_ROBOT,
             thickness=0.006,
             cast_shadow=False,
             receive_shadow=False,
             visible=False,
         )
         self._labels = [
-            scene.add_label(f"/display/world/label_{k}", "", anchor="bottom-center", visible=False)
+            scene.add_label(boxes(f"label_{k}"), "", anchor="bottom-center", visible=False)
             for k in range(_MOST_OBSTACLES)
         ]
         self._notice = scene.add_label(
-            "/display/world/camera/notice", "", anchor="bottom-center", visible=False
+            f"{CAMERA_NODE}/notice", "", anchor="bottom-center", visible=False
         )
         self._notice.font_screen_scale = 1.2
+        # Of no layer: why the robot does not obey can be hidden from nobody.
         self._guard_label = scene.add_label(
-            "/display/world/guard", "", anchor="bottom-center", visible=False
+            f"{WORLD_NODE}/reason", "", anchor="bottom-center", visible=False
         )
 
     def _lines(
-        self, name: str, count: int, color: tuple[int, int, int], thickness: float
+        self, node: str, count: int, color: Rgb, thickness: float
     ) -> viser.LineSegmentsHandle:
         return self._server.scene.add_line_segments(
-            f"/display/world/{name}",
+            node,
             np.zeros((count, 2, 3), np.float32),
             color,
             thickness=thickness,
@@ -251,15 +261,15 @@ class Scene:
         self._stale = stale = picture.stale
         self._cloud.colors = greyed(self._cloud_colors) if stale else self._cloud_colors
         for node, color in (
-            (self._boxes, OBSTACLE_RGB),
-            (self._arrows, _ORANGE),
-            (self._trail, _BLUE),
-            (self._rig, _BLUE),
-            (self._obstacle_trails, _ROSE),
+            (self._boxes, _BOX),
+            (self._arrows, _ARROW),
+            (self._trail, _TRAIL),
+            (self._rig, _ROBOT),
+            (self._obstacle_trails, _OBSTACLE_TRAIL),
             (self._truth, _TRUTH),
         ):
             node.colors = np.array(_GREY if stale else color, np.uint8)
-        self._camera.color = _GREY if stale else _BLUE
+        self._camera.color = _GREY if stale else _ROBOT
 
     def _label(self, tags: tuple[Tag, ...]) -> None:
         for k, label in enumerate(self._labels):
@@ -267,6 +277,10 @@ class Scene:
                 label.text = tags[k].text
                 label.position = tags[k].position
             label.visible = k < len(tags)
+
+
+def _in_layer(layer: LayerName, name: str) -> str:
+    return f"{LAYERS[layer].node}/{name}"
 
 
 def _show_lines(node: Any, lines: Float64Array) -> None:

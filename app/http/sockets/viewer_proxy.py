@@ -82,14 +82,16 @@ class ViewerDoor:
     """The routes' access to the viewer, which may come later or never."""
 
     def __init__(self) -> None:
-        self.viewer: Viewer = NullViewer("the 3D viewer is being started")
+        self.viewer: Viewer = NullViewer("the 3D viewer is starting")
         self.page = PreparedPage(b"", b"", "")
+        self.opened = False
 
     def open(self, viewer: Viewer) -> None:
         """Admit clients to a viewer. Takes a moment; call it in a thread."""
         if viewer.port is not None:
             self.page = prepared_page(viewer.page())
         self.viewer = viewer
+        self.opened = True
 
 
 def _door(connection: HTTPConnection) -> ViewerDoor:
@@ -111,8 +113,10 @@ async def viewer_without_slash() -> Response:
 async def viewer_page(request: Request, door: Door) -> Response:
     """viser's client, one file."""
     if door.viewer.port is None:
-        headers = {"Retry-After": "1"}
-        return HTMLResponse(f"<p>There is no 3D view: {door.viewer.trouble}.</p>", 503, headers)
+        # No browser heeds Retry-After in a frame.
+        again = "" if door.opened else '<meta http-equiv="refresh" content="1">'
+        words = f"<p>The 3D view is unavailable: {door.viewer.trouble}.</p>"
+        return HTMLResponse(again + words, 503, {"Retry-After": "1"})
     page = door.page
     headers = {
         "Content-Security-Policy": VIEWER_POLICY,
@@ -150,7 +154,7 @@ async def viewer_socket(socket: WebSocket, door: Door) -> None:
         )
     except (OSError, TimeoutError, InvalidHandshake) as error:
         log.warning("viewer_not_reached", reason=str(error))
-        await socket.send_denial_response(SafeJSON({"detail": "the 3D viewer is away"}, 503))
+        await socket.send_denial_response(SafeJSON({"detail": "the 3D viewer is unavailable"}, 503))
         return
     async with upstream:
         await socket.accept(subprotocol=upstream.subprotocol)
@@ -179,7 +183,7 @@ async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
             raise WebSocketDisconnect(message.get("code", 1005))
         data = message.get("bytes")
         if not isinstance(data, bytes):
-            raise BadMessage("the viewer takes binary messages only")
+            raise BadMessage("the viewer accepts only binary messages")
         if passes(data):
             try:
                 await upstream.send(data)
@@ -198,12 +202,12 @@ def passes(data: bytes) -> bool:
     try:
         kind = _kind.decode(data).type
     except (msgspec.DecodeError, RecursionError):
-        raise BadMessage("this is no message of the viewer's page") from None
+        raise BadMessage("invalid viewer message") from None
     if kind != "ViewerCameraMessage":
         log.debug("viewer_message_dropped", kind=kind[:50])
         return False
     try:
         _camera.decode(data)
     except (msgspec.DecodeError, RecursionError):
-        raise BadMessage("the camera's pose is not understood") from None
+        raise BadMessage("invalid camera pose") from None
     return True

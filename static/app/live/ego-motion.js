@@ -2,6 +2,7 @@
 
 import { h, setText } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 
@@ -19,7 +20,12 @@ class EgoMotionPanel extends Part {
   #camera = h("div.stack", h("h4", "3D motion: right, down, forward"), this.#cameraFigures);
 
   build() {
-    this.append(h("h3", "Camera motion"), this.#about, this.#image, this.#camera);
+    this.append(
+      h("h3", { title: GLOSSARY["ego-motion"] }, "Camera motion"),
+      this.#about,
+      this.#image,
+      this.#camera,
+    );
     this.hear("status", () => this.#render());
     this.#render();
   }

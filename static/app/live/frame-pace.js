@@ -21,8 +21,9 @@ const LONGEST_TURN_MS = 150;
  *
  * @param {Window & typeof globalThis} inside the frame's window, once it is loaded
  * @param {EventTarget} hub tells `painted`
+ * @param {() => void} drawn called after every drawing
  */
-export function paceFrames(inside, hub) {
+export function paceFrames(inside, hub, drawn) {
   const ask = inside.requestAnimationFrame.bind(inside);
   /** @type {Map<number, FrameRequestCallback>} */
   const waiting = new Map();
@@ -56,6 +57,7 @@ export function paceFrames(inside, hub) {
     const took = now - start;
     const share = now - touched < IN_HAND_MS ? REST_SHARE_IN_HAND : REST_SHARE;
     restUntil = took > SLOW_MS ? now + Math.min(share * took, LONGEST_REST_MS) : 0;
+    drawn();
   };
 
   const draw = (/** @type {number} */ time) => {

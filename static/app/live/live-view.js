@@ -1,11 +1,15 @@
 /** One live view: a canvas that shows the newest image, and says when it is old. */
 
 import { h, paint, setAttribute, setText } from "../elements/dom.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
+import { EnlargeButton } from "./enlarge-button.js";
 import { PixelQuestion } from "./pixel-question.js";
 import { ViewSocket } from "./view-socket.js";
 
 const STALE_AFTER_MS = 1000;
+/** @type {Record<string, string>} */
+const MEANINGS = { disparity: GLOSSARY["disparity"], residual: GLOSSARY["residual"] };
 
 /** @type {Record<string, {title: string, help: string}>} */
 export const VIEWS = {
@@ -47,6 +51,8 @@ export class LiveView extends Part {
 
   /** @type {string} */
   name = "left";
+  /** Whether it offers the whole window to itself. */
+  enlarges = false;
 
   build() {
     this.dataset.view = this.name;
@@ -57,11 +63,19 @@ export class LiveView extends Part {
     // The other views show another instant, or are no picture of a place.
     const question = this.name === "left" ? new PixelQuestion() : null;
     question?.attach(this.hub);
+    const enlarge = this.enlarges ? new EnlargeButton() : null;
+    if (enlarge) Object.assign(enlarge, { what: this, name: `${title.toLowerCase()} view` });
+    enlarge?.attach(this.hub);
     this.append(
       h(
         "figure",
-        h("div.view-image", this.#canvas, this.#mark, question?.pick),
-        h("figcaption", h("b", title), " ", h("span", { id: helpId }, help)),
+        h("div.view-image", this.#canvas, this.#mark, question?.pick, enlarge),
+        h(
+          "figcaption",
+          h("b", { title: MEANINGS[this.name] ?? null }, title),
+          " ",
+          h("span", { id: helpId }, help),
+        ),
         question,
       ),
     );
@@ -91,6 +105,7 @@ export class LiveView extends Part {
    * @param {number} ageMs
    */
   #show(bitmap, ageMs) {
+    this.style.setProperty("--aspect", String(bitmap.width / bitmap.height));
     paint(this.#canvas, bitmap);
     this.#exposed = performance.now() - ageMs;
     this.#judge();
@@ -102,10 +117,10 @@ export class LiveView extends Part {
     const old = age > STALE_AFTER_MS;
     const state = !old ? "fresh" : freshness.state === "held" ? "held" : "stale";
     setAttribute(this, "data-freshness", state);
-    const seconds = `${(age / 1000).toFixed(0)} s old`;
-    const text = Number.isFinite(age) ? seconds : "Waiting for an image";
-    setText(this.#mark, state === "stale" && Number.isFinite(age) ? `Stale, ${text}` : text);
-    this.#mark.hidden = state === "fresh";
+    const seen = Number.isFinite(age);
+    setText(this.#mark, seen ? `Stale, ${(age / 1000).toFixed(0)} s old` : "Waiting for an image");
+    // Where everything is old, the first line says so; here is told what only this view lacks.
+    this.#mark.hidden = state !== "stale" || (seen && freshness.state !== "fresh");
   }
 }
 

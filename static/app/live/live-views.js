@@ -60,6 +60,7 @@ class LiveViews extends Part {
   #make(name) {
     const view = new LiveView();
     view.name = name;
+    view.enlarges = true;
     view.attach(this.hub);
     this.#shown.set(name, view);
     return view;

@@ -2,6 +2,7 @@
 
 import { button, h, setAttribute, setText, tint } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import {
   bearingInWords,
@@ -13,7 +14,13 @@ import {
 
 /** @import { ObstacleEntry } from "../contract" */
 
-const COLUMNS = ["ID", "Speed, m/s", "Truth", "Position"];
+/** @type {[name: string, help: string | null][]} */
+const COLUMNS = [
+  ["ID", GLOSSARY["track"]],
+  ["Speed, m/s", `95 % interval: ${GLOSSARY["95 % interval"]}`],
+  ["Ground truth", GLOSSARY["ground truth"]],
+  ["Position", null],
+];
 
 /** @type {Record<string, string>} */
 const STATES = { moving: "Moving", in_place: "Moving in place", stopped: "Stopped" };
@@ -26,7 +33,7 @@ class ObstacleTable extends Part {
   #rows = new Map();
 
   build() {
-    const head = h("tr", ...COLUMNS.map((name) => h("th", { scope: "col" }, name)));
+    const head = h("tr", ...COLUMNS.map(([name, title]) => h("th", { scope: "col", title }, name)));
     this.#scroll.append(h("table", h("thead", head), this.#body));
     this.append(h("div.pane-head", h("h2", "Obstacles")), this.#scroll, this.#empty);
     this.hear("observation", () => this.#render());
@@ -113,15 +120,24 @@ function fillRow([figures, why], obstacle, truth) {
   const [sentence, behind] = why.cells[0]?.children ?? [];
   const state = obstacle.state === "coasting" ? "Not visible now" : STATES[obstacle.motion];
   const words = `${state ?? obstacle.motion}. ${obstacle.why ? asSentence(obstacle.why) : ""}`;
-  if (sentence) setText(sentence, words);
+  if (sentence) {
+    setText(sentence, words);
+    setAttribute(sentence, "title", meaningOf(obstacle));
+  }
   if (behind instanceof HTMLDListElement && !behind.hidden)
     fillFigures(behind, figuresBehind(obstacle));
+}
+
+/** What the state says that a row begins with, where it is a term. @param {ObstacleEntry} obstacle */
+function meaningOf({ state, motion }) {
+  if (state === "coasting") return GLOSSARY["coasting"];
+  return motion === "in_place" ? GLOSSARY["in place"] : null;
 }
 
 /** @param {ObstacleEntry} obstacle @returns {import("../elements/figure-list.js").Figure[]} */
 function figuresBehind({ points, significance, closing_speed, size, state }) {
   return [
-    ["Significance", `${fixed(significance, 1)} σ`],
+    ["Significance", `${fixed(significance, 1)} σ`, GLOSSARY["significance"]],
     ["Moving points", String(points)],
     ["Closing speed", closing_speed === null ? "unknown" : `${fixed(closing_speed, 2)} m/s`],
     ["Visible size", `${size.map((m) => fixed(m, 2)).join(" × ")} m`],

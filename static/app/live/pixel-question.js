@@ -2,10 +2,19 @@
 
 import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
 import { figuresOf, fillFigures } from "../elements/figure-list.js";
+import { declareKeys } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 
 /** @import { Pixel } from "../contract" */
+
+declareKeys(
+  "Asking about a pixel",
+  ["↑ ← ↓ →", "Move the mark"],
+  ["Shift+arrow", "Move it by one pixel"],
+  ["Enter", "Ask"],
+  ["Esc", "Close the answer"],
+);
 
 /** @type {Record<string, string>} */
 const VERDICTS = {

@@ -176,7 +176,7 @@ def test_a_picture_of_one_obstacle(observed: Any) -> None:
     assert picture.boxes.shape == (1, 12, 2, 3)
     assert picture.truth.shape == (1, 12, 2, 3)
     np.testing.assert_allclose(picture.arrows[0, 1] - picture.arrows[0, 0], [0.4, 0, 0])
-    assert [tag.text for tag in picture.tags] == ["#7  0.40 ± 0.05 m/s"]
+    assert [tag.text for tag in picture.tags] == ["#7  0.40 ± 0.10 m/s"]
     # The label stands above the box, which is up in the display and -y in the camera.
     assert picture.tags[0].position[1] < 0
     assert picture.optics == pytest.approx((2 * math.atan(128 / 443), 2.0))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import threading
 import time
 from collections.abc import AsyncIterator
 from typing import Any
@@ -11,13 +12,14 @@ import httpx
 import msgspec
 import pytest
 import viser
+import zstandard
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Subprotocol
 
 from app.http.sockets.connections import BadMessage
 from app.http.sockets.viewer_proxy import passes
-from app.viewer import ViserViewer, start_viewer
+from app.viewer import NullViewer, ViserViewer, start_viewer
 
 from ..wire import read_on
 
@@ -86,6 +88,60 @@ async def test_the_scene_comes_through_and_follows(
         await eventually(lambda: peer.watched == ())
         await eventually(lambda: not viewer._viser.server.get_clients())
     assert "viser" not in capsys.readouterr().out
+
+
+def messages_of(data: bytes) -> list[dict[str, Any]]:
+    """What viser's client reads in one message of the socket, without its arrays."""
+    end = 16 + int.from_bytes(data[8:16], "little")
+    text = zstandard.ZstdDecompressor().decompress(data[16:end])
+    messages: list[dict[str, Any]] = msgspec.msgpack.decode(text)["messages"]
+    return messages
+
+
+async def test_layers_hang_from_nodes_that_the_server_leaves_to_the_page(
+    served: Any, peer: Any
+) -> None:
+    await started(served)
+    facts = (await served.http.get("/api/scene")).json()
+    sent: list[dict[str, Any]] = []
+    async with served.socket("/viewer", subprotocols=[PROTOCOL]) as socket:
+        for _ in range(12):
+            async with asyncio.timeout(5):
+                sent += messages_of(await socket.recv())
+            peer.observe()
+    made = {m["name"]: m for m in sent if "props" in m}
+    shown = [m for m in sent if m["type"] == "SetSceneNodeVisibilityMessage"]
+    for layer in facts["layers"]:
+        node = layer["node"]
+        assert made[node]["type"] == "FrameMessage"
+        below = [name for name in made if name.startswith(f"{node}/")]
+        assert below, node
+        assert all(m["visible"] for m in shown if m["name"] == node), node
+    assert made[facts["display_node"]]["type"] == "FrameMessage"
+    assert made[facts["camera_node"]]["type"] == "CameraFrustumMessage"
+    # The page hides a layer by a message like these, to its own viewer alone.
+    for message in shown:
+        assert set(message) == {"type", "name", "owner", "visible"}
+        assert message["owner"] == ""
+    assert any(m["name"].endswith("/cloud/points") and m["visible"] for m in shown)
+
+
+async def test_a_page_that_comes_before_the_viewer_comes_again(serve: Any, eventually: Any) -> None:
+    ready = threading.Event()
+
+    def late(_: Any) -> NullViewer:
+        ready.wait(10)
+        return NullViewer("it is not in this test")
+
+    async with serve(viewer=late) as served:
+        page = await served.http.get("/viewer/")
+        assert page.status_code == 503
+        assert 'http-equiv="refresh"' in page.text
+        ready.set()
+        await eventually(lambda: served.app.state.viewer.opened)
+        page = await served.http.get("/viewer/")
+        assert "it is not in this test" in page.text
+        assert "refresh" not in page.text
 
 
 async def test_nobody_reaches_viser_or_the_world_through_it(

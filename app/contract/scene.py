@@ -1,0 +1,91 @@
+"""Layers and views of the 3D scene: the nodes that hold them, their colours, and their names.
+
+The scene is one for all viewers; what a person hides, and from where it is looked at, is settled in
+the own browser.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from app.contract.values import means
+from app.contract.views import OBSTACLE_RGB
+
+Rgb = tuple[int, int, int]
+Vector = tuple[float, float, float]
+LayerName = Literal["cloud", "boxes", "arrows", "trails", "guard", "truth"]
+
+# Level axes, z up, x ahead at the start; moved by whole steps to keep the robot in view.
+DISPLAY_NODE = "/display"
+WORLD_NODE = f"{DISPLAY_NODE}/world"
+CAMERA_NODE = f"{WORLD_NODE}/camera"
+
+
+@dataclass(frozen=True)
+class SceneLayer:
+    """Part of the scene that can be hidden."""
+
+    name: LayerName
+    title: str
+    help: str
+    node: Annotated[str, means("Above everything of the layer; the server never hides it itself.")]
+    colors: Annotated[Sequence[Rgb], means("RGB; empty: those of the camera image.")]
+
+
+@dataclass(frozen=True)
+class SceneView:
+    """Eye and what it looks at: metres ahead, left and up from the ground below the camera."""
+
+    eye: Vector
+    look_at: Vector
+
+
+@dataclass(frozen=True)
+class SceneFacts:
+    layers: Sequence[SceneLayer]
+    display_node: Annotated[str, means("Level axes: ahead at the start, left, up.")]
+    camera_node: Annotated[str, means("Left camera: x right, y down, z forward.")]
+    follow: Annotated[SceneView, means("Along the robot's heading.")]
+    top_down: Annotated[SceneView, means("Along the first heading, whatever the robot's is.")]
+
+
+_LAYERS = (
+    SceneLayer(
+        "cloud", "Point cloud", "What dense stereo measures, in the colours of the image; red on "
+        "moving obstacles.", f"{WORLD_NODE}/cloud", (),
+    ),
+    SceneLayer(
+        "boxes", "Boxes", "Moving and stopped obstacles, each with its speed and 95 % interval.",
+        f"{WORLD_NODE}/boxes", (OBSTACLE_RGB,),
+    ),
+    SceneLayer(
+        "arrows", "Arrows", "Velocity: the arrow ends where the obstacle will be in one second.",
+        f"{WORLD_NODE}/arrows", ((255, 160, 20),),
+    ),
+    SceneLayer(
+        "trails", "Trails", "Where the camera (blue) and the obstacles (rose) have been.",
+        f"{WORLD_NODE}/trails", ((66, 133, 244), (214, 122, 122)),
+    ),
+    SceneLayer(
+        "guard", "Guard zones", "Where an obstacle stops the robot (red) or slows it (orange), and "
+        "sonar echoes (teal).", f"{WORLD_NODE}/guard",
+        ((226, 44, 44), (255, 160, 20), (36, 160, 148)),
+    ),
+    SceneLayer(
+        "truth", "Ground truth", "True boxes, where ground truth is known.", f"{WORLD_NODE}/truth",
+        ((112, 150, 150),),
+    ),
+)  # fmt: skip
+LAYERS: Mapping[LayerName, SceneLayer] = {layer.name: layer for layer in _LAYERS}
+
+SCENE = SceneFacts(
+    layers=_LAYERS,
+    display_node=DISPLAY_NODE,
+    camera_node=CAMERA_NODE,
+    # Behind the robot, above it and somewhat to its left: the whole robot above the legend.
+    follow=SceneView(eye=(-2.3, 1.1, 1.7), look_at=(2.0, -0.1, 0.1)),
+    # A little behind what it looks at: exactly above, no direction would be up in the picture.
+    top_down=SceneView(eye=(1.19, 0.0, 9.0), look_at=(1.2, 0.0, 0.0)),
+)

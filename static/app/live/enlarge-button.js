@@ -1,0 +1,128 @@
+/** A part of the page over the whole window below header and first line, and back. */
+
+import { h, setAttribute, setText, svg } from "../elements/dom.js";
+import { declareKeys } from "../elements/keys.js";
+import { Part } from "../elements/part.js";
+
+declareKeys("Enlarged view", ["Esc", "Restore it"]);
+
+const LARGER =
+  "M9.5 2H14v4.5h-1.6V4.7L9.2 7.9 8.1 6.8l3.2-3.2H9.5zM2 9.5h1.6v1.8l3.2-3.2 1.1 1.1-3.2 3.2h1.8V14H2z";
+const SMALLER =
+  "M13.9 3.2 10.7 6.4h1.8V8H8V3.5h1.6v1.8l3.2-3.2zM3.5 8H8v4.5H6.4v-1.8l-3.2 3.2-1.1-1.1 3.2-3.2H3.5z";
+
+/**
+ * What stops the robots, and what says how old the data is, stays in sight; the rest cannot be
+ * reached. Esc leads back, unless a robot is armed, which it stops; this button always does.
+ */
+export class EnlargeButton extends Part {
+  #path = svg("path", { d: LARGER });
+  #word = h("span.enlarge-word");
+  #button = h(
+    "button.button.icon-button",
+    { type: "button" },
+    svg("svg", { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true" }, this.#path),
+    this.#word,
+  );
+  #back = new AbortController();
+  /** @type {EventTarget[]} */
+  #documents = [document];
+  /** How far what it stands in was scrolled. @type {[Element, number][]} */
+  #scrolled = [];
+
+  /** What grows. @type {HTMLElement} */
+  what = this;
+  /** Its name, as in "Enlarge the left view". */
+  name = "";
+
+  build() {
+    this.append(this.#button);
+    this.#button.addEventListener("click", () => this.#set(!this.#enlarged));
+    this.#say();
+  }
+
+  disconnectedCallback() {
+    super.disconnectedCallback();
+    this.#set(false);
+  }
+
+  /** Have Esc lead back from a frame too. @param {Document} inside */
+  listenIn(inside) {
+    this.#documents = [document, inside];
+    if (this.#enlarged) this.#listen();
+  }
+
+  get #enlarged() {
+    return this.what.hasAttribute("data-enlarged");
+  }
+
+  /** @param {boolean} enlarged */
+  #set(enlarged) {
+    if (enlarged === this.#enlarged) return;
+    if (enlarged) this.#scrolled = scrolledAround(this.what);
+    this.what.toggleAttribute("data-enlarged", enlarged);
+    document.body.toggleAttribute("data-enlarged", enlarged);
+    if (enlarged) this.#listen();
+    else {
+      this.#back.abort();
+      for (const [element, top] of this.#scrolled) element.scrollTop = top;
+    }
+    this.#say();
+  }
+
+  #listen() {
+    this.#back.abort();
+    this.#back = new AbortController();
+    const { signal } = this.#back;
+    for (const each of this.#documents) {
+      each.addEventListener("keydown", (event) => this.#key(event), { signal });
+    }
+    const sizes = new ResizeObserver(() => {
+      // Something else took its place, as a recorded run does.
+      if (this.what.getClientRects().length === 0) this.#set(false);
+      else keepBelowHead();
+    });
+    for (const each of [this.what, document.body, ...head()]) sizes.observe(each);
+    signal.addEventListener("abort", () => sizes.disconnect());
+    keepBelowHead();
+  }
+
+  /** @param {Event} event */
+  #key(event) {
+    if (!(/** @type {KeyboardEvent} */ (event).key === "Escape") || event.defaultPrevented) return;
+    if (document.querySelector("dialog[open], :popover-open")) return;
+    event.preventDefault();
+    this.#set(false);
+  }
+
+  #say() {
+    const enlarged = this.#enlarged;
+    setAttribute(this.#path, "d", enlarged ? SMALLER : LARGER);
+    setText(this.#word, enlarged ? "Restore" : "Enlarge");
+    const words = enlarged ? `Restore the ${this.name}` : `Enlarge the ${this.name}`;
+    setAttribute(this.#button, "aria-label", words);
+    setAttribute(this.#button, "title", words);
+  }
+}
+
+/** What stays in sight above. */
+function head() {
+  return document.querySelectorAll("body > header, observer-first-line");
+}
+
+/** Let the style sheet know where it ends. */
+function keepBelowHead() {
+  const ends = [...head()].map((each) => each.getBoundingClientRect().bottom);
+  document.documentElement.style.setProperty("--enlarged-top", `${Math.max(0, ...ends)}px`);
+}
+
+/** @param {HTMLElement} element @returns {[Element, number][]} how far what it stands in is scrolled */
+function scrolledAround(element) {
+  /** @type {[Element, number][]} */
+  const found = [];
+  for (let each = element.parentElement; each; each = each.parentElement)
+    if (each.scrollTop > 0) found.push([each, each.scrollTop]);
+  return found;
+}
+
+customElements.define("observer-enlarge-button", EnlargeButton);

@@ -1,0 +1,80 @@
+/** What this person sees of the 3D scene, and from where; remembered in this browser. */
+
+import { Teller } from "../shell/teller.js";
+
+/** @typedef {keyof typeof CAMERAS} CameraChoice */
+
+const KEY = "dynamic-observer.scene";
+
+export const CAMERAS = {
+  follow: { title: "Follow", help: "Behind the robot, turning with it" },
+  free: { title: "Free", help: "Yours to move: drag to turn, scroll to zoom" },
+  top_down: { title: "Top-down", help: "From above, the first heading at the top" },
+};
+
+/** Tells `changed`. */
+export class SceneChoice extends Teller {
+  /** @type {Set<string>} */
+  #hidden;
+  /** @type {CameraChoice} */
+  #camera;
+  #store;
+
+  /** @param {Pick<Storage, "getItem" | "setItem">} store */
+  constructor(store = localStorage) {
+    super();
+    this.#store = store;
+    const { hidden, camera } = remembered(store.getItem(KEY));
+    this.#hidden = new Set(hidden);
+    this.#camera = camera;
+  }
+
+  get camera() {
+    return this.#camera;
+  }
+
+  set camera(camera) {
+    if (camera === this.#camera) return;
+    this.#camera = camera;
+    this.#keep();
+  }
+
+  /** @param {string} layer */
+  shows(layer) {
+    return !this.#hidden.has(layer);
+  }
+
+  /** @param {string} layer @param {boolean} shown */
+  show(layer, shown) {
+    if (shown) this.#hidden.delete(layer);
+    else this.#hidden.add(layer);
+    this.#keep();
+  }
+
+  #keep() {
+    const value = { hidden: [...this.#hidden], camera: this.#camera };
+    this.#store.setItem(KEY, JSON.stringify(value));
+    this.tell("changed");
+  }
+}
+
+/** @param {string | null} text @returns {{hidden: string[], camera: CameraChoice}} */
+function remembered(text) {
+  /** @type {{hidden?: unknown, camera?: unknown} | null} */
+  let value = null;
+  try {
+    value = JSON.parse(text ?? "null");
+  } catch {
+    // Nothing of ours.
+  }
+  const { hidden, camera } = value ?? {};
+  return {
+    hidden: Array.isArray(hidden) ? hidden.filter((name) => typeof name === "string") : [],
+    camera: isCamera(camera) ? camera : "free",
+  };
+}
+
+/** @param {unknown} camera @returns {camera is CameraChoice} */
+function isCamera(camera) {
+  return typeof camera === "string" && Object.hasOwn(CAMERAS, camera);
+}

@@ -1,0 +1,79 @@
+/** The viewer's own page, from outside: what it shows, and from where, in this browser alone. */
+
+/** @typedef {[number, number, number]} Vector */
+
+/**
+ * @typedef {object} Frame a node of the scene, in the axes of the viewer's renderer
+ * @property {Vector} position
+ * @property {Vector} x its unit axes
+ * @property {Vector} y
+ * @property {Vector} z
+ */
+
+/**
+ * @typedef {object} Viewer what viser's client opens to the page around it (meant for its tests)
+ * @property {object[]} messageQueue what it does before its next drawing, as if the server had sent it
+ * @property {() => void} requestRender
+ * @property {Record<string, {matrixWorld: {elements: number[]}} | undefined>} nodeRefFromName
+ * @property {{position: {x: number, y: number, z: number}} | null} camera
+ * @property {{setLookAt: (...place: [number, number, number, number, number, number, boolean]) =>
+ *   unknown} | null} cameraControl
+ */
+
+/**
+ * @typedef {Window & {__viserMutable?: Viewer, __viserSceneTree?: {getState: () =>
+ *   Record<string, {visibility?: boolean} | undefined>}}} ViewerWindow
+ */
+
+/**
+ * Nothing of this reaches the server, or another viewer. Where the client has not started, or is of
+ * another version, it does nothing.
+ */
+export class SceneClient {
+  #inside;
+
+  /** @param {Window} inside the frame's window */
+  constructor(inside) {
+    this.#inside = /** @type {ViewerWindow} */ (inside);
+  }
+
+  /** @param {string} node @returns {boolean | null} null: it is not there */
+  shows(node) {
+    const entry = this.#inside.__viserSceneTree?.getState()[node];
+    return entry ? (entry.visibility ?? true) : null;
+  }
+
+  /** @param {string} node @param {boolean} visible it and everything below it */
+  show(node, visible) {
+    const viewer = this.#inside.__viserMutable;
+    if (!viewer || this.shows(node) === null) return;
+    viewer.messageQueue.push({
+      type: "SetSceneNodeVisibilityMessage",
+      name: node,
+      owner: "",
+      visible,
+    });
+    viewer.requestRender();
+  }
+
+  /** @param {string} node @returns {Frame | null} as it was last drawn */
+  frame(node) {
+    const elements = this.#inside.__viserMutable?.nodeRefFromName[node]?.matrixWorld.elements;
+    if (!elements) return null;
+    const [x, y, z, position] = [0, 4, 8, 12].map(
+      (at) => /** @type {Vector} */ (elements.slice(at, at + 3)),
+    );
+    return x && y && z && position ? { position, x, y, z } : null;
+  }
+
+  /** @returns {Vector | null} where it is looked at from */
+  eye() {
+    const { x, y, z } = this.#inside.__viserMutable?.camera?.position ?? {};
+    return x === undefined || y === undefined || z === undefined ? null : [x, y, z];
+  }
+
+  /** @param {Vector} eye @param {Vector} target */
+  look(eye, target) {
+    this.#inside.__viserMutable?.cameraControl?.setLookAt(...eye, ...target, false);
+  }
+}

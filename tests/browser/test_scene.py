@@ -1,0 +1,228 @@
+"""The 3D scene as each person has it: layers, camera, and the whole window for it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Frame, Page, expect
+
+from .conftest import Eventually, KeepPicture, OpenPanel, Server
+
+# So small that the processor draws several times a second.
+_SMALL = {"width": 900, "height": 600}
+
+_SHOWN = """(node) => {
+  const entry = window.__viserSceneTree?.getState()[node];
+  return entry ? entry.effectiveVisibility : null;
+}"""
+# Eye and direction of view in the display's axes: ahead, left, up.
+_LOOK = """() => {
+  const { camera } = window.__viserMutable;
+  const { elements: e } = camera.matrixWorld;
+  return [[e[12], e[13], e[14]], [-e[8], -e[9], -e[10]], [e[4], e[5], e[6]]];
+}"""
+_DISPLAY = """() => [...window.__viserMutable.nodeRefFromName["/display"].matrixWorld.elements]"""
+# Turn robot and world by a quarter to the left, as if the server had sent it.
+_TURN = """() => {
+  const { messageQueue, requestRender, nodePoseData } = window.__viserMutable;
+  const name = "/display/world";
+  const [w, x, y, z] = nodePoseData[name].wxyz.map((value) => value * Math.SQRT1_2);
+  const wxyz = [w - z, x - y, y + x, z + w];
+  messageQueue.push({ type: "SetOrientationMessage", name, owner: "", wxyz });
+  requestRender();
+}"""
+
+
+def _viewer(page: Page) -> Frame:
+    frame = page.frame(url=re.compile("/viewer/"))
+    assert frame is not None
+    return frame
+
+
+def _shown(page: Page, layer: str) -> bool | None:
+    shown: bool | None = _viewer(page).evaluate(_SHOWN, f"/display/world/{layer}")
+    return shown
+
+
+def _look(page: Page) -> Any:
+    """(3, 3): eye, direction and upper edge of the picture, in the display's axes."""
+    eye, ahead, up = np.array(_viewer(page).evaluate(_LOOK))
+    T = np.array(_viewer(page).evaluate(_DISPLAY)).reshape(4, 4).T
+    rotation = T[:3, :3]
+    return np.stack([rotation.T @ (eye - T[:3, 3]), rotation.T @ ahead, rotation.T @ up])
+
+
+def _heading(page: Page) -> float:
+    """Horizontal direction of view, rad to the left."""
+    _, ahead, _ = _look(page)
+    return float(np.arctan2(ahead[1], ahead[0]))
+
+
+def _apart(a: float, b: float) -> float:
+    return float(np.angle(np.exp(1j * (a - b))))
+
+
+@pytest.fixture
+def open_scene(
+    server: Server, open_panel: OpenPanel, wait_for_scene: Callable[[Page], None]
+) -> Iterator[Callable[..., Page]]:
+    def open_one(**options: Any) -> Page:
+        page = open_panel(viewer=True, **{"viewport": _SMALL, **options})
+        wait_for_scene(page)
+        expect(page.locator(".scene-tools")).to_be_visible()
+        return page
+
+    yield open_one
+    server.api.post("/api/playback", json={"paused": False}).raise_for_status()
+
+
+def _layer(page: Page, name: str) -> Any:
+    return page.locator(f"input[name=layer][value={name}]")
+
+
+def test_two_people_hide_different_layers(
+    open_scene: Callable[..., Page], eventually: Eventually
+) -> None:
+    one, two = open_scene(), open_scene()
+    _layer(one, "cloud").uncheck(force=True)
+    _layer(two, "boxes").uncheck(force=True)
+    eventually(lambda: _shown(one, "cloud") is False and _shown(two, "boxes") is False)
+    # The label stands at the box.
+    assert _shown(two, "boxes/label_0") is False
+    assert _shown(one, "cloud/points") is False
+    for page, layers in ((one, ("boxes", "arrows", "trails")), (two, ("cloud", "truth"))):
+        assert all(_shown(page, layer) for layer in layers)
+    # Also after the server has sent everything anew, and to the next page of the same browser.
+    _viewer(one).evaluate("location.reload()")
+    eventually(lambda: _shown(one, "boxes"), 30)
+    eventually(lambda: _shown(one, "cloud") is False, 10)
+    one.reload()
+    eventually(lambda: _shown(one, "boxes"), 30)
+    eventually(lambda: _shown(one, "cloud") is False, 10)
+    expect(_layer(one, "cloud")).not_to_be_checked()
+    expect(_layer(one, "boxes")).to_be_checked()
+    _layer(one, "cloud").check(force=True)
+    eventually(lambda: _shown(one, "cloud"))
+
+
+def test_the_legend_has_the_colours_of_the_scene(
+    server: Server, open_scene: Callable[..., Page], keep_picture: KeepPicture
+) -> None:
+    page = open_scene(viewport={"width": 1440, "height": 900})
+    layers = server.get("/scene")["layers"]
+    shown = page.locator(".scene-layers label")
+    assert shown.all_inner_texts() == [layer["title"] for layer in layers]
+    for label, layer in zip(shown.all(), layers, strict=True):
+        image = label.locator(".swatch").evaluate("e => getComputedStyle(e).backgroundImage")
+        for red, green, blue in layer["colors"]:
+            assert f"rgb({red}, {green}, {blue})" in image
+    keep_picture(page, "scene-legend")
+
+
+def test_the_camera_follows_from_behind_and_from_above_until_a_hand_takes_it(
+    server: Server,
+    open_scene: Callable[..., Page],
+    eventually: Eventually,
+    keep_picture: KeepPicture,
+) -> None:
+    page = open_scene()
+    # What moves the robot here is the test alone.
+    server.api.post("/api/playback", json={"paused": True}).raise_for_status()
+    page.wait_for_selector('html[data-freshness="held"]')
+    follow = page.get_by_role("radio", name="Follow", exact=True)
+    follow.check(force=True)
+    page.wait_for_timeout(1000)
+    before = _heading(page)
+    _viewer(page).evaluate(_TURN)
+    eventually(lambda: abs(_apart(_heading(page), before + np.pi / 2)) < 0.05, 15)
+
+    page.get_by_role("radio", name="Top-down").check(force=True)
+    eventually(lambda: _look(page)[1][2] < -0.99)
+    # The first heading is up in the picture, though the robot has turned.
+    assert _look(page)[2][0] > 0.99
+    assert _look(page)[0][2] > 5
+    keep_picture(page, "scene-top-down")
+
+    scene = page.locator("observer-scene iframe").bounding_box()
+    assert scene is not None
+    middle = (scene["x"] + scene["width"] / 2, scene["y"] + scene["height"] / 2)
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0] + 60, middle[1] - 40, steps=4)
+    page.mouse.up()
+    expect(page.get_by_role("radio", name="Free")).to_be_checked()
+    page.get_by_role("button", name="Reset view").click()
+    eventually(lambda: abs(_apart(_heading(page), before + np.pi / 2)) < 0.05)
+    follow.check(force=True)
+    page.mouse.move(*middle)
+    page.mouse.wheel(0, 200)
+    expect(page.get_by_role("radio", name="Free")).to_be_checked()
+
+
+def test_scene_and_views_take_the_window_and_esc_leads_back(
+    open_scene: Callable[..., Page], keep_picture: KeepPicture, eventually: Eventually
+) -> None:
+    page = open_scene()
+    stage = page.locator(".stage")
+    before = stage.bounding_box()
+    button = page.get_by_role("button", name="Enlarge the 3D scene")
+    button.click()
+    box = stage.bounding_box()
+    assert box is not None
+    assert box["width"] == _SMALL["width"]
+    assert box["y"] + box["height"] == _SMALL["height"]
+    assert box["y"] < 200
+    expect(page.locator("#stop-robots")).to_be_in_viewport()
+    expect(page.locator(".first-line-text")).to_be_in_viewport()
+    expect(page.locator("observer-speed-chart")).not_to_be_visible()
+    expect(page.locator("observer-playback")).to_be_in_viewport()
+    keep_picture(page, "scene-enlarged")
+    # Also from within the viewer's frame.
+    page.locator("observer-scene iframe").focus()
+    page.keyboard.press("Escape")
+    expect(button).to_be_visible()
+    assert stage.bounding_box() == before
+
+    view = page.locator('observer-live-view[data-view="left"]')
+    larger = view.get_by_role("button", name="Enlarge")
+    larger.hover()
+    scrolled = page.locator("main").evaluate("e => e.scrollTop")
+    larger.click()
+    image = view.locator(".view-image").bounding_box()
+    assert image is not None
+    assert image["width"] > 0.6 * _SMALL["width"]
+    assert image["y"] + image["height"] <= _SMALL["height"]
+    view.locator(".pixel-pick").click(position={"x": 40, "y": image["height"] - 30})
+    expect(view.locator(".answer")).to_be_visible()
+    # First the answer closes, then the view.
+    page.keyboard.press("Escape")
+    expect(view.locator(".answer")).to_be_hidden()
+    expect(view).to_have_attribute("data-enlarged", "")
+    page.keyboard.press("Escape")
+    expect(larger).to_be_visible()
+    eventually(lambda: abs(page.locator("main").evaluate("e => e.scrollTop") - scrolled) < 2)
+    # What takes the place of the live parts finds nothing over it.
+    button.click()
+    page.evaluate("location.hash = '#history'")
+    expect(page.locator("body")).not_to_have_attribute("data-enlarged", re.compile(".*"))
+
+
+def test_on_a_narrow_window_the_layers_are_a_list(
+    open_scene: Callable[..., Page], keep_picture: KeepPicture
+) -> None:
+    page = open_scene(viewport={"width": 360, "height": 780}, has_touch=True)
+    box = _layer(page, "cloud")
+    expect(box).not_to_be_visible()
+    page.get_by_role("button", name="Layers").click()
+    page.locator(".scene-layers label").first.click()
+    expect(box).not_to_be_checked()
+    keep_picture(page, "scene-phone")
+    for control in page.locator(".scene-tools > *").all():
+        place = control.bounding_box()
+        assert place is not None
+        assert place["x"] >= 0
+        assert place["x"] + place["width"] <= 360
