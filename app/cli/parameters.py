@@ -7,31 +7,54 @@ from typing import Annotated, Any
 import typer
 
 from observer.guard.parameters import AllParameters
-from observer.parameters import MODELS
+from observer.parameters import MODELS, preset, preset_names
+
+Entry = dict[str, Any]
 
 
 def parameters(
     as_markdown: Annotated[bool, typer.Option("--markdown", help="As a Markdown table.")] = False,
+    basic: Annotated[
+        bool, typer.Option("--basic", help="Only the eight that matter most with each method.")
+    ] = False,
 ) -> None:
-    """List the parameters that --set, the panel and REST take."""
+    """List the parameters that --set, the web page and REST accept."""
+    entries = basic_parameters() if basic else AllParameters.declared()
     if as_markdown:
-        typer.echo(parameter_table())
+        typer.echo(parameter_table(entries))
         return
-    for entry in AllParameters.declared():
+    for entry in entries:
         typer.echo(f"{entry['name']} = {_shown(entry['default'])}   ({_range(entry)})")
         typer.echo(f"    {entry['help']} Acts with {_models(entry)}.")
 
 
-def parameter_table() -> str:
-    """Return all parameters as one Markdown table, built from their only declaration."""
+def basic_parameters() -> list[Entry]:
+    """Return the declarations of the parameters that are shown first, in order."""
+    return [entry for entry in AllParameters.declared() if entry.get("basic")]
+
+
+def parameter_table(entries: list[Entry]) -> str:
+    """Return parameters as one Markdown table, built from their only declaration."""
     rows = [
         "| parameter | default | range | acts with | what it does |",
         "| --- | --- | --- | --- | --- |",
     ]
     rows += [
         f"| `{e['name']}` | {_shown(e['default'])} | {_range(e)} | {_models(e)} | {e['help']} |"
-        for e in AllParameters.declared()
+        for e in entries
     ]
+    return "\n".join(rows)
+
+
+def preset_table() -> str:
+    """Return the values in which the built-in presets differ as one Markdown table."""
+    values = {name: preset(name).flat() for name in preset_names()}
+    rows = [f"| parameter | {' | '.join(f'`{name}`' for name in values)} |"]
+    rows.append(f"| --- |{' --- |' * len(values)}")
+    for entry in AllParameters.declared():
+        of_each = [_shown(flat.get(entry["name"], entry["default"])) for flat in values.values()]
+        if len(set(of_each)) > 1:
+            rows.append(f"| `{entry['name']}` | {' | '.join(of_each)} |")
     return "\n".join(rows)
 
 
@@ -39,12 +62,12 @@ def _shown(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value}"
 
 
-def _models(entry: dict[str, Any]) -> str:
+def _models(entry: Entry) -> str:
     models = "all" if entry["models"] == list(MODELS) else ", ".join(entry["models"])
-    return f"{models}; on the cloud with all" if entry.get("cloud") else models
+    return f"{models}; on the dense cloud with all" if entry.get("cloud") else models
 
 
-def _range(entry: dict[str, Any]) -> str:
+def _range(entry: Entry) -> str:
     if entry["type"] == "choice":
         return ", ".join(entry["choices"])
     if entry["type"] == "boolean":

@@ -17,6 +17,9 @@ class ParametersNow:
     ]
     values: Mapping[str, Any]
     preset: Annotated[str | None, means("The preset with exactly these values.")]
+    based_on: Annotated[
+        str, means("The preset that they come from; values that differ were changed by hand.")
+    ]
     frame: Annotated[int | None, means("The first frame they act on, as far as known.")]
 
 
@@ -45,6 +48,9 @@ class ParameterEntry:
     ]
     cloud: Annotated[
         bool, means("Whether it acts with every model on the dense cloud that is shown.")
+    ] = False
+    basic: Annotated[
+        bool, means("Whether it is one of the eight that are shown first with its methods.")
     ] = False
     minimum: float | None = None
     maximum: float | None = None

@@ -23,11 +23,17 @@ _MOST_REVISIONS = 2**31 - 1
 class ParameterTables(Database):
     """Tables of parameters: flat maps, dotted name -> JSON value, read under the names of today."""
 
-    def save_parameters(self, revision: int, values: dict[str, Any], preset: str | None) -> None:
+    def save_parameters(
+        self,
+        revision: int,
+        values: dict[str, Any],
+        preset: str | None,
+        based_on: str | None = None,
+    ) -> None:
         """Store the parameters in force; the next start begins with them."""
+        saved = SavedParameters(revision, values, preset, based_on)
         with self._writing() as session:
-            current = {"revision": revision, "values": values, "preset": preset}
-            write_setting(session, _CURRENT, current)
+            write_setting(session, _CURRENT, dataclasses.asdict(saved))
 
     def load_parameters(self) -> SavedParameters | None:
         """Return the last parameters; None in a new database.
@@ -45,8 +51,8 @@ class ParameterTables(Database):
             saved = None
         if saved is None or not 0 <= saved.revision <= _MOST_REVISIONS:
             raise StorageUnreadable(
-                f"the saved parameters in the database {self.where} are damaged and are at their "
-                f"defaults again"
+                f"the saved parameters in the database {self.where} are damaged and were reset to "
+                "their defaults"
             )
         return dataclasses.replace(saved, values=translated(saved.values))
 
@@ -88,7 +94,7 @@ class ParameterTables(Database):
             row = session.get(Preset, name)
             if row is not None and not replace and isinstance(row.values, dict):
                 raise StorageExists(
-                    f'a preset named "{name}" is there already; choose another name or delete it'
+                    f'a preset named "{name}" already exists; choose another name or delete it'
                 )
             if row is None:
                 row = Preset(name=name, created_at=utc_now())

@@ -57,6 +57,7 @@ class RunRecord:
         alignment: alignment of the truth with the run, as ``Alignment.as_dict``.
         truth_id: truth file for its comparison.
         rerun_of: the run whose recording it re-ran, which may be gone by now.
+        recording_name: words for people, where ``source`` is the recording of a run.
     """
 
     id: str
@@ -84,6 +85,12 @@ class RunRecord:
     rerun_of: str | None = None
     begin_s: float | None = None
     duration_s: float | None = None
+    recording_name: str | None = None
+
+    @property
+    def source_name(self) -> str:
+        """Return what people call its source."""
+        return self.recording_name or self.source
 
     @property
     def aligned(self) -> bool:
@@ -185,11 +192,16 @@ class ParameterRevision:
 
 @dataclass(frozen=True)
 class SavedParameters:
-    """Last parameters; ``preset`` is None once a value differs from it."""
+    """Last parameters.
+
+    Attributes:
+        preset: None once a value differs from it. based_on: the preset that they come from.
+    """
 
     revision: int
     values: dict[str, Any]
     preset: str | None
+    based_on: str | None = None
 
 
 @dataclass(frozen=True)

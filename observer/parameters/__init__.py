@@ -27,6 +27,7 @@ from observer.parameters.rigid import (
     KltTrackingParameters,
     ObstacleParameters,
 )
+from observer.parameters.typed_text import typed_value
 
 __all__ = [
     "MODELS",
@@ -52,5 +53,6 @@ __all__ = [
     "preset",
     "preset_names",
     "translated",
+    "typed_value",
     "without_effect",
 ]

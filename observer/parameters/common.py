@@ -10,13 +10,22 @@ from observer.parameters.fields import KLT, PLANAR, STEREO, Real, Stage, Whole, 
 class EgoMotionParameters(Stage):
     """The method and its estimate of the camera's motion."""
 
-    model: Literal["rigid", "homography", "affine", "monocular"] = choice("rigid", title="Method")
-    """rigid estimates the motion in space by stereo and tells motion from parallax. The planar
-    methods map image to image: affine has six parameters and is the paper's, homography has eight
-    and also fits a plane in perspective. monocular uses the left image only. Changing between
-    rigid, monocular and the planar methods begins a new segment."""
+    model: Literal["rigid", "homography", "affine", "monocular"] = choice(
+        "rigid", title="Method", basic=True
+    )
+    """rigid estimates 3D ego-motion from stereo and separates motion from parallax. The planar
+    methods map image to image: affine (six parameters) is the paper's, homography (eight) also fits
+    a plane in perspective. monocular uses only the left image. Switching between rigid, monocular
+    and the planar methods starts a new segment."""
     ransac_threshold_px: Real = number(
-        1.2, unit="px", ge=0.1, le=20.0, step=0.1, title="RANSAC threshold", models=STEREO
+        1.2,
+        unit="px",
+        ge=0.1,
+        le=20.0,
+        step=0.1,
+        title="RANSAC threshold",
+        models=STEREO,
+        basic=True,
     )
     """Maximum reprojection error of an inlier."""
     ransac_iterations: Whole = number(
@@ -31,7 +40,7 @@ class EgoMotionParameters(Stage):
     """Share of the measurement noise that all points have in common."""
     recover_frames: Whole = number(5, unit="frames", ge=0, le=60, step=1, title="Recovery time")
     """While the ego-motion is lost, frames are compared with the last good one; after this many
-    frames all tracks end and a new segment begins."""
+    frames all tracks end and a new segment starts."""
 
 
 class FeaturesParameters(Stage):
@@ -39,7 +48,7 @@ class FeaturesParameters(Stage):
     square (klt_tracking.spacing_px) in which no point is tracked."""
 
     detector: Literal["fast", "shi_tomasi", "harris", "brisk", "kaze", "mser", "orb", "surf"] = (
-        choice("shi_tomasi", title="Detector")
+        choice("shi_tomasi", title="Detector", basic=True)
     )
     """shi_tomasi is the minimum eigenvalue, whose points can be tracked best, harris is
     Harris-Stephens; the paper uses FAST. surf is installed by: pip install
@@ -64,8 +73,8 @@ class FeaturesParameters(Stage):
 
 
 class StereoParameters(Stage):
-    """Dense disparity and depth: of the planar methods and, with every method, of the cloud that
-    is shown. Of these rigid knows stereo.max_disparity_px only, for its points and bodies."""
+    """Dense disparity and depth, for the planar methods and, with every method, for the displayed
+    point cloud. rigid uses only stereo.max_disparity_px, for its points and bodies."""
 
     models = PLANAR
     cloud = True

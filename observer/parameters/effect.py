@@ -22,9 +22,9 @@ def without_effect(names: Iterable[str], model: str) -> dict[str, str]:
     named = set(names)
     return {
         entry["name"]: (
-            f"has no effect on what is observed with the model {model}, which is in force; it "
-            f"acts with {' and '.join(entry['models'])}"
-            + (", and on the dense cloud with every model" if entry.get("cloud") else "")
+            f"has no effect with the current method, {model}; it applies to "
+            f"{' and '.join(entry['models'])}"
+            + (", and to the dense point cloud with every method" if entry.get("cloud") else "")
         )
         for entry in Parameters.declared()
         if entry["name"] in named and model not in entry["models"]

@@ -48,17 +48,25 @@ def number(
     step: float,
     unit: str = "",
     models: tuple[str, ...] | None = None,
+    basic: bool = False,
 ) -> Any:
-    """Declare a number; ``models`` where it acts with fewer models than its group."""
+    """Declare a number; ``models`` where it acts with fewer models than its group.
+
+    ``basic``: it is among the eight that a form shows first with each method; a newcomer learns
+    most from them.
+    """
     extra: dict[str, Any] = {"unit": unit, "step": step}
     if models is not None:
         extra["models"] = list(models)
+    if basic:
+        extra["basic"] = True
     return Field(default=default, ge=ge, le=le, title=title, json_schema_extra=extra)
 
 
-def choice(default: Any, *, title: str) -> Any:
-    """Declare one of several values, or a switch."""
-    return Field(default=default, title=title, json_schema_extra={"unit": ""})
+def choice(default: Any, *, title: str, basic: bool = False) -> Any:
+    """Declare one of several values, or a switch; ``basic`` as in ``number``."""
+    extra: dict[str, Any] = {"unit": "", "basic": True} if basic else {"unit": ""}
+    return Field(default=default, title=title, json_schema_extra=extra)
 
 
 @cache

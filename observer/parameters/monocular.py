@@ -10,7 +10,9 @@ class MonocularParameters(Stage):
 
     models = ("monocular",)
 
-    height_m: Real = number(0.0, unit="m", ge=0.0, le=100.0, step=0.01, title="Camera height")
+    height_m: Real = number(
+        0.0, unit="m", ge=0.0, le=100.0, step=0.01, title="Camera height", basic=True
+    )
     """Height of the camera above the ground; 0 takes height and tilt from the rig of the source."""
     tilt_deg: Real = number(0.0, unit="deg", ge=-60.0, le=60.0, step=0.5, title="Camera tilt")
     """Downward tilt of the camera; used if monocular.height_m is set."""
@@ -28,7 +30,9 @@ class MonocularParameters(Stage):
     """Depth is initialized once the median parallax exceeds this or the ground shows the travel."""
     memory_s: Real = number(1.0, unit="s", ge=0.2, le=10.0, step=0.1, title="Memory")
     """Time over which a point must agree with a static one."""
-    farthest_m: Real = number(6.0, unit="m", ge=0.5, le=100.0, step=0.5, title="Max. range")
+    farthest_m: Real = number(
+        6.0, unit="m", ge=0.5, le=100.0, step=0.5, title="Max. range", basic=True
+    )
     """Obstacles that touch the ground farther away are ignored."""
     foot_sigma_px: Real = number(
         2.0, unit="px", ge=0.2, le=20.0, step=0.1, title="Ground contact noise"
@@ -39,6 +43,12 @@ class MonocularParameters(Stage):
     )
     """Standard deviation of an obstacle's acceleration."""
     confirm_sigmas: Real = number(
-        4.0, unit="standard deviations", ge=0.5, le=50.0, step=0.5, title="Confirmation threshold"
+        4.0,
+        unit="standard deviations",
+        ge=0.5,
+        le=50.0,
+        step=0.5,
+        title="Confirmation threshold",
+        basic=True,
     )
     """Min. significance of an obstacle's velocity over the ground."""

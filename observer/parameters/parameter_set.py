@@ -87,8 +87,9 @@ class ParameterSet(Stage):
 
         Keys: ``name, group, group_help, title, help, type`` (``number``, ``integer``, ``boolean``,
         ``choice``), ``unit, default, models`` (with which ``ego_motion.model`` it acts on what is
-        observed), ``minimum, maximum, step`` or ``choices``, and ``cloud`` (True) where it acts
-        with every model on the dense cloud and the disparity that are shown.
+        observed), ``minimum, maximum, step`` or ``choices``, ``cloud`` (True) where it acts with
+        every model on the dense cloud and the disparity that are shown, and ``basic`` (True) where
+        it is one of the eight that are shown first with each of its models.
         """
         return deepcopy(_declared(cls))
 
@@ -127,6 +128,8 @@ def _declared(parameters: type[ParameterSet]) -> list[dict[str, Any]]:
             }
             if stage.cloud:
                 entry["cloud"] = True
+            if schema.get("basic"):
+                entry["basic"] = True
             if "enum" in schema:
                 entry |= {"type": "choice", "choices": schema["enum"]}
             elif schema["type"] == "boolean":
@@ -145,11 +148,11 @@ def _declared(parameters: type[ParameterSet]) -> list[dict[str, Any]]:
 def _unknown(name: str, known: Collection[str]) -> str:
     """Return what is wrong with a name; one of the known ones may have been meant."""
     if (now := new_name(name)) != name:
-        return f"is named {now} now"
+        return f"has been renamed to {now}"
     near = difflib.get_close_matches(name, known, n=1)
     return "there is no such parameter" + (f"; did you mean {near[0]}?" if near else "")
 
 
 def _renamed_value(dotted: str, value: Any) -> str:
     now = new_value(dotted, value)
-    return f"; {value} is named {now} now" if now != value else ""
+    return f"; {value} has been renamed to {now}" if now != value else ""

@@ -12,7 +12,9 @@ class FramesParameters(Stage):
 
     models = PLANAR
 
-    interval: Whole = number(2, unit="frames", ge=1, le=10, step=1, title="Frame interval")
+    interval: Whole = number(
+        2, unit="frames", ge=1, le=10, step=1, title="Frame interval", basic=True
+    )
     """Frames between t and t+dt. A longer interval reveals slower obstacles and increases
     parallax."""
 
@@ -22,7 +24,7 @@ class MatchingParameters(Stage):
 
     models = PLANAR
 
-    method: Literal["descriptor", "klt"] = choice("klt", title="Matching")
+    method: Literal["descriptor", "klt"] = choice("klt", title="Matching", basic=True)
     """descriptor compares feature descriptors (ORB, or the detector's own); klt tracks each feature
     by Lucas-Kanade."""
     ratio: Real = number(0.85, ge=0.3, le=1.0, step=0.01, title="Ratio test")
@@ -45,7 +47,7 @@ class FlowParameters(Stage):
     pyramid_levels: Whole = number(3, unit="levels", ge=0, le=6, step=1, title="Pyramid levels")
     """Each level doubles the motion that can be tracked."""
     residual_threshold_px: Real = number(
-        2.0, unit="px", ge=0.1, le=30.0, step=0.1, title="Flow threshold"
+        2.0, unit="px", ge=0.1, le=30.0, step=0.1, title="Flow threshold", basic=True
     )
     """Features with a larger residual flow count as dynamic."""
     min_texture: Real = number(
@@ -88,7 +90,13 @@ class MotionParameters(Stage):
     """Standard deviation of an obstacle's yaw rate, by which its visible side moves differently
     from its centre."""
     min_significance: Real = number(
-        3.0, unit="standard deviations", ge=0.0, le=20.0, step=0.5, title="Min. significance"
+        3.0,
+        unit="standard deviations",
+        ge=0.0,
+        le=20.0,
+        step=0.5,
+        title="Min. significance",
+        basic=True,
     )
     """Obstacles whose velocity is less significant against all known errors, including parallax,
     are ignored; 0 keeps all, as in the paper."""
@@ -101,7 +109,9 @@ class ClusteringParameters(Stage):
 
     radius_m: Real = number(0.3, unit="m", ge=0.02, le=5.0, step=0.01, title="Neighbour radius")
     """Dynamic points within this distance, plus depth noise, form one obstacle."""
-    min_points: Whole = number(4, unit="points", ge=1, le=100, step=1, title="Min. points")
+    min_points: Whole = number(
+        4, unit="points", ge=1, le=100, step=1, title="Min. points", basic=True
+    )
     """Smaller clusters are ignored."""
 
 

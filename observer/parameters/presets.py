@@ -22,10 +22,10 @@ _PRESETS: dict[str, dict[str, ParameterValue]] = {
     "default": {},
 }
 PRESET_HELP: dict[str, str] = {
-    "paper": "The method as published: FAST, descriptor matching, affine RANSAC, the transformed "
-    "image's optical flow, raw displacement as velocity.",
-    "default": "Motion in space: points followed in both cameras, the camera's motion with six "
-    "degrees of freedom, evidence pooled over neighbours and time, obstacles as bodies.",
+    "paper": "The published method: FAST corners, descriptor matching, affine RANSAC, optical flow "
+    "of the warped image, velocity from raw displacement.",
+    "default": "3D motion: points tracked in both cameras, ego-motion with six degrees of freedom, "
+    "evidence pooled over neighbours and time, obstacles tracked as bodies.",
 }
 
 
@@ -36,7 +36,7 @@ def preset(name: str) -> Parameters:
         InputError: there is no such preset; the sentence lists those there are.
     """
     if name not in _PRESETS:
-        raise InputError(f"there is no preset {name!r}; there are: {', '.join(_PRESETS)}")
+        raise InputError(f"there is no preset {name!r}; available are: {', '.join(_PRESETS)}")
     return Parameters().changed(_PRESETS[name])
 
 

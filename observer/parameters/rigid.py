@@ -10,7 +10,7 @@ class KltTrackingParameters(Stage):
 
     models = KLT
 
-    spacing_px: Whole = number(18, unit="px", ge=6, le=64, step=1, title="Spacing")
+    spacing_px: Whole = number(18, unit="px", ge=6, le=64, step=1, title="Spacing", basic=True)
     """One point is tracked in each square of this side."""
     window_px: Whole = number(13, unit="px", ge=5, le=51, step=2, title="Window size")
     """Side of the Lucas-Kanade window."""
@@ -44,23 +44,23 @@ class KltTrackingParameters(Stage):
     """Noise of a tracked position due to the scale change of its neighbourhood, relative to that
     change."""
     skew_sigma_s: Real = number(
-        0.001, unit="s", ge=0.0, le=0.1, step=0.0005, title="Exposure skew noise", models=RIGID
+        0.001, unit="s", ge=0.0, le=0.1, step=0.0005, title="Sync error", models=RIGID
     )
     """Standard deviation of the time between the exposures of unsynchronized cameras."""
 
 
 class DenseParameters(Stage):
-    """Dense depth beside the tracked points: it shows bodies whole, people in plain clothes too."""
+    """Dense depth besides tracked points: it captures whole bodies, even in plain clothes."""
 
     models = RIGID
 
-    rate_hz: Real = number(60.0, unit="Hz", ge=0.0, le=120.0, step=1.0, title="Rate")
-    """Dense depth is evaluated at most this often. 0 turns it off: only tracked points are left,
-    and unseen regions are not told."""
+    rate_hz: Real = number(60.0, unit="Hz", ge=0.0, le=120.0, step=1.0, title="Rate", basic=True)
+    """Maximum rate of dense depth. 0 turns it off: only tracked points are used, and regions in
+    which motion cannot be detected are not reported."""
 
 
 class EvidenceParameters(Stage):
-    """The test which of the tracked points move."""
+    """Motion test of the tracked points."""
 
     models = KLT
 
@@ -71,9 +71,10 @@ class EvidenceParameters(Stage):
     radius_px: Real = number(26.0, unit="px", ge=4.0, le=200.0, step=1.0, title="Neighbourhood")
     """Points within this radius and at similar depth are tested together."""
     false_alarms_per_frame: Real = number(
-        0.001, ge=1e-9, le=1.0, step=1e-9, title="False alarm rate"
+        0.001, ge=1e-9, le=1.0, step=1e-9, title="False alarm rate", basic=True
     )
-    """Expected false alarms per frame over all points."""
+    """Expected false alarms per frame over all points. It sets the threshold of the motion test, as
+    flow.residual_threshold_px does with the planar methods: a lower rate is stricter."""
     noise_correlation: Real = number(0.1, ge=0.0, le=1.0, step=0.05, title="Noise correlation")
     """Share of the measurement noise that neighbouring points have in common."""
     disparity_bias_px: Real = number(
@@ -93,11 +94,11 @@ class EvidenceParameters(Stage):
     min_sightings: Whole = number(3, unit="frames", ge=2, le=30, step=1, title="Min. sightings")
     """Points seen in fewer frames are not tested."""
     min_points: Whole = number(3, unit="points", ge=1, le=50, step=1, title="Min. points")
-    """Fewer neighbours that move alike are no evidence of motion."""
+    """Fewer neighbours moving alike are not evidence of motion."""
 
 
 class ObstacleParameters(Stage):
-    """Obstacles as bodies over time."""
+    """Obstacles tracked as bodies."""
 
     models = KLT
 
@@ -109,7 +110,9 @@ class ObstacleParameters(Stage):
         0.1, ge=0.0, le=1.0, step=0.05, title="Noise correlation", models=RIGID
     )
     """Share of the measurement noise that the points of an obstacle have in common."""
-    min_points: Whole = number(3, unit="points", ge=1, le=50, step=1, title="Min. points")
+    min_points: Whole = number(
+        3, unit="points", ge=1, le=50, step=1, title="Min. points", basic=True
+    )
     """An obstacle with fewer visible points counts as not seen."""
     margin: Real = number(0.15, ge=0.0, le=2.0, step=0.05, title="Margin", models=RIGID)
     """Distance outside an obstacle's box within which points join it, relative to its size."""
@@ -121,6 +124,7 @@ class ObstacleParameters(Stage):
         step=0.5,
         title="Confirmation threshold",
         models=RIGID,
+        basic=True,
     )
     """Min. significance of an obstacle's velocity."""
     confirm_hits: Whole = number(3, unit="frames", ge=1, le=30, step=1, title="Confirmation frames")

@@ -10,6 +10,6 @@ def surf_missing() -> str | None:
     if importlib.util.find_spec("mahotas") is not None:
         return None
     return (
-        "surf needs the package mahotas, which is not installed; install it by: "
-        "pip install 'dynamic-observer[surf]'"
+        "surf needs the package mahotas, which is not installed; install it with: pip install "
+        "'dynamic-observer[surf]'"
     )

@@ -119,6 +119,20 @@ def test_it_is_said_with_which_model_a_parameter_acts() -> None:
     assert SCHEMA["flow.residual_threshold_px"]["models"] == ["homography", "affine"]
 
 
+@pytest.mark.parametrize("model", MODELS)
+def test_eight_parameters_are_basic_with_each_model(model: str) -> None:
+    basic = [name for name, entry in SCHEMA.items() if entry.get("basic")]
+    shown = [name for name in basic if model in SCHEMA[name]["models"]]
+    assert len(shown) == 8
+    assert "ego_motion.model" in shown
+    assert ("ego_motion.ransac_threshold_px" in shown) == (model != "monocular")
+    planar = model in ("affine", "homography")
+    assert ("flow.residual_threshold_px" in shown) == planar
+    # A title that says nothing without its group stands alone there.
+    titles = [SCHEMA[name]["title"] for name in shown]
+    assert len(set(titles)) == len(titles)
+
+
 def test_the_presets() -> None:
     assert preset_names() == ("paper", "default")
     assert set(PRESET_HELP) == set(preset_names())
@@ -135,7 +149,7 @@ def test_the_presets() -> None:
     # What the preset changes must act with the paper's model.
     changed = Parameters().difference(preset("paper"))
     assert all("affine" in SCHEMA[name]["models"] for name in changed)
-    with pytest.raises(InputError, match="there are: paper, default"):
+    with pytest.raises(InputError, match="available are: paper, default"):
         preset("papre")
     with pytest.raises(InputError, match="no parameter named"):
         Parameters.describe_range("nothing")
@@ -161,7 +175,7 @@ def test_old_names_are_translated_from_storage_and_refused_otherwise(
     (name,) = old
     with pytest.raises(ParameterError) as refused:
         Parameters().changed(old)
-    assert "is named" in refused.value.problems[name]
+    assert "has been renamed to" in refused.value.problems[name]
 
 
 def test_a_change_of_the_guard_leaves_the_methods_parameters_equal() -> None:
@@ -178,7 +192,7 @@ def test_a_change_without_effect_is_refused_by_name() -> None:
     rigid = Parameters()
     for changes in ({"tracking.gate": 4.0}, {"stereo.max_depth_m": 5.0}):
         (name,) = changes
-        with pytest.raises(ParameterError, match=f"{name}: has no effect .* acts with homography"):
+        with pytest.raises(ParameterError, match=f"{name}: has no effect .* applies to homography"):
             effective(rigid, {**changes, "evidence.radius_px": 30.0})
     # The method that counts is the one after the change.
     assert effective(rigid, {"ego_motion.model": "affine", "tracking.gate": 4.0}) == rigid.changed(

@@ -7,7 +7,8 @@ none can disagree with what the code declares.
 from __future__ import annotations
 
 import html
-from collections.abc import Callable, Iterable, Mapping
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -16,7 +17,9 @@ from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 
 from app.cli.command_line import COMMANDS, load_command
-from app.cli.parameters import parameter_table
+from app.cli.parameters import basic_parameters, parameter_table, preset_table
+from app.contract.glossary import GLOSSARY
+from observer.guard.parameters import AllParameters
 
 ROOT = Path(__file__).resolve().parents[2]
 _PROGRAM = "dynamic-observer"
@@ -26,9 +29,9 @@ def command_page() -> str:
     """Return every command of the command line with all it takes, as its ``--help`` says it."""
     parts = [
         "# Commands",
-        "In a clone the command is `.venv/bin/dynamic-observer`. Data goes to the standard output "
-        "or to the named file, progress and errors to the standard error. The exit code is 0 for "
-        "success, 1 for work that failed, and 2 for usage or input that is wrong.",
+        "In a clone the command is `.venv/bin/dynamic-observer`. Data goes to standard output or "
+        "to the named file, progress and errors go to standard error. The exit code is 0 for "
+        "success, 1 for failed work, and 2 for wrong usage or input.",
         _table(
             ("command", "what it does"),
             ((f"[`{name}`](#{name})", _cell(line)) for name, line in COMMANDS.items()),
@@ -52,14 +55,31 @@ def parameter_page() -> str:
         [
             "# Parameters",
             "Set a parameter in the panel, with `--set NAME=VALUE` on the command line, or with "
-            "`PATCH /api/parameters`. A change acts at the next frame and is recorded with the "
-            "run. The column *acts with* names the methods, which are the values of "
-            "`ego_motion.model`; the command line refuses a parameter that does not act with the "
-            "method in force. *On the cloud with all* means that the dense point cloud of the 3D "
-            "scene uses it whatever the method.",
-            parameter_table(),
+            "`PATCH /api/parameters`. A change takes effect at the next frame and is recorded "
+            "with the run. The column *acts with* names the methods, which are the values of "
+            "`ego_motion.model`; the command line rejects a parameter that does not act with the "
+            "method in force. *On the dense cloud with all* means that the dense point cloud of "
+            "the 3D scene uses it with every method.",
+            "## Basic parameters",
+            "The panel shows these first: with each method the eight that act with it. "
+            "`dynamic-observer parameters --basic` lists them too.",
+            parameter_table(basic_parameters()),
+            "## Presets",
+            "The built-in presets differ in these values. [Your own presets]"
+            "(sources.md#your-own-presets) tells how to save, share and compare presets.",
+            preset_table(),
+            "## All parameters",
+            *_by_group(AllParameters.declared()),
         ]
     )
+
+
+def _by_group(entries: list[dict[str, Any]]) -> Iterator[str]:
+    for group, members in itertools.groupby(entries, lambda entry: entry["group"]):
+        same = list(members)
+        yield f"### {group}"
+        yield _cell(same[0]["group_help"])
+        yield parameter_table(same)
 
 
 def rest_page() -> str:
@@ -77,16 +97,25 @@ def rest_page() -> str:
     subjects = {each["name"]: each["description"] for each in described["tags"]}
     parts = [
         "# REST",
-        "A running server describes every operation with all fields at "
-        '<a href="/docs">/docs</a>, where it can also be tried; '
-        '<a href="/openapi.json">/openapi.json</a> is the same for programs. How to begin '
-        "is told in [From a script](sources.md#from-a-script).",
+        'A running server describes every operation with all fields at <a href="/docs">/docs</a>, '
+        'where it can also be tried; <a href="/openapi.json">/openapi.json</a> is the same in '
+        "machine-readable form. For a start see [From a script](sources.md#from-a-script).",
         described["info"]["description"].strip(),
     ]
     for tag, rows in tagged.items():
         parts += [f"## {tag.capitalize()}", subjects.get(tag, "Figures for monitoring.")]
         parts.append(_table(("method", "path", "what it does"), rows))
     return _page(parts)
+
+
+def glossary_page() -> str:
+    """Return every term with its meaning."""
+    entries = (
+        f"**{term.name}**\n:   {_cell(term.meaning)}"
+        + (f" [More]({term.page})." if term.page else "")
+        for term in GLOSSARY
+    )
+    return _page(["# Glossary", *entries])
 
 
 def _beside_the_code(path: str) -> Callable[[], str]:
@@ -97,6 +126,7 @@ GENERATED: Mapping[str, Callable[[], str]] = {
     "commands.md": command_page,
     "parameters.md": parameter_page,
     "rest.md": rest_page,
+    "glossary.md": glossary_page,
     "guard.md": _beside_the_code("observer/guard/GUARD.md"),
     "external-robot.md": _beside_the_code("observer/robots/EXTERNAL.md"),
 }

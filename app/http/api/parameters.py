@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Body
+from fastapi import APIRouter, Body, Path, Query
 from pydantic import Field
 
 from app.contract.parameters import ParameterEntry, ParametersChanged, ParametersNow, Preset
@@ -18,9 +18,22 @@ from observer.guard.parameters import AllParameters
 router = APIRouter(tags=["parameters"])
 
 
-class PresetName(In):
+_Values = Annotated[
+    Changes | None,
+    Field(description="Over the defaults, former names included; the values in force if left out."),
+]
+
+
+class ReplacingPreset(In):
+    help: Annotated[str | None, Field(strict=True, max_length=300)] = None
+    values: _Values = None
+
+
+class NewPreset(ReplacingPreset):
+    """What a preset's file holds."""
+
+    format: Literal["dynamic-observer preset"] = "dynamic-observer preset"
     name: Name
-    help: Annotated[str, Field(strict=True, max_length=300)] = ""
 
 
 def _now(parameters: ParametersInForce) -> ParametersNow:
@@ -38,9 +51,12 @@ async def patch_parameters(
         Changes, Body(examples=[{"ego_motion.ransac_threshold_px": 2.0, "stereo.matcher": "bm"}])
     ],
     server: TheServer,
+    based_on: Annotated[
+        Name | None, Query(description="The preset that the values come from, if another.")
+    ] = None,
 ) -> ParametersChanged:
     """Dotted names and new values, all or nothing; they act from the next frame on."""
-    now = _now(await server.parameters.change(changes))
+    now = _now(await server.parameters.change(changes, based_on))
     return ParametersChanged(**vars(now), notes=notes_on(changes, now.values))
 
 
@@ -48,7 +64,7 @@ async def patch_parameters(
     "/parameters/schema",
     response_model=list[ParameterEntry],
     response_model_exclude_defaults=True,
-    summary="What a form needs to know of every parameter",
+    summary="Declarations of all parameters, for forms",
 )
 def get_schema() -> list[dict[str, Any]]:
     return AllParameters.declared()
@@ -63,15 +79,27 @@ async def get_presets(server: TheServer) -> list[Preset]:
 @router.post(
     "/presets",
     status_code=201,
-    summary="Save the values in force as a preset",
+    summary="Save a preset, of the values in force or of a preset's file",
     responses=refusals(409, 422, 503, 507),
 )
-async def post_preset(wanted: PresetName, server: TheServer) -> Preset:
-    return await server.parameters.save_preset(wanted.name, wanted.help)
+async def post_preset(wanted: NewPreset, server: TheServer) -> Preset:
+    """A file that the panel saved is such a body."""
+    return await server.parameters.save_preset(wanted.name, wanted.help, wanted.values)
+
+
+@router.put(
+    "/presets/{name:path}",
+    summary="Save a preset in place of one of that name",
+    responses=refusals(409, 422, 503, 507),
+)
+async def put_preset(
+    name: Annotated[Name, Path()], wanted: ReplacingPreset, server: TheServer
+) -> Preset:
+    return await server.parameters.save_preset(name, wanted.help, wanted.values, replace=True)
 
 
 @router.delete(
-    "/presets/{name}",
+    "/presets/{name:path}",
     status_code=204,
     summary="Delete a saved preset",
     responses=refusals(404, 409, 503),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from observer.errors import InputError, ParameterError
@@ -20,6 +20,7 @@ class ParametersInForce:
     Attributes:
         values: all values. revision: grows by one with every change of an observation parameter,
             across restarts too. preset: the preset with these values, or None once a value differs.
+        based_on: the preset that the values come from; those that differ are changed by hand.
         frame: the first frame they apply to; None if no source was open or the frame is not yet
             known.
         guard_revision: grows by one with every change of the guard, from 0 at the start.
@@ -30,6 +31,7 @@ class ParametersInForce:
     preset: str | None
     frame: int | None = None
     guard_revision: int = 0
+    based_on: str = "default"
 
 
 @dataclass(frozen=True)
@@ -41,25 +43,31 @@ class Revision:
 
 
 def restored_parameters(
-    values: Mapping[str, Any], revision: int, preset_name: str | None
+    values: Mapping[str, Any],
+    revision: int,
+    presets: Mapping[str, Mapping[str, ParameterValue]],
+    based_on: str | None,
 ) -> tuple[ParametersInForce, str | None]:
     """Restore the parameters of the last session.
 
     A later version may have other parameters or bounds. A value that it refuses is left at its
     default, with a warning.
 
+    Args:
+        presets: the saved presets, by name. based_on: the name of the last one, as far as known.
+
     Returns:
         The parameters, and a warning of one sentence if some could not be restored.
     """
     try:
-        return ParametersInForce(AllParameters().changed(values), revision, preset_name), None
+        restored, refused = AllParameters().changed(values), {}
     except ParameterError as error:
         refused = error.problems
-    kept = {name: value for name, value in values.items() if name not in refused}
-    restored = ParametersInForce(AllParameters().changed(kept), revision + 1, None)
-    return restored, (
-        f"saved parameters were refused and are at their defaults again: {_listed(refused)}"
-    )
+        kept = {name: value for name, value in values.items() if name not in refused}
+        restored = AllParameters().changed(kept)
+    current = ParametersInForce(restored, revision + bool(refused), None)
+    warning = f"invalid saved parameters were reset to their defaults: {_listed(refused)}"
+    return named(current, presets, based_on), warning if refused else None
 
 
 def _listed(names: Iterable[str]) -> str:
@@ -72,6 +80,7 @@ def change(
     changes: Mapping[str, Any],
     presets: Mapping[str, Mapping[str, ParameterValue]],
     start: AllParameters | None = None,
+    based_on: str | None = None,
 ) -> Revision:
     """Return the parameters after a change; a change applies completely or not at all.
 
@@ -79,34 +88,57 @@ def change(
         changes: dotted name -> new value.
         presets: the saved presets, by name; the built-in ones are known.
         start: the values to change; the current ones if left out.
+        based_on: the preset that the values come from; the one as before if left out.
 
     Raises:
         ParameterError: names every refused field and its range.
     """
     values = (start or current.values).changed(changes)
     difference = current.values.difference(values)
-    if not difference:
-        return Revision(current, {})
     observed, guard = current.values.vision != values.vision, current.values.guard != values.guard
     after = ParametersInForce(
         values,
         current.revision + observed,
-        matching_preset(values, presets),
+        None,
         None if observed else current.frame,
         current.guard_revision + guard,
     )
-    return Revision(after, difference)
+    return Revision(named(after, presets, based_on or current.based_on), difference)
+
+
+def named(
+    current: ParametersInForce,
+    presets: Mapping[str, Mapping[str, ParameterValue]],
+    based_on: str | None,
+) -> ParametersInForce:
+    """Return the same values with the preset that they are, and the one that they come from.
+
+    Args:
+        presets: the saved presets, by name. based_on: the one that they came from so far; where
+            there is none of that name any more, the built-in one that is nearest takes its place.
+    """
+    preset = matching_preset(current.values, presets, based_on)
+    if preset is None and based_on not in (*BUILT_IN, *presets):
+        differing = {name: len(built_in(name).difference(current.values)) for name in BUILT_IN}
+        based_on = min(reversed(BUILT_IN), key=differing.__getitem__)
+    return replace(current, preset=preset, based_on=preset or based_on or "default")
 
 
 def matching_preset(
-    values: AllParameters, presets: Mapping[str, Mapping[str, ParameterValue]]
+    values: AllParameters,
+    presets: Mapping[str, Mapping[str, ParameterValue]],
+    preferred: str | None = None,
 ) -> str | None:
-    """Return the name of the preset with exactly these values; built-in presets come first."""
+    """Return the name of the preset with exactly these values.
+
+    Where several have them it is the preferred one, else a built-in one.
+    """
     flat = values.flat()
-    for name in reversed(BUILT_IN):
-        if built_in(name).flat() == flat:
-            return name
-    return next((name for name, saved in presets.items() if dict(saved) == flat), None)
+    equal = [name for name in reversed(BUILT_IN) if built_in(name).flat() == flat]
+    # One that was saved before a parameter was added has that one's default.
+    declared = AllParameters().flat()
+    equal += [name for name, saved in presets.items() if {**declared, **saved} == flat]
+    return preferred if preferred in equal else next(iter(equal), None)
 
 
 def built_in(name: str) -> AllParameters:

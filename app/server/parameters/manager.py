@@ -20,6 +20,7 @@ from app.server.parameters.in_force import (
     built_in,
     change,
     matching_preset,
+    named,
     preset_values,
     restored_parameters,
 )
@@ -27,7 +28,7 @@ from app.server.shared import Shared
 from app.storage import PresetRecord, StorageExists, StorageUnreadable
 from observer.errors import InputError
 from observer.guard.parameters import AllParameters
-from observer.parameters import PRESET_HELP, ParameterValue
+from observer.parameters import PRESET_HELP, ParameterValue, translated
 
 
 class ParameterManager:
@@ -58,7 +59,7 @@ class ParameterManager:
         """
         self._saved = {record.name: record for record in self._storage.list_presets()}
         warnings = [
-            f"the saved preset {name!r} is damaged and left out; save it again"
+            f"the saved preset {name!r} is damaged and ignored; save it again"
             for name in self._storage.damaged_presets()
         ]
         try:
@@ -67,7 +68,9 @@ class ParameterManager:
             saved = None
             warnings.append(str(error))
         if saved is not None:
-            self.current, warning = restored_parameters(saved.values, saved.revision, saved.preset)
+            self.current, warning = restored_parameters(
+                saved.values, saved.revision, self._preset_values, saved.based_on
+            )
             warnings += [] if warning is None else [warning]
         return "; ".join(warnings) or None
 
@@ -82,29 +85,59 @@ class ParameterManager:
             FieldError: there is no such preset.
             ParameterError: names every refused field and its range.
         """
-        start: AllParameters | None = None
-        if preset_name is not None:
-            try:
-                start = preset_values(preset_name, self._preset_values)
-            except InputError as error:
-                raise FieldError(("body", "preset"), str(error)) from error
-        return change(self.current, changes, self._preset_values, start)
+        start = None if preset_name is None else self._preset(preset_name)
+        return change(self.current, changes, self._preset_values, start, preset_name)
 
-    async def change(self, changes: Mapping[str, Any]) -> ParametersInForce:
-        """Change parameters from the next frame on, completely or not at all.
+    def compose(
+        self, preset_name: str | None, own: Mapping[str, Any], changes: Mapping[str, Any]
+    ) -> ParametersInForce:
+        """Return the parameters of a preset with changes; put nothing into force.
+
+        Args:
+            own: the values to change without a preset; those unknown here are left out.
 
         Raises:
+            FieldError, ParameterError: as ``plan``.
+        """
+        if preset_name is None:
+            known = AllParameters().flat()
+            start = AllParameters().changed({k: v for k, v in own.items() if k in known})
+        else:
+            start = self._preset(preset_name)
+        values = start.changed(changes)
+        return ParametersInForce(values, 0, matching_preset(values, self._preset_values))
+
+    def _preset(self, name: str) -> AllParameters:
+        try:
+            return preset_values(name, self._preset_values)
+        except InputError as error:
+            raise FieldError(("body", "preset"), str(error)) from error
+
+    async def change(
+        self, changes: Mapping[str, Any], based_on: str | None = None
+    ) -> ParametersInForce:
+        """Change parameters from the next frame on, completely or not at all.
+
+        Args:
+            based_on: the preset that the values come from; the one as before if left out.
+
+        Raises:
+            FieldError: there is no such preset.
             ParameterError: names every refused field and its range.
         """
         async with self._shared.lock:
-            result = await self._apply(self.plan(None, changes))
+            presets = self._preset_values
+            if based_on is not None and based_on not in (*BUILT_IN, *presets):
+                raise FieldError(("query", "based_on"), f"there is no preset {based_on!r}")
+            revision = change(self.current, changes, presets, based_on=based_on)
+            result = await self._apply(revision)
         self._shared.followers.status_changed()
         return result
 
     async def _apply(self, revision: Revision) -> ParametersInForce:
         """Apply a planned change, in the engine first."""
         if not revision.difference:
-            return self.current
+            return self.adopt(revision, self.current.frame, None)
         after, run = revision.after, self._shared.run()
         try:
             command = SetParameters(after.values.flat(), after.revision)
@@ -119,6 +152,7 @@ class ParameterManager:
     def adopt(self, revision: Revision, frame: int | None, run_id: str | None) -> ParametersInForce:
         """Record that a change is in force from ``frame`` on."""
         if not revision.difference:
+            self._call(revision.after)
             return self.current
         observed = revision.after.revision != self.current.revision
         self.current = replace(revision.after, frame=frame) if observed else revision.after
@@ -127,11 +161,21 @@ class ParameterManager:
         return self.current
 
     def _keep(self, revision: Revision, frame: int | None, run_id: str | None) -> None:
-        after, storage = revision.after, self._storage
-        values = after.values.flat()
-        self._writer.post(partial(storage.save_parameters, after.revision, values, after.preset))
-        note = storage.record_parameter_revision
+        after = revision.after
+        self._remember()
+        note = self._storage.record_parameter_revision
         self._writer.post(partial(note, run_id, frame, after.revision, revision.difference))
+
+    def _remember(self) -> None:
+        now, save = self.current, self._storage.save_parameters
+        values = now.values.flat()
+        self._writer.post(partial(save, now.revision, values, now.preset, now.based_on))
+
+    def _call(self, same: ParametersInForce) -> None:
+        """Take what the same values are called now."""
+        if same != self.current:
+            self.current = same
+            self._remember()
 
     def presets(self) -> list[Preset]:
         """Return the built-in presets, then the saved ones by name."""
@@ -145,23 +189,41 @@ class ParameterManager:
         ]
         return own + saved
 
-    async def save_preset(self, name: str, help: str) -> Preset:
-        """Save the current values under a name.
+    async def save_preset(
+        self,
+        name: str,
+        help: str | None = None,
+        values: Mapping[str, Any] | None = None,
+        *,
+        replace: bool = False,
+    ) -> Preset:
+        """Save values under a name.
+
+        Args:
+            help: that of the replaced preset if left out.
+            values: dotted name -> value, names of former versions included, over the defaults; the
+                values in force if left out, which come from this preset from then on.
+            replace: save in place of a preset of that name.
 
         Raises:
-            Conflict: the name is taken. StorageError: it could not be saved.
+            Conflict: the name is taken. ParameterError: names every refused field and its range.
+            StorageError: it could not be saved.
         """
         if name in BUILT_IN:
             raise Conflict(f"the preset {name} is built in; choose another name")
-        values = self.current.values.flat()
+        flat = (
+            self.current.values if values is None else AllParameters().changed(translated(values))
+        ).flat()
+        if help is None:
+            help = self._saved[name].help if name in self._saved else ""
+        save = partial(self._storage.save_preset, name, flat, help=help, replace=replace)
         try:
-            self._saved[name] = await asyncio.to_thread(
-                self._storage.save_preset, name, values, help=help
-            )
+            self._saved[name] = await asyncio.to_thread(save)
         except StorageExists as error:
             raise Conflict(str(error)) from error
-        self._rename()
-        return Preset(name, help, values, False)
+        based_on = name if values is None else self.current.based_on
+        self._call(named(self.current, self._preset_values, based_on))
+        return Preset(name, help, flat, False)
 
     async def delete_preset(self, name: str) -> None:
         """Delete a saved preset.
@@ -171,12 +233,8 @@ class ParameterManager:
                 be deleted.
         """
         if name in BUILT_IN:
-            raise Conflict(f"the preset {name} is built in and stays")
+            raise Conflict(f"the preset {name} is built in and cannot be deleted")
         deleted = await asyncio.to_thread(self._storage.delete_preset, name)
         if self._saved.pop(name, None) is None and not deleted:
             raise NotThere(f"there is no preset {name!r}; it may have been deleted")
-        self._rename()
-
-    def _rename(self) -> None:
-        name = matching_preset(self.current.values, self._preset_values)
-        self.current = replace(self.current, preset=name)
+        self._call(named(self.current, self._preset_values, self.current.based_on))

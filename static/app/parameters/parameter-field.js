@@ -1,13 +1,18 @@
-/** One parameter: its control made from its declaration, with help, error and reset. */
+/** One parameter: its control made from its declaration, with help, badge, error and reset. */
 
 import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
+import { helpButton } from "./help-button.js";
+import { groupTitle, rangeInWords, tidy, valueInWords } from "./value-words.js";
 
-/** @import { ParameterEntry, ParameterValue } from "./parameter-store.js" */
+/** @import { ParameterEntry, ParameterValue, Values } from "./parameter-store.js" */
 
 /**
  * Source and target of values: the server's store, or a draft.
  *
- * @typedef {Pick<import("./parameter-store.js").ParameterStore, "defaults" | "change" | "changeUndoably">} ValueStore
+ * @typedef {object} ValueStore
+ * @property {Values} defaults values that reset goes to
+ * @property {(changes: Values) => Promise<unknown>} change
+ * @property {(changes: Values, before?: Values) => Promise<unknown>} changeUndoably
  */
 
 const SLIDER_STEPS = 1000;
@@ -20,7 +25,8 @@ const ARROWS = { ArrowRight: 1, ArrowUp: 1, ArrowLeft: -1, ArrowDown: -1 };
 
 export class ParameterField extends HTMLElement {
   #error = h("p.field-error", { role: "alert" });
-  #idle = h("span.idle");
+  #idle = h("p.hint.idle");
+  #badge = h("span.changed-badge", { hidden: true });
   #reset = button(icon("restart"), null, { class: "quiet reset" });
   /** @type {(value: ParameterValue) => void} */
   #show = () => {};
@@ -38,24 +44,32 @@ export class ParameterField extends HTMLElement {
     const id = `${prefix}-${entry.name.replace(".", "-")}`;
     this.dataset.name = entry.name;
     this.#error.id = `${id}-error`;
-    const reset = `Reset ${entry.title}`;
-    this.#reset.setAttribute("aria-label", reset);
+    this.#badge.id = `${id}-changed`;
+    this.#reset.setAttribute("aria-label", `Reset ${entry.title}`);
     this.#reset.addEventListener("click", () =>
       this.#commit(store.defaults[entry.name] ?? entry.default),
     );
+    const range = rangeInWords(entry);
+    const [help, box] = helpButton(
+      `${id}-help`,
+      entry.title,
+      h("p", entry.help),
+      h("p.hint", range && `${range}. `, `Default: ${valueInWords(entry.default, entry)}.`),
+      h("p.hint", h("code", entry.name)),
+    );
     this.append(
-      h("div.parameter-head", h("label", { for: id }, entry.title), this.#reset),
-      this.#controls(id),
-      this.#error,
       h(
-        "p.hint",
-        { id: `${id}-help` },
-        entry.help,
-        " ",
-        h("span.range", rangeInWords(entry)),
-        " ",
-        this.#idle,
+        "div.parameter-head",
+        h("label", { for: id }, entry.title),
+        h("span.of-group", groupTitle(entry.group)),
+        this.#badge,
+        this.#reset,
+        help,
       ),
+      this.#controls(id),
+      this.#idle,
+      this.#error,
+      box,
     );
   }
 
@@ -64,18 +78,22 @@ export class ParameterField extends HTMLElement {
    * @param {string} model in force: with some a parameter does nothing
    */
   show(value, model) {
-    const used = model === "" || this.entry?.models.includes(model) !== false;
-    const cloud = this.entry?.cloud === true;
+    const entry = /** @type {ParameterEntry} */ (this.entry);
+    const used = model === "" || entry.models.includes(model);
+    const cloud = entry.cloud === true;
     this.toggleAttribute("data-idle", !used && !cloud);
     const unused = cloud
-      ? `With the ${model} model, it affects only the point cloud.`
-      : `Not used by the ${model} model.`;
+      ? `With the ${model} method, it affects only the point cloud.`
+      : `Not used by the ${model} method.`;
     setText(this.#idle, used ? "" : unused);
-    const fallback = this.store?.defaults[this.entry?.name ?? ""];
+    this.#idle.hidden = used;
+    const fallback = this.store?.defaults[entry.name];
     const changed = value !== fallback;
     this.toggleAttribute("data-changed", changed);
-    this.#reset.hidden = !changed;
-    this.#reset.title = `Reset to ${String(fallback)}`;
+    this.#badge.hidden = this.#reset.hidden = !changed;
+    // The unit stands beside the field.
+    setText(this.#badge, `was ${valueInWords(fallback, { ...entry, unit: "" })}`);
+    this.#reset.title = `Reset to ${valueInWords(fallback, entry)}`;
     if (value !== this.#shown) this.fail("");
     this.#shown = value;
     this.#show(value);
@@ -117,7 +135,7 @@ export class ParameterField extends HTMLElement {
   /** @param {string} id */
   #controls(id) {
     const entry = /** @type {ParameterEntry} */ (this.entry);
-    const described = { "aria-describedby": `${id}-error ${id}-help` };
+    const described = { "aria-describedby": `${id}-error ${id}-changed ${id}-help` };
     if (entry.type === "boolean") {
       const box = h("input.switch", { type: "checkbox", id, ...described });
       box.addEventListener("change", () => this.#commit(box.checked));
@@ -247,17 +265,6 @@ function scaleOf({ minimum, maximum, step, type }) {
     next: (/** @type {number} */ value, /** @type {1 | -1} */ direction) =>
       allowed(value + direction * Math.max(step, value * KEY_SHARE)),
   };
-}
-
-/** @param {ParameterEntry} entry */
-function rangeInWords({ minimum, maximum, unit, type }) {
-  if (type !== "number" && type !== "integer") return "";
-  return `${minimum} to ${maximum}${unit ? ` ${unit}` : ""}.`;
-}
-
-/** @param {ParameterValue | undefined} value */
-function tidy(value) {
-  return typeof value === "number" ? String(Number(value.toPrecision(7))) : String(value ?? "");
 }
 
 customElements.define("observer-parameter", ParameterField);

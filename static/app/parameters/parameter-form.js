@@ -1,23 +1,24 @@
-/** Every parameter of the method as a form, made from the server's schema. */
+/** Every parameter as a form, made from the server's schema: the basic ones first. */
 
 import { button, h, iconButton, input, setText } from "../elements/dom.js";
+import { declareKeys } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
-import { attemptIn, notifyError } from "../shell/notice.js";
+import { counted } from "../elements/words.js";
+import { notifyError } from "../shell/notice.js";
 import { ParameterField } from "./parameter-field.js";
 import { ParameterGroups } from "./parameter-groups.js";
-import { ParameterStore } from "./parameter-store.js";
+import { storeOf } from "./parameter-store.js";
 import { PresetPicker } from "./preset-picker.js";
 
-// The groups a newcomer tries first are open at the start.
-const OPEN_AT_START = ["ego_motion", "obstacles"];
+declareKeys("Parameters", ["Ctrl+Z", "Undo the last change"], ["Ctrl+Y", "Redo it"]);
 
 class ParameterForm extends Part {
-  #store = new ParameterStore();
-  #presets = new PresetPicker(this.#store);
-  #groups = new ParameterGroups("parameter", OPEN_AT_START);
+  #groups = new ParameterGroups();
   #search = input("search", "parameter-search", { placeholder: "Find parameters" });
   #found = h("p.hint", { role: "status" });
+  #changed = h("p.hint");
   #revision = h("p.hint.figure.revision");
+  #tabBadge = h("span.changed-badge.tab-badge", { hidden: true });
   #undo = iconButton("undo", "Undo", () => this.#store.undo(), {
     title: "Undo (Ctrl+Z)",
     "aria-keyshortcuts": "Control+Z",
@@ -30,13 +31,17 @@ class ParameterForm extends Part {
     this.#store.changeUndoably(this.#store.differing(this.#store.defaults)),
   );
 
+  get #store() {
+    return storeOf(this.hub);
+  }
+
   build() {
     const store = this.#store;
     this.#search.addEventListener("input", () => this.#filter());
     this.addEventListener("keydown", (event) => this.#keyed(event));
     this.append(
       h("h2", "Parameters"),
-      this.#presets,
+      new PresetPicker(store),
       h(
         "div.row.parameter-tools",
         h("label.visually-hidden", { for: "parameter-search" }, "Find parameters"),
@@ -45,36 +50,43 @@ class ParameterForm extends Part {
         this.#redo,
         this.#resetAll,
       ),
-      this.#revision,
+      h("div.row.parameter-state", this.#changed, this.#revision),
       this.#found,
       this.#groups,
     );
+    const tab = this.closest('[role="tabpanel"]')?.getAttribute("aria-labelledby") ?? "";
+    document.getElementById(tab)?.append(this.#tabBadge);
     store.addEventListener("loaded", () => this.#groups.make(store.schema, store));
     store.addEventListener("values", () => this.#render());
     store.addEventListener("refused", (event) =>
       this.#refuse(/** @type {CustomEvent} */ (event).detail),
     );
-    this.hear("status", () => {
-      const { parameters_revision: revision = 0, guard_revision: guard = 0 } =
-        this.hub.status ?? {};
-      void store.follow(revision, guard);
-    });
+    store.addEventListener("trouble", () => setText(this.#found, store.trouble));
     this.hear("observation", () => this.#renderRevision());
-    this.hear("reconnected", () => this.#load());
-    void this.#load();
-  }
-
-  async #load() {
-    await attemptIn(this.#found, () => this.#store.load());
   }
 
   #render() {
-    const { state, defaults, canUndo, canRedo } = this.#store;
+    const { state, changed, basePreset, canUndo, canRedo } = this.#store;
     this.#groups.show(state.values);
     this.#undo.disabled = !canUndo;
     this.#redo.disabled = !canRedo;
-    this.#resetAll.disabled = Object.keys(this.#store.differing(defaults)).length === 0;
+    this.#resetAll.disabled = changed.length === 0;
+    this.#resetAll.title = `Reset to preset ${basePreset?.name ?? ""}`;
+    const differ = changed.length === 1 ? "1 value differs" : `${changed.length} values differ`;
+    setText(
+      this.#changed,
+      changed.length === 0 ? "All as in the preset" : `${differ} from the preset`,
+    );
+    this.#renderBadge(changed.length);
     this.#renderRevision();
+  }
+
+  /** @param {number} count of values that differ */
+  #renderBadge(count) {
+    this.#tabBadge.hidden = count === 0;
+    if (this.#tabBadge.dataset.count === String(count)) return;
+    this.#tabBadge.dataset.count = String(count);
+    this.#tabBadge.replaceChildren(String(count), h("span.visually-hidden", " changed"));
   }
 
   #renderRevision() {
@@ -88,14 +100,14 @@ class ParameterForm extends Part {
   /** @param {Record<string, string>} problems sentence by name */
   #refuse(problems) {
     for (const [name, sentence] of Object.entries(problems)) {
-      if (!this.#groups.fail(name, sentence)) notifyError(sentence);
+      if (!this.#groups.fail(name, sentence)) notifyError(`Not applied: ${sentence}`);
     }
   }
 
   #filter() {
     const term = this.#search.value.trim().toLowerCase();
     const shown = this.#groups.filter(term);
-    setText(this.#found, term ? `${shown} of ${this.#groups.count} parameters` : "");
+    setText(this.#found, term ? `${shown} of ${counted(this.#groups.count, "parameter")}` : "");
   }
 
   /** @param {KeyboardEvent} event */

@@ -4,6 +4,7 @@ import { ApiError, request } from "../shell/api.js";
 import { Teller } from "../shell/teller.js";
 
 /** @import * as contract from "../contract" */
+/** @import { Hub } from "../shell/hub.js" */
 
 /** @typedef {number | boolean | string} ParameterValue */
 /** @typedef {Record<string, ParameterValue>} Values */
@@ -13,13 +14,27 @@ import { Teller } from "../shell/teller.js";
  */
 /** @typedef {contract.ParametersNow & {values: Values}} ParameterState */
 /** @typedef {contract.Preset & {values: Values}} Preset */
-/** @typedef {{changes: Values, done: (taken: boolean) => void}} Waiting */
+/**
+ * @typedef {object} Waiting
+ * @property {Values} changes
+ * @property {string | undefined} basedOn the preset that the values come from, where another
+ * @property {(taken: boolean) => void} done
+ */
+/**
+ * @typedef {object} Step
+ * @property {Values} before
+ * @property {Values} after
+ * @property {string} from the preset that the values came from before
+ * @property {string} to and afterwards
+ */
 
 const HISTORY_LENGTH = 200;
+const FALLBACK = "default";
 
 /**
  * Events: `loaded` (schema and presets are there), `values` (values, revision or history
- * changed), `refused` (CustomEvent whose detail has the sentence of each refused field).
+ * changed), `refused` (CustomEvent whose detail has the sentence of each refused field, under ""
+ * what is about no field), `trouble` (they could not be read, or can be again).
  * One request is under way at a time; what is changed meanwhile goes with the next one.
  */
 export class ParameterStore extends Teller {
@@ -28,11 +43,22 @@ export class ParameterStore extends Teller {
   /** @type {Preset[]} */
   presets = [];
   /** @type {ParameterState} */
-  state = { revision: 0, guard_revision: 0, values: {}, preset: null, frame: null };
+  state = {
+    revision: 0,
+    guard_revision: 0,
+    values: {},
+    preset: null,
+    based_on: FALLBACK,
+    frame: null,
+  };
+  /** Values that "reset" goes to: those of the preset that the present ones come from. @type {Values} */
+  defaults = {};
+  /** Why they could not be read; empty where they were. */
+  trouble = "";
 
-  /** @type {{before: Values, after: Values}[]} */
+  /** @type {Step[]} */
   #undoable = [];
-  /** @type {{before: Values, after: Values}[]} */
+  /** @type {Step[]} */
   #redoable = [];
   /** Settles when the newest undoable change has been answered. @type {Promise<void>} */
   #lastStep = Promise.resolve();
@@ -49,9 +75,20 @@ export class ParameterStore extends Teller {
     ]);
     this.schema = schema;
     this.presets = presets;
-    this.state = state;
     this.tell("loaded");
-    this.tell("values");
+    this.#take(state);
+  }
+
+  /** Read everything; what goes wrong is told by `trouble`. */
+  async reload() {
+    try {
+      await this.load();
+      this.trouble = "";
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      this.trouble = error.message;
+    }
+    this.tell("trouble");
   }
 
   /**
@@ -67,6 +104,8 @@ export class ParameterStore extends Teller {
     this.#busy = true;
     try {
       this.#take(await request("GET", "/parameters"));
+      // A preset that was saved on another page.
+      if (this.basePreset?.name !== this.state.based_on) await this.load();
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
     } finally {
@@ -79,11 +118,12 @@ export class ParameterStore extends Teller {
    * Ask for other values; all of one request or none.
    *
    * @param {Values} changes
+   * @param {string} [basedOn] the preset that the values come from, where another
    * @returns {Promise<boolean>} whether they were taken
    */
-  change(changes) {
+  change(changes, basedOn) {
     return new Promise((done) => {
-      this.#waiting.push({ changes, done });
+      this.#waiting.push({ changes, basedOn, done });
       void this.#pump();
     });
   }
@@ -93,16 +133,23 @@ export class ParameterStore extends Teller {
    *
    * @param {Values} changes
    * @param {Values} [before] what undo goes back to; the present values if left out
+   * @param {string} [basedOn] the preset that the values come from, where another
+   * @returns {Promise<Step | null>} null where they were refused
    */
-  async changeUndoably(changes, before = this.#present(Object.keys(changes))) {
-    this.#lastStep = this.change(changes).then((taken) => {
+  async changeUndoably(changes, before = this.#present(Object.keys(changes)), basedOn) {
+    const from = this.state.based_on;
+    /** @type {Step | null} */
+    let step = null;
+    this.#lastStep = this.change(changes, basedOn).then((taken) => {
       if (!taken) return;
-      this.#undoable.push({ before, after: changes });
+      step = { before, after: changes, from, to: this.state.based_on };
+      this.#undoable.push(step);
       this.#undoable.splice(0, this.#undoable.length - HISTORY_LENGTH);
       this.#redoable = [];
       this.tell("values");
     });
     await this.#lastStep;
+    return step;
   }
 
   get canUndo() {
@@ -121,9 +168,25 @@ export class ParameterStore extends Teller {
     await this.#replay(this.#redoable, this.#undoable, "after");
   }
 
-  /** Values that "reset" goes to: the preset `default` over the declared defaults. @returns {Values} */
-  get defaults() {
-    return this.valuesOf(this.presets.find((preset) => preset.name === "default") ?? null);
+  /** Take one step back, also where others came after it. @param {Step} step */
+  async takeBack(step) {
+    if (this.#undoable.at(-1) === step) await this.undo();
+    else await this.changeUndoably(step.before, undefined, this.#known(step.from));
+  }
+
+  /** @param {string} name @returns {Preset | null} */
+  presetNamed(name) {
+    return this.presets.find((preset) => preset.name === name) ?? null;
+  }
+
+  /** The preset that the present values come from; null before anything was read. */
+  get basePreset() {
+    return this.presetNamed(this.state.based_on) ?? this.presetNamed(FALLBACK);
+  }
+
+  /** Names of the parameters that differ from it. @returns {string[]} */
+  get changed() {
+    return Object.keys(this.differing(this.defaults));
   }
 
   /** @param {Preset | null} preset @returns {Values} all values, declared ones included */
@@ -138,17 +201,31 @@ export class ParameterStore extends Teller {
     return Object.fromEntries(Object.entries(values).filter(([name, v]) => present[name] !== v));
   }
 
-  /** The preset whose values these are, if any. @returns {Preset | null} */
-  get matchingPreset() {
-    const matching = this.presets.filter(
-      (preset) => Object.keys(this.differing(this.valuesOf(preset))).length === 0,
-    );
-    return matching.find((preset) => preset.name === this.state.preset) ?? matching.at(-1) ?? null;
+  /** Put a preset into force. @param {Preset} preset */
+  async choose(preset) {
+    return this.changeUndoably(this.differing(this.valuesOf(preset)), undefined, preset.name);
   }
 
-  /** Keep the present values under a name. @param {string} name @throws {ApiError} */
+  /** Keep the present values under a new name. @param {string} name @throws {ApiError} */
   async savePreset(name) {
     await request("POST", "/presets", { name });
+    await this.load();
+  }
+
+  /** Keep the present values in place of a preset's. @param {string} name @throws {ApiError} */
+  async overwritePreset(name) {
+    await request("PUT", `/presets/${encodeURIComponent(name)}`, {});
+    await this.load();
+  }
+
+  /**
+   * Keep the values of a file; those in force stay.
+   *
+   * @param {{name: string, help: string, values: Record<string, unknown>}} preset
+   * @throws {ApiError}
+   */
+  async addPreset(preset) {
+    await request("POST", "/presets", preset);
     await this.load();
   }
 
@@ -158,6 +235,11 @@ export class ParameterStore extends Teller {
     await this.load();
   }
 
+  /** @param {string} preset its name @returns {string | undefined} where there is still one */
+  #known(preset) {
+    return this.presetNamed(preset) ? preset : undefined;
+  }
+
   /** @param {string[]} names @returns {Values} */
   #present(names) {
     const { values } = this.state;
@@ -165,8 +247,8 @@ export class ParameterStore extends Teller {
   }
 
   /**
-   * @param {{before: Values, after: Values}[]} from
-   * @param {{before: Values, after: Values}[]} to
+   * @param {Step[]} from
+   * @param {Step[]} to
    * @param {"before" | "after"} side
    */
   async #replay(from, to, side) {
@@ -174,7 +256,8 @@ export class ParameterStore extends Teller {
     await this.#lastStep;
     const step = from.pop();
     if (!step) return;
-    if (await this.change(step[side])) to.push(step);
+    const basedOn = this.#known(side === "before" ? step.from : step.to);
+    if (await this.change(step[side], basedOn)) to.push(step);
     this.tell("values");
   }
 
@@ -193,8 +276,10 @@ export class ParameterStore extends Teller {
   /** @param {Waiting[]} batch */
   async #send(batch) {
     const changes = Object.assign({}, ...batch.map((waiting) => waiting.changes));
+    const basedOn = batch.findLast((waiting) => waiting.basedOn !== undefined)?.basedOn;
+    const query = basedOn === undefined ? "" : `?based_on=${encodeURIComponent(basedOn)}`;
     try {
-      this.#take(await request("PATCH", "/parameters", changes));
+      this.#take(await request("PATCH", `/parameters${query}`, changes));
       batch.forEach((waiting) => waiting.done(true));
     } catch (error) {
       if (!(error instanceof ApiError)) throw error;
@@ -214,11 +299,10 @@ export class ParameterStore extends Teller {
     const guilty =
       innocent.length < batch.length ? batch.filter((w) => !innocent.includes(w)) : batch;
     const known = named.some((name) => name in this.state.values);
-    const fields = known
-      ? error.fields
-      : Object.fromEntries(
-          guilty.flatMap((w) => Object.keys(w.changes).map((n) => [n, error.message])),
-        );
+    const asked = guilty.flatMap((waiting) => Object.keys(waiting.changes));
+    // What is about no field is said at the one that was touched, or once for all.
+    const place = new Set(asked).size === 1 ? (asked[0] ?? "") : "";
+    const fields = known ? error.fields : { [place]: error.message };
     this.tell("values");
     this.dispatchEvent(new CustomEvent("refused", { detail: fields }));
     guilty.forEach((waiting) => waiting.done(false));
@@ -227,6 +311,29 @@ export class ParameterStore extends Teller {
   /** @param {ParameterState} state */
   #take(state) {
     this.state = state;
+    this.defaults = this.valuesOf(this.basePreset);
     this.tell("values");
   }
+}
+
+/** @type {WeakMap<Hub, ParameterStore>} */
+const stores = new WeakMap();
+
+/**
+ * The page's one store: what is changed in one part is seen, and undone, in every other.
+ *
+ * @param {Hub} hub
+ */
+export function storeOf(hub) {
+  const before = stores.get(hub);
+  if (before) return before;
+  const store = new ParameterStore();
+  stores.set(hub, store);
+  hub.addEventListener("status", () => {
+    const { parameters_revision: revision = 0, guard_revision: guard = 0 } = hub.status ?? {};
+    void store.follow(revision, guard);
+  });
+  hub.addEventListener("reconnected", () => void store.reload());
+  void store.reload();
+  return store;
 }

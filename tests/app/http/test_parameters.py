@@ -66,6 +66,84 @@ async def test_presets_are_saved_used_and_deleted(http: Any) -> None:
     assert (await http.delete("/api/presets/paper")).status_code == 409
 
 
+async def test_values_keep_the_preset_that_they_come_from(serve: Any) -> None:
+    async with serve() as served:
+        http = served.http
+
+        async def now(**changes: Any) -> tuple[str | None, str]:
+            state = (await http.patch("/api/parameters", json=changes)).json()
+            return state["preset"], state["based_on"]
+
+        assert await now() == ("default", "default")
+        assert await now(**{THRESHOLD: 2.5}) == (None, "default")
+        paper = next(p for p in (await http.get("/api/presets")).json() if p["name"] == "paper")
+        # Whoever sends a preset's values has chosen it.
+        assert await now(**paper["values"]) == ("paper", "paper")
+        assert await now(**{THRESHOLD: 2.5}) == (None, "paper")
+        await http.post("/api/presets", json={"name": "mine"})
+        assert await now() == ("mine", "mine")
+        assert await now(**{THRESHOLD: 3.0}) == (None, "mine")
+        # Of an unsaved mixture it is said where it comes from.
+        told = await http.patch("/api/parameters?based_on=default", json={"frames.interval": 3})
+        assert (told.json()["preset"], told.json()["based_on"]) == (None, "default")
+        unknown = await http.patch("/api/parameters?based_on=papre", json={THRESHOLD: 9.0})
+        assert unknown.status_code == 422
+        assert "there is no preset 'papre'" in unknown.text
+        state = (await http.patch("/api/parameters?based_on=mine", json={})).json()
+        assert (state["based_on"], state["values"][THRESHOLD]) == ("mine", 3.0)
+        revision = state["revision"]
+    async with serve() as served:
+        state = (await served.http.get("/api/parameters")).json()
+        assert (state["based_on"], state["revision"]) == ("mine", revision)
+        await served.http.delete("/api/presets/mine")
+        # The nearest built-in one takes its place.
+        state = (await served.http.get("/api/parameters")).json()
+        assert (state["preset"], state["based_on"]) == (None, "paper")
+
+
+async def test_a_preset_is_replaced_on_purpose_only(http: Any) -> None:
+    made = await http.post("/api/presets", json={"name": "mine", "help": "for the corridor"})
+    assert made.status_code == 201
+    await http.patch("/api/parameters", json={THRESHOLD: 2.5})
+    assert (await http.post("/api/presets", json={"name": "mine"})).status_code == 409
+    replaced = await http.put("/api/presets/mine", json={})
+    assert replaced.json()["values"][THRESHOLD] == 2.5
+    assert replaced.json()["help"] == "for the corridor"
+    assert (await http.get("/api/parameters")).json()["preset"] == "mine"
+    for name, status in (("paper", 409), ("new", 200), ("hall%2Fwest", 200)):
+        assert (await http.put(f"/api/presets/{name}", json={})).status_code == status
+    names = [p["name"] for p in (await http.get("/api/presets")).json()]
+    assert names == ["paper", "default", "hall/west", "mine", "new"]
+    assert (await http.delete("/api/presets/hall%2Fwest")).status_code == 204
+
+
+async def test_a_presets_file_is_checked_as_any_change(http: Any) -> None:
+    file = {
+        "format": "dynamic-observer preset",
+        "name": "theirs",
+        "help": "from the other lab",
+        # Of a former version, which did not have all parameters either.
+        "values": {"following.spacing_px": 20, THRESHOLD: 2.5},
+    }
+    before = (await http.get("/api/parameters")).json()
+    taken = (await http.post("/api/presets", json=file)).json()
+    assert taken["values"]["klt_tracking.spacing_px"] == 20
+    assert set(taken["values"]) == set(before["values"])
+    # It is saved, not put into force.
+    assert (await http.get("/api/parameters")).json() == before
+    for values, sentence in (
+        ({THRESHOLD: 99}, "must be a finite number from 0.1 to 20 px"),
+        ({"flow.treshold": 1}, "there is no such parameter"),
+    ):
+        refused = await http.post("/api/presets", json={**file, "name": "bad", "values": values})
+        assert refused.status_code == 422
+        assert sentence in refused.text
+    other = await http.post("/api/presets", json={**file, "name": "bad", "format": "a rig"})
+    assert other.status_code == 422
+    names = [p["name"] for p in (await http.get("/api/presets")).json()]
+    assert names == ["paper", "default", "theirs"]
+
+
 async def test_the_schema_describes_every_parameter(served: Any) -> None:
     schema = (await served.http.get("/api/parameters/schema")).json()
     values = (await served.http.get("/api/parameters")).json()["values"]
@@ -73,6 +151,8 @@ async def test_the_schema_describes_every_parameter(served: Any) -> None:
     threshold = next(entry for entry in schema if entry["name"] == THRESHOLD)
     assert (threshold["minimum"], threshold["maximum"], threshold["unit"]) == (0.1, 20.0, "px")
     assert "choices" not in threshold
+    assert threshold["basic"] is True
+    assert "basic" not in next(e for e in schema if e["name"] == "ego_motion.min_inliers")
 
 
 async def test_the_guard_has_a_revision_of_its_own(serve: Any, peer: Any, storage: Any) -> None:
@@ -100,11 +180,11 @@ async def test_what_does_not_act_with_the_method_is_taken_with_a_note(served: An
     assert state["values"]["tracking.gate"] == 4.0
     cloud, gate = state["notes"]
     assert gate == (
-        "tracking.gate has no effect on what is observed with the model rigid, which is in "
-        "force; it acts with homography and affine"
+        "tracking.gate has no effect with the current method, rigid; "
+        "it applies to homography and affine"
     )
     assert cloud.startswith("stereo.matcher")
-    assert cloud.endswith("and on the dense cloud with every model")
+    assert cloud.endswith("and to the dense point cloud with every method")
     changes = {"ego_motion.model": "affine", "tracking.gate": 3.0}
     state = (await served.http.patch("/api/parameters", json=changes)).json()
     assert state["notes"] == []
@@ -114,4 +194,4 @@ async def test_an_old_name_is_refused_with_the_new_one(served: Any) -> None:
     changes = {"following.spacing_px": 20}
     refused = await served.http.patch("/api/parameters", json=changes)
     assert refused.status_code == 422
-    assert "is named klt_tracking.spacing_px now" in refused.text
+    assert "has been renamed to klt_tracking.spacing_px" in refused.text

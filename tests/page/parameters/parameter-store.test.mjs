@@ -11,7 +11,11 @@ import { ParameterStore } from "../../../static/app/parameters/parameter-store.j
 function served() {
   /** @type {Values} */
   const values = { "a.x": 1, "a.y": 2 };
-  const presets = [{ name: "default", help: "", values: { "a.y": 5 }, built_in: true }];
+  const presets = [
+    { name: "default", help: "", values: { "a.y": 5 }, built_in: true },
+    { name: "paper", help: "", values: { "a.x": 8 }, built_in: true },
+  ];
+  let basedOn = "default";
   const schema = Object.entries(values).map(([name, value]) => ({ name, default: value }));
   /** @type {Values[]} */
   const asked = [];
@@ -24,11 +28,13 @@ function served() {
       guard_revision: 0,
       values: { ...values },
       preset: null,
+      based_on: basedOn,
       frame: null,
     },
   });
   /** @type {(url: string, options: {method: string, body?: string}) => Promise<Response>} */
   const fetched = async (url, { method, body }) => {
+    const { pathname, searchParams } = new URL(url, "http://server");
     if (method === "PATCH") {
       /** @type {Values} */
       const changes = JSON.parse(body ?? "{}");
@@ -37,9 +43,10 @@ function served() {
       const detail = bad.map(([name]) => ({ loc: ["body", name], msg: "must be below 10" }));
       if (bad.length) return Response.json({ detail }, { status: 422 });
       Object.assign(values, changes);
+      basedOn = searchParams.get("based_on") ?? basedOn;
       revision += 1;
     }
-    return Response.json(answers()[/** @type {"/api/presets"} */ (url)]);
+    return Response.json(answers()[/** @type {"/api/presets"} */ (pathname)]);
   };
   globalThis.fetch = /** @type {typeof fetch} */ (/** @type {unknown} */ (fetched));
   return asked;
@@ -103,13 +110,51 @@ test("a refused change is told by field, stays undone, and takes no other with i
   assert.equal(store.canUndo, false);
 });
 
-test("reset goes to the default preset over what is declared", async () => {
+test("reset goes to the preset that the values come from, over what is declared", async () => {
   const { store } = await loaded();
   assert.deepEqual(store.defaults, { "a.x": 1, "a.y": 5 });
-  assert.deepEqual(store.differing(store.defaults), { "a.y": 5 });
-  assert.equal(store.matchingPreset, null);
+  assert.deepEqual(store.changed, ["a.y"]);
   await store.change(store.differing(store.defaults));
-  assert.equal(store.matchingPreset?.name, "default");
+  assert.deepEqual(store.changed, []);
+  const paper = store.presetNamed("paper");
+  assert.ok(paper);
+  await store.choose(paper);
+  assert.equal(store.basePreset?.name, "paper");
+  assert.deepEqual(store.defaults, { "a.x": 8, "a.y": 2 });
+  await store.change({ "a.x": 3 });
+  assert.deepEqual(store.changed, ["a.x"]);
+});
+
+test("undo brings back the preset too, and one step can be taken back behind others", async () => {
+  const { store } = await loaded();
+  const paper = store.presetNamed("paper");
+  assert.ok(paper);
+  const step = await store.choose(paper);
+  await store.undo();
+  assert.deepEqual([store.basePreset?.name, store.state.values["a.x"]], ["default", 1]);
+  await store.redo();
+  assert.deepEqual([store.basePreset?.name, store.state.values["a.x"]], ["paper", 8]);
+  await store.changeUndoably({ "a.y": 9 });
+  assert.ok(step);
+  await store.takeBack(step);
+  assert.equal(store.basePreset?.name, "default");
+  assert.deepEqual(store.state.values, { "a.x": 1, "a.y": 9 });
+  await store.undo();
+  assert.deepEqual(store.state.values, { "a.x": 8, "a.y": 9 });
+});
+
+test("what is about no field is said once, however much was asked for", async () => {
+  const { store } = await loaded();
+  /** @type {unknown[]} */
+  const refusals = [];
+  store.addEventListener("refused", (event) =>
+    refusals.push(/** @type {CustomEvent} */ (event).detail),
+  );
+  globalThis.fetch = () => Promise.reject(new TypeError("no network"));
+  await store.change({ "a.x": 3, "a.y": 4 });
+  await store.change({ "a.x": 3 });
+  const sentence = "The server is not responding. Try again when it is back.";
+  assert.deepEqual(refusals, [{ "": sentence }, { "a.x": sentence }]);
 });
 
 test("somebody else's change is read where the revision is another", async () => {

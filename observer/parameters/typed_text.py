@@ -1,0 +1,17 @@
+"""Values of parameters as people type them: on the command line, in an address."""
+
+from __future__ import annotations
+
+import json
+
+from observer.parameters.fields import ParameterValue
+
+
+def typed_value(text: str) -> ParameterValue:
+    """Convert numbers and true/false to their types; keep everything else as text."""
+    try:
+        value = json.loads(text)
+    except (ValueError, RecursionError):
+        # No JSON, or more digits or brackets than any value has.
+        return text
+    return value if isinstance(value, int | float | bool) else text

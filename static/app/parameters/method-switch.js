@@ -1,0 +1,160 @@
+/** The method in force, at a glance: the best there is or the paper's, one press apart. */
+
+import { h, setAttribute, setText, svg } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { counted } from "../elements/words.js";
+import { notify } from "../shell/notice.js";
+import { MethodMemory } from "./method-memory.js";
+import { storeOf } from "./parameter-store.js";
+
+/** @import { Preset, Values } from "./parameter-store.js" */
+
+const MODEL = "ego_motion.model";
+// How fast robots may be is no part of the method.
+const GUARD = "guard.";
+const METHODS = ["default", "paper"];
+const COMPARE = "M5.5 2 2 5l3.5 3V6H13V4H5.5zM10.5 8v2H3v2h7.5v2L14 11z";
+
+class MethodSwitch extends Part {
+  #memory = new MethodMemory();
+  #choices = METHODS.map((name) => ({
+    name,
+    input: h("input", { type: "radio", name: "method", value: name }),
+    mark: h("span.changed-dot", { hidden: true, "aria-hidden": "true" }),
+    said: h("span.visually-hidden"),
+  }));
+  #other = h("span.other-method", { hidden: true });
+  #fields = h("fieldset.segmented", { disabled: true }, h("legend.visually-hidden", "Method"));
+
+  get #store() {
+    return storeOf(this.hub);
+  }
+
+  build() {
+    for (const { name, input, mark, said } of this.#choices) {
+      input.addEventListener("change", () => void this.#switch(name));
+      this.#fields.append(h("label", input, h("span", name), mark, said));
+    }
+    this.append(
+      this.#fields,
+      this.#other,
+      h(
+        "a.button.compare-methods",
+        { href: "#methods", title: "Compare both methods on the same frames" },
+        svg(
+          "svg",
+          { viewBox: "0 0 16 16", class: "icon", "aria-hidden": "true" },
+          svg("path", { d: COMPARE }),
+        ),
+        h("span", "Compare"),
+      ),
+    );
+    const store = this.#store;
+    for (const type of ["values", "refused"]) store.addEventListener(type, () => this.#render());
+    if (store.schema.length > 0) this.#render();
+  }
+
+  #render() {
+    const { state, presets, schema } = this.#store;
+    this.#fields.disabled = schema.length === 0;
+    const method = this.#inForce();
+    const model = String(state.values[MODEL] ?? "");
+    if (method) {
+      this.#memory.remember(method, {
+        basedOn: state.based_on,
+        values: ofMethod(state.values),
+      });
+    }
+    for (const { name, input, mark, said } of this.#choices) {
+      input.checked = name === method;
+      const preset = presets.find((each) => each.name === name);
+      const differ = name === method && preset ? this.#differing(preset) : 0;
+      mark.hidden = differ === 0;
+      setText(said, differ > 0 ? `, ${differ} changed` : "");
+      const title = `${preset?.help ?? ""}${differ > 0 ? ` ${changedWords(differ)}.` : ""}`;
+      setAttribute(input.parentElement ?? input, "title", title);
+    }
+    this.#other.hidden = method !== null || model === "";
+    setText(this.#other, model);
+    setAttribute(this.#other, "title", `Method in force: ${model}`);
+  }
+
+  /**
+   * Which of the two is in force, whatever else was changed of it; null where another model was
+   * chosen by hand.
+   */
+  #inForce() {
+    const { state, presets, defaults } = this.#store;
+    const model = state.values[MODEL];
+    if (defaults[MODEL] !== model) return null;
+    const preset = presets.find(
+      ({ name, values }) => METHODS.includes(name) && values[MODEL] === model,
+    );
+    return preset?.name ?? null;
+  }
+
+  /** @param {Preset} preset @returns {number} how many values of the method differ from it */
+  #differing(preset) {
+    const store = this.#store;
+    return Object.keys(ofMethod(store.differing(store.valuesOf(preset)))).length;
+  }
+
+  /**
+   * Switch as it was left, or to the preset where it was never in force.
+   *
+   * @param {string} name
+   */
+  async #switch(name) {
+    const store = this.#store;
+    const preset = store.presetNamed(name);
+    if (!preset) return this.#render();
+    const before = this.#inForce();
+    const kept = store.changed.filter((each) => !each.startsWith(GUARD)).length;
+    const from = store.basePreset?.name ?? "";
+    const left = this.#memory.recall(name);
+    const base = (left && store.presetNamed(left.basedOn)) ?? preset;
+    const values = { ...store.valuesOf(base), ...known(left?.values, store.state.values) };
+    const step = await store.changeUndoably(
+      ofMethod(store.differing(values)),
+      undefined,
+      base.name,
+    );
+    if (!step) {
+      // A later version may refuse what an earlier one kept: next time it is the preset.
+      this.#memory.remember(name, null);
+      return this.#render();
+    }
+    const changed = store.changed.filter((each) => !each.startsWith(GUARD)).length;
+    if (changed === 0 && kept === 0) return;
+    const as = changed > 0 ? `, as you left it: ${changedWords(changed)} from ${base.name}` : "";
+    const those = `${counted(kept, "change")} to ${from}`;
+    const fate = before ? `Kept for when you switch back: ${those}.` : `Replaced: ${those}.`;
+    notify(`Switched to ${name}${as}.${kept > 0 ? ` ${fate}` : ""}`, "done", {
+      words: "Undo",
+      act: () => void store.takeBack(step),
+    });
+  }
+}
+
+/** @param {Values} values @returns {Values} without the guard's */
+function ofMethod(values) {
+  return Object.fromEntries(Object.entries(values).filter(([name]) => !name.startsWith(GUARD)));
+}
+
+/**
+ * @param {Values | undefined} values
+ * @param {Values} present
+ * @returns {Values} those that there still are, of the same kind
+ */
+function known(values, present) {
+  return Object.fromEntries(
+    Object.entries(values ?? {}).filter(([name, value]) => typeof value === typeof present[name]),
+  );
+}
+
+/** @param {number} count */
+function changedWords(count) {
+  return count === 1 ? "1 value differs" : `${count} values differ`;
+}
+
+customElements.define("observer-method-switch", MethodSwitch);

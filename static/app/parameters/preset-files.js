@@ -1,0 +1,106 @@
+/** Presets as files, to be shared: JSON that the server takes as it is. Pure but for `readPreset`. */
+
+import { ApiError } from "../shell/api.js";
+
+/** @import { Values } from "./parameter-store.js" */
+/** @typedef {{name: string, help: string, values: Record<string, unknown>}} SharedPreset */
+
+const FORMAT = "dynamic-observer preset";
+const MOST_BYTES = 200_000;
+const LONGEST_NAME = 100;
+const LONGEST_HELP = 300;
+
+/** A file that is no preset; the message is one sentence. */
+export class PresetFileError extends Error {}
+
+/**
+ * @param {{name: string, help: string, values: Values}} preset
+ * @returns {{text: string, fileName: string}}
+ */
+export function presetFile({ name, help, values }) {
+  const text = `${JSON.stringify({ format: FORMAT, name, help, values }, null, 2)}\n`;
+  const plain = name.replace(/[^\p{L}\p{N}]+/gu, "-").replace(/^-|-$/g, "") || "preset";
+  return { text, fileName: `${plain}.preset.json` };
+}
+
+/** @param {File} file @throws {PresetFileError} */
+export async function readPreset(file) {
+  if (file.size > MOST_BYTES) throw new PresetFileError(`${file.name} is too large for a preset.`);
+  return parsePreset(await file.text(), file.name);
+}
+
+/**
+ * @param {string} text
+ * @param {string} fileName
+ * @returns {SharedPreset} whose values nobody has checked
+ * @throws {PresetFileError}
+ */
+export function parsePreset(text, fileName) {
+  const content = parsed(text, fileName);
+  if (content?.format !== FORMAT) {
+    throw new PresetFileError(
+      `${fileName} is not a preset: its "format" must be "${FORMAT}", as in files saved here.`,
+    );
+  }
+  const { name, help, values } = content;
+  if (typeof values !== "object" || values === null || Array.isArray(values)) {
+    throw new PresetFileError(
+      `${fileName} has no "values": they must be parameters by name, as in {"flow.window_px": 15}.`,
+    );
+  }
+  return {
+    name: plainName(name) || plainName(fileName.replace(/(\.preset)?\.json$/i, "")) || "imported",
+    help: typeof help === "string" ? help.slice(0, LONGEST_HELP) : "",
+    values,
+  };
+}
+
+/**
+ * @param {string} wanted
+ * @param {string[]} taken
+ * @returns {string} the name, with a number behind it where it is taken
+ */
+export function freeName(wanted, taken) {
+  let name = wanted;
+  for (let number = 2; taken.includes(name); number += 1) {
+    const behind = ` ${number}`;
+    name = `${wanted.slice(0, LONGEST_NAME - behind.length)}${behind}`;
+  }
+  return name;
+}
+
+/**
+ * Say in one sentence why the server did not take a file.
+ *
+ * @param {string} fileName
+ * @param {unknown} error
+ */
+export function refusalOf(fileName, error) {
+  if (error instanceof PresetFileError) return error.message;
+  if (!(error instanceof ApiError)) throw error;
+  const [first, ...others] = Object.entries(error.fields);
+  const why = first ? first.filter(Boolean).join(": ").replace(/\.$/, "") : error.message;
+  const more = others.length > 0 ? `, and ${others.length} more` : "";
+  return `${fileName} was not imported: ${why}${more}${/\.$/.test(why) && !more ? "" : "."}`;
+}
+
+/**
+ * @param {string} text
+ * @param {string} fileName
+ */
+function parsed(text, fileName) {
+  try {
+    return JSON.parse(text);
+  } catch {
+    throw new PresetFileError(`${fileName} is not a preset: it is not JSON.`);
+  }
+}
+
+/** @param {unknown} name @returns {string} on one line and short enough */
+function plainName(name) {
+  if (typeof name !== "string") return "";
+  return name
+    .replace(/[\x00-\x1f\x7f]+/g, " ")
+    .trim()
+    .slice(0, LONGEST_NAME);
+}

@@ -1,0 +1,33 @@
+/** Values of parameters in words. Pure functions. */
+
+/** @import { ParameterEntry, ParameterValue } from "./parameter-store.js" */
+
+/** @param {ParameterValue | undefined} value @returns {string} as a field shows it */
+export function tidy(value) {
+  return typeof value === "number" ? String(Number(value.toPrecision(7))) : String(value ?? "");
+}
+
+/**
+ * @param {ParameterValue | undefined} value
+ * @param {Pick<ParameterEntry, "type" | "unit">} entry
+ * @returns {string} as in "1.2 px" and "on"
+ */
+export function valueInWords(value, { type, unit }) {
+  if (type === "boolean") return value ? "on" : "off";
+  return unit ? `${tidy(value)} ${unit}` : tidy(value);
+}
+
+/** @param {ParameterEntry} entry @returns {string} as in "0.1 to 20 px", empty where it has none */
+export function rangeInWords({ minimum, maximum, unit, type }) {
+  if (type !== "number" && type !== "integer") return "";
+  return `${tidy(minimum)} to ${tidy(maximum)}${unit ? ` ${unit}` : ""}`;
+}
+
+/** @param {string} group as in "ego_motion" @returns {string} as in "Ego motion" */
+export function groupTitle(group) {
+  const words = group
+    .replaceAll("_", " ")
+    .replace(/^klt\b/, "KLT")
+    .replace(/^ego /, "ego-");
+  return words.charAt(0).toUpperCase() + words.slice(1);
+}

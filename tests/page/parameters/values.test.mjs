@@ -1,0 +1,60 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import { differences } from "../../../static/app/parameters/preset-compare.js";
+import {
+  groupTitle,
+  rangeInWords,
+  valueInWords,
+} from "../../../static/app/parameters/value-words.js";
+
+/** @import { ParameterEntry } from "../../../static/app/parameters/parameter-store.js" */
+
+/** @param {Partial<ParameterEntry>} changes @returns {ParameterEntry} */
+function entry(changes) {
+  return {
+    name: "flow.window_px",
+    group: "flow",
+    group_help: "Flow.",
+    title: "Window size",
+    help: "Side of the window.",
+    type: "integer",
+    unit: "px",
+    default: 15,
+    models: ["affine"],
+    cloud: false,
+    basic: false,
+    minimum: 5,
+    maximum: 51,
+    step: 2,
+    choices: null,
+    ...changes,
+  };
+}
+
+test("values and ranges are said with their unit", () => {
+  assert.equal(valueInWords(15, entry({})), "15 px");
+  assert.equal(valueInWords(0.1 + 0.2, entry({ unit: "" })), "0.3");
+  assert.equal(valueInWords(1e-9, entry({ unit: "" })), "1e-9");
+  assert.equal(valueInWords(false, entry({ type: "boolean", unit: "" })), "off");
+  assert.equal(rangeInWords(entry({})), "5 to 51 px");
+  assert.equal(rangeInWords(entry({ type: "choice" })), "");
+  assert.equal(groupTitle("ego_motion"), "Ego-motion");
+  assert.equal(groupTitle("klt_tracking"), "KLT tracking");
+});
+
+test("only what differs is compared, in the order of declaration", () => {
+  const schema = [entry({ name: "b.x" }), entry({ name: "a.x" }), entry({ name: "c.x" })];
+  const found = differences(
+    schema,
+    { "a.x": 1, "b.x": 2, "c.x": 3 },
+    { "a.x": 4, "b.x": 5, "c.x": 3 },
+  );
+  assert.deepEqual(
+    found.map(({ entry: { name }, words }) => [name, ...words]),
+    [
+      ["b.x", "2 px", "5 px"],
+      ["a.x", "1 px", "4 px"],
+    ],
+  );
+});
