@@ -8,6 +8,7 @@ it is written; any other seed draws textures, layout and motion anew within ``va
 
 from __future__ import annotations
 
+import functools
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -113,8 +114,8 @@ def load_scenario(name: str) -> Scenario:
     path = Path(name)
     if path.suffix not in (".yaml", ".yml"):
         raise ScenarioError(
-            f"there is no scenario {name[:80]!r}; there are {', '.join(scenario_names())}, "
-            f"or give the path of a .yaml file"
+            f"there is no scenario {name[:80]!r}; available are {', '.join(scenario_names())}, or "
+            "give the path of a .yaml file"
         )
     try:
         if not path.exists():
@@ -154,7 +155,7 @@ def _mapping(text: str, name: str, depth: int) -> dict[str, Any]:
     except (yaml.YAMLError, ValueError):
         # Of dates that no calendar has, of numbers of thousands of digits, of tags.
         raise ScenarioError(
-            f"scenario {name} holds a value that is no plain number, text, true or false"
+            f"scenario {name} contains a value that is not a plain number, text, true or false"
         ) from None
     base = data.pop("based_on", None)
     if base is None:
@@ -165,8 +166,14 @@ def _mapping(text: str, name: str, depth: int) -> dict[str, Any]:
         )
     if depth > 5:
         raise ScenarioError(f"scenario {name}: based_on: the scenarios are based on each other")
-    source = _folder().joinpath(f"{base}.yaml")
-    return _merged(_mapping(source.read_text(encoding="utf-8"), base, depth + 1), data)
+    return _merged(_base(base, depth + 1), data)
+
+
+@functools.cache
+def _base(name: str, depth: int) -> dict[str, Any]:
+    """Return the keys of a built-in file, read once for all that are based on it."""
+    source = _folder().joinpath(f"{name}.yaml")
+    return _mapping(source.read_text(encoding="utf-8"), name, depth)
 
 
 def _merged(base: dict[str, Any], change: dict[str, Any]) -> dict[str, Any]:

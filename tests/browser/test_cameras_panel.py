@@ -87,6 +87,7 @@ def test_the_chosen_cameras_and_settings_become_one_source(
     page, asked, answer = picker([_device(0), _device(1), in_use], [_SHARED])
     box = page.locator("observer-camera-picker")
     expect(box).to_contain_text("2 cameras are connected.")
+    box.get_by_text("Left and right, image size, exposure").click()
     expect(box.locator(".warnings li")).to_have_text([_BUSY, _SHARED])
     # Left and right are two cameras from the first; compressed images are what one bus carries.
     expect(box.get_by_label("Left camera")).to_have_value(_PORTS[0])
@@ -105,13 +106,14 @@ def test_the_chosen_cameras_and_settings_become_one_source(
     # Another camera is plugged in: what was chosen stays chosen.
     answer["cameras"] = [_device(0), _device(1), _device(3)]
     answer["hints"] = []
-    box.get_by_role("button", name="Find cameras").click()
+    page.get_by_role("button", name="Find cameras").click()
     expect(box).to_contain_text("3 cameras are connected.")
     expect(box.locator(".warnings li")).to_have_count(0)
     expect(box.get_by_label("Left camera")).to_have_value(_PORTS[1])
 
     box.get_by_role("button", name="Open these cameras").click()
-    expect(page.locator("#source-error")).not_to_be_empty(timeout=15_000)
+    expect(box.locator("#camera-error")).not_to_be_empty(timeout=15_000)
+    expect(page.locator("#source-error")).to_be_empty()
     kind, _, rest = asked[0].partition(":")
     assert kind == "camera"
     spec = parse_devices(rest)
@@ -127,15 +129,56 @@ def test_one_camera_can_show_both_images(picker: Picker) -> None:
     box = page.locator("observer-camera-picker")
     expect(box).to_contain_text("One camera is connected")
     expect(box.get_by_label("Right camera")).to_have_value("")
+    box.get_by_text("Left and right, image size, exposure").click()
     box.get_by_role("button", name="Open these cameras").click()
-    expect(page.locator("#source-error")).not_to_be_empty(timeout=15_000)
+    expect(box.locator("#camera-error")).not_to_be_empty(timeout=15_000)
     assert asked == ["camera:sbs:/dev/video6?size=640x480&format=MJPG&rate=30"]
 
     answer["cameras"] = [_device(2, trouble=_BUSY)]
-    box.get_by_role("button", name="Find cameras").click()
+    page.get_by_role("button", name="Find cameras").click()
     expect(box).to_contain_text("No usable camera is connected")
     expect(box).to_contain_text(_BUSY)
     expect(box.get_by_role("button", name="Open these cameras")).to_be_hidden()
+
+
+def test_two_cameras_are_one_tile_and_why_they_cannot_be_opened_stands_below_it(
+    server: Server, picker: Picker, keep_picture: KeepPicture
+) -> None:
+    page, asked, _ = picker([_device(0), _device(1)])
+    tiles = page.locator("#sources-cameras")
+    pair = tiles.locator(".source").first
+    expect(pair).to_contain_text("HD Webcam")
+    expect(pair).to_contain_text("Two cameras: /dev/video0 and /dev/video2")
+    pair.click()
+    error = tiles.locator(".source + .source-error")
+    expect(error).not_to_be_empty(timeout=15_000)
+    assert error.evaluate("(error) => error.previousElementSibling.dataset.spec") == asked[0]
+    assert asked == [f"camera:{_PORTS[0]},{_PORTS[1]}?size=640x480&format=MJPG&rate=30"]
+    assert server.get("/status")["source"]["spec"] == "simulated:lab"
+    keep_picture(page, "cameras-refused")
+
+
+def test_a_slow_first_look_does_not_overwrite_a_newer_one(open_panel: OpenPanel) -> None:
+    page = open_panel()
+    held: list[Any] = []
+
+    def answer(route: Any) -> None:
+        if not held:
+            held.append(route)
+            return
+        route.fulfill(json={"cameras": [_device(0), _device(1)], "hints": [], "serial_ports": []})
+
+    page.route("**/api/devices", answer)
+    page.get_by_role("tab", name="Source").click()
+    find = page.get_by_role("button", name="Find cameras")
+    find.click()
+    page.wait_for_timeout(200)
+    find.click()
+    box = page.locator("observer-camera-picker")
+    expect(box).to_contain_text("2 cameras are connected.")
+    held[0].fulfill(json={"cameras": [], "hints": [], "serial_ports": []})
+    page.wait_for_timeout(300)
+    expect(box).to_contain_text("2 cameras are connected.")
 
 
 def test_cameras_that_nobody_calibrated_lead_to_the_wizard(
@@ -147,7 +190,7 @@ def test_cameras_that_nobody_calibrated_lead_to_the_wizard(
     expect(offer).to_be_hidden()
     page.locator("#source-spec").fill("simulated:webcams")
     page.keyboard.press("Enter")
-    expect(page.locator("#source-error")).to_contain_text("brings no calibration", timeout=15_000)
+    expect(page.locator("#source-error")).to_contain_text("has no calibration", timeout=15_000)
     assert server.get("/status")["source"]["spec"] == "simulated:lab"
     offer.focus()
     page.keyboard.press("Enter")

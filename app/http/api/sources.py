@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query, Request, Response
 from pydantic import Field, StrictBool, StrictInt
 
 from app.contract.commands import SetPlayback
-from app.contract.status import PlaybackStatus, SourceEntry, Status
+from app.contract.sources import SourceEntry
+from app.contract.status import PlaybackStatus, Status
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import Finite, Identifier, In, Spec
+from app.http.cancel_on_disconnect import while_there
+from app.server import NotThere
 from app.server.asking import ask
-from app.server.source.hints import source_entries
 from app.server.status import status
 
 router = APIRouter(tags=["source"])
@@ -43,15 +45,46 @@ class PlaybackChange(In):
 
 
 @router.get("/sources", summary="Sources to choose from")
-def get_sources() -> list[SourceEntry]:
-    """The built-in scenarios, and the kinds of text that name other sources."""
-    return list(source_entries())
+async def get_sources(server: TheServer) -> list[SourceEntry]:
+    """Those opened lately, the built-in scenarios, and templates of the texts that name others."""
+    return await server.source.recent.entries()
+
+
+@router.get(
+    "/sources/picture.jpg",
+    summary="A small picture of a listed source",
+    response_class=Response,
+    responses={200: {"content": {"image/jpeg": {}}}, **refusals(404, 422, 503)},
+)
+async def get_picture(
+    spec: Annotated[str, Query(min_length=1, max_length=1000)], server: TheServer, request: Request
+) -> Response:
+    """256 x 128 pixels. Made at the first request, which may take seconds, and kept."""
+    entries = await server.source.recent.entries()
+    entry = next((each for each in entries if each.spec == spec), None)
+    if entry is None:
+        raise NotThere(f"there is no such source in the list: {spec[:80]!r}")
+    jpeg = await while_there(request, server.source.thumbnails.find(entry))
+    # A scenario looks the same tomorrow; what a folder shows is nobody else's business.
+    kept = {"cache-control": "private, max-age=86400"} if entry.group == "simulated" else {}
+    return Response(jpeg, media_type="image/jpeg", headers=kept)
 
 
 @router.put("/source", summary="Open another source", responses=refusals(409, 422, 503))
 async def put_source(choice: SourceChoice, server: TheServer) -> Status:
     """Observe it without keeping anything. What cannot be opened leaves the old one open."""
     await server.source.open(choice.source, choice.calibration)
+    return status(server)
+
+
+@router.post(
+    "/source/back",
+    summary="Open again what was open before a run's recording",
+    responses=refusals(409, 422, 503),
+)
+async def go_back(server: TheServer) -> Status:
+    """``before`` of the status' source says what that is."""
+    await server.source.go_back()
     return status(server)
 
 

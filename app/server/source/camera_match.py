@@ -47,13 +47,13 @@ def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | No
     name = calibration.name
     if open_devices == bound[::-1] != bound:
         return [
-            f"the calibration {name} was made with left and right the other way round: swap the "
-            f"cameras, or calibrate them in this order"
+            f"the calibration {name} was made with left and right swapped: swap the cameras, or "
+            "calibrate them in this order"
         ]
     if open_devices != bound:
         return [
-            f"the calibration {name} was made with other cameras ({' and '.join(bound)}): "
-            f"calibrate these, or plug those in"
+            f"the calibration {name} was made with other cameras ({' and '.join(bound)}): connect "
+            "those, or calibrate the present ones"
         ]
     warnings = []
     for before, camera in zip(cameras.settings, state.live.cameras, strict=False):
@@ -62,8 +62,7 @@ def camera_match_warnings(state: StateEvent, calibration: CalibrationRecord | No
             if key in before and key in now and before[key] != now[key]:
                 warnings.append(
                     f"the calibration {name} was made with {key} {before[key]} of the "
-                    f"{camera.side} camera, which is {now[key]} now: set it back, or "
-                    f"calibrate anew"
+                    f"{camera.side} camera, which is now {now[key]}: change it back, or recalibrate"
                 )
     return warnings
 

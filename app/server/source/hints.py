@@ -1,47 +1,130 @@
-"""Suggestions for sources to open."""
+"""Sources to choose from: opened lately, built in, and how to name others."""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
 
-from app.contract.status import SourceEntry
+from app.contract.calibrating import BoardFacts
+from app.contract.sources import SourceEntry, SourceGroup
+from app.contract.values import filled
+from app.server.source.opening import RUN
+from observer.opening import SourceKind, source_kind
 from observer.simulation.scenarios import load_scenario, scenario_names
 
-_HINTS = (
+# What a newcomer looks for, in this order; the others follow by name.
+_FIRST = ("lab", "people", "drive", "calibration", "webcams", "crossing", "parked_beside_moving")
+_GROUPS: Mapping[SourceKind, SourceGroup] = {
+    "simulated": "simulated",
+    "coppeliasim": "simulated",
+    "camera": "cameras",
+    "network": "cameras",
+    "recording": "recordings",
+    "folder": "folders",
+    "video": "folders",
+}
+_PICTURED: tuple[SourceKind, ...] = ("simulated", "folder")
+_TITLES: Mapping[SourceKind, str] = {
+    "camera": "Cameras of this server",
+    "network": "Network cameras",
+    "coppeliasim": "CoppeliaSim",
+}
+_TEMPLATES = (
+    SourceEntry(
+        "coppeliasim:HOST:PORT",
+        "CoppeliaSim",
+        "A running simulator, for example coppeliasim:127.0.0.1:23000, with the cameras and robots "
+        "of its scene. Needs the extra coppeliasim.",
+        "simulated",
+        template=True,
+    ),
     SourceEntry(
         "camera:LEFT,RIGHT",
         "Two webcams",
-        "Numbers as in camera:0,1 or paths below /dev/v4l/by-path; camera:sbs:0 for one camera "
-        "that shows both images side by side. Below is what is plugged in.",
+        "Numbers, as in camera:0,1, or paths below /dev/v4l/by-path. camera:sbs:0 is one camera "
+        "that delivers both images side by side.",
+        "cameras",
+        template=True,
     ),
     SourceEntry(
         "rtsp://LEFT,rtsp://RIGHT",
         "Two network cameras",
-        "Two rtsp:// or http:// addresses with a comma between them, or sbs: before one address.",
+        "Two rtsp:// or http:// addresses separated by a comma, or sbs: before one address.",
+        "cameras",
+        template=True,
+    ),
+    SourceEntry(
+        "RECORDING.mcap",
+        "Another recording",
+        "The path on the server of a run's recording.mcap.",
+        "recordings",
+        template=True,
     ),
     SourceEntry(
         "FOLDER",
-        "Recorded images",
-        "The path of a folder on the server: left/ right/ times.txt calibration.yaml, KITTI "
-        "odometry, KITTI raw or EuRoC, recognised by its content.",
+        "A folder of images",
+        "The path on the server of a folder with left/, right/, times.txt and calibration.yaml, or "
+        "of KITTI odometry, KITTI raw or EuRoC data; the layout is recognised.",
+        "folders",
+        template=True,
     ),
     SourceEntry(
         "video:LEFT,RIGHT",
         "Two videos",
-        "Paths of two video files on the server, or of one with both images side by side.",
-    ),
-    SourceEntry(
-        "coppeliasim:HOST:PORT",
-        "CoppeliaSim",
-        "A simulator that runs, as in coppeliasim:127.0.0.1:23000, with the two cameras and the "
-        "robots of its scene; needs the extra coppeliasim.",
+        "The paths on the server of two video files, or of one with both images side by side.",
+        "folders",
+        template=True,
     ),
 )
 
 
+def source_entries(
+    recent: Sequence[str] = (), names: Mapping[str, str] | None = None
+) -> tuple[SourceEntry, ...]:
+    """Return what was opened lately and is not built in, the scenarios, and templates of others.
+
+    Args:
+        recent: specs that were opened, the last one first.
+        names: what people call some of them, by spec.
+    """
+    names = names or {}
+    places = {spec: k for k, spec in enumerate(recent)}
+    known = {entry.spec for entry in _scenarios()}
+    opened = [_entry(spec, names.get(spec)) for spec in recent if spec not in known]
+    every = (*(each for each in opened if each is not None), *_scenarios(), *_TEMPLATES)
+    return tuple(replace(entry, recent=places.get(entry.spec)) for entry in every)
+
+
 @functools.cache
-def source_entries() -> tuple[SourceEntry, ...]:
-    """Return the built-in scenarios, then templates of other sources."""
-    scenarios = {name: load_scenario(name) for name in scenario_names()}
-    own = (SourceEntry(f"simulated:{name}", s.title, s.help) for name, s in scenarios.items())
-    return (*own, *_HINTS)
+def _scenarios() -> tuple[SourceEntry, ...]:
+    names = (*_FIRST, *(name for name in scenario_names() if name not in _FIRST))
+    return tuple(_scenario(f"simulated:{name}", name) for name in names)
+
+
+def _scenario(spec: str, name: str, addition: str = "") -> SourceEntry:
+    scenario = load_scenario(name)
+    return SourceEntry(
+        spec,
+        f"{scenario.title}{addition}",
+        scenario.help,
+        "simulated",
+        picture=True,
+        board=None
+        if scenario.board is None
+        else filled(BoardFacts, scenario.board.board, square_mm=scenario.board.square_mm),
+    )
+
+
+def _entry(spec: str, name: str | None) -> SourceEntry | None:
+    """Return the entry of a source that was opened lately; None of a kind that is gone."""
+    kind: SourceKind | None = "recording" if spec.startswith(RUN) else source_kind(spec)
+    if kind is None:
+        return None
+    scenario, _, query = spec.partition(":")[2].partition("?")
+    if kind == "simulated" and scenario in scenario_names():
+        return _scenario(spec, scenario, f", {query.replace('=', ' ')}")
+    last = Path(spec.partition(":")[2] if kind == "video" else spec).name
+    title = name or _TITLES.get(kind) or last or spec
+    return SourceEntry(spec, title, spec, _GROUPS[kind], picture=kind in _PICTURED)

@@ -51,7 +51,7 @@ class LiveTruthManager:
             self._storage.set_setting(_KEY, plain(kept))
         self.order = kept
         if kept is None and stored is not None:
-            return "the live motion capture chosen before cannot be used; choose it again"
+            return "the saved live motion capture cannot be used; choose it again"
         return None
 
     async def choose(self, order: LiveTruthOrder | None) -> LiveTruthStatus | None:
@@ -93,7 +93,7 @@ def checked(order: LiveTruthOrder) -> LiveTruthOrder:
     if order.observer is not None and order.observer in order.ignore:
         raise FieldError(
             ("body", "ignore"),
-            f"{order.observer} carries the camera and cannot be ignored as well; take one back",
+            f"{order.observer} carries the camera and cannot be ignored as well; choose one",
         )
     return replace(order, spec=spec)
 

@@ -17,6 +17,9 @@ from app.server.shared import Shared
 from app.server.source.camera_match import calibration_of_cameras
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.opening import Opening, make_opening
+from app.server.source.recent import RecentSources
+from app.server.source.thumbnails import FOLDER as THUMBNAILS
+from app.server.source.thumbnails import Thumbnails
 from app.server.source_time import SourceTime
 from observer.opening import shown_spec
 
@@ -28,6 +31,8 @@ class SourceManager:
         wanted: the source that is open or should be.
         state: the engine's last reported state. latest: the newest observation.
         time: the open source's clock.
+        before: what was open before a run's recording was; None without one.
+        recent: sources that were opened lately. thumbnails: pictures of sources to choose from.
         generation: number of the present engine process.
         restoring: whether a new engine still has to open the lost one's source.
         fruitless_losses: engines lost since the last observation or the last change of source.
@@ -47,9 +52,12 @@ class SourceManager:
             source: source to open first.
         """
         self.wanted = Opening(source, None)
+        self.before: Opening | None = None
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
         self.time = SourceTime()
+        self.recent = RecentSources(shared)
+        self.thumbnails = Thumbnails(shared.storage.folder.path / THUMBNAILS)
         self.generation = 0
         self.restoring = False
         self.fruitless_losses = 0
@@ -62,9 +70,12 @@ class SourceManager:
 
     def load(self) -> None:
         """Find the calibration of the first source; the server starts in another thread."""
+        self.recent.load()
         calibration = calibration_of_cameras(self._storage, self.wanted.source)
         self.wanted = replace(
-            self.wanted, calibration=calibration or self._storage.active_calibration()
+            self.wanted,
+            calibration=calibration or self._storage.active_calibration(),
+            name=self._storage.recording_name(self.wanted.source),
         )
 
     # --- requests --------------------------------------------------------------------------
@@ -79,9 +90,28 @@ class SourceManager:
         async with self._shared.lock:
             self._shared.refuse_in_run("stop it before you open another source")
             self._shared.refuse_calibrating()
-            await self.use(
-                await asyncio.to_thread(make_opening, self._storage, source, calibration_id)
-            )
+            opening = await asyncio.to_thread(make_opening, self._storage, source, calibration_id)
+            before = self.wanted
+            await self.use(opening)
+            if opening.name is None:
+                self.before = None
+            elif before.name is None:
+                self.before = before
+
+    async def go_back(self) -> None:
+        """Open again what was open before a run's recording.
+
+        Raises:
+            Conflict: there is nothing to go back to; otherwise as ``open``.
+        """
+        async with self._shared.lock:
+            self._shared.refuse_in_run("stop it before you open another source")
+            self._shared.refuse_calibrating()
+            if self.before is None:
+                raise Conflict("no recording of a run was opened, so there is no source before it")
+            await self.use(self.before)
+            self.before = None
+            self._shared.followers.status_changed()
 
     async def use(self, opening: Opening) -> None:
         """Observe this from now on, also after a restart of the engine.
@@ -122,7 +152,7 @@ class SourceManager:
             parameters=parameters.values.flat(),
             parameters_revision=parameters.revision,
             loop=run_id is None or opening.endless,
-            rate=self._rate(opening, run_id),
+            rate=self._rate(opening),
             run_id=run_id,
             segment=segment,
             rig_yaml=self._rig.observed_text,
@@ -130,18 +160,34 @@ class SourceManager:
             truth=self._live_truth.order,
         )
         reply = await self._shared.open_in_engine(command)
+        if run_id is None:
+            self.recent.opened(opening.source)
         self._shared.telemetry.new_source()
         self.latest = None
         self.time.begin()
         return str(reply.calibration_yaml)
 
-    def _rate(self, opening: Opening, run_id: str | None) -> float:
-        """Return the rate to play at: a run's own, or the present one of the same source."""
-        if run_id is not None and opening.run_rate is not None:
-            return opening.run_rate
+    def _rate(self, opening: Opening) -> float:
+        """Return the rate to play at: the present one of the same source."""
         before, playback = self.state.source, self.state.playback
         same = before is not None and before.spec == shown_spec(opening.source)
         return playback.rate if same and playback is not None else 1.0
+
+    @property
+    def name(self) -> str | None:
+        """Return what people call the open source: the run whose recording it is, or its spec."""
+        info = self.state.source
+        if info is None:
+            return None
+        wanted = self.wanted
+        return (wanted.name if shown_spec(wanted.source) == info.spec else None) or info.spec
+
+    async def run_renamed(self) -> None:
+        """Look up what people call the source: a run has another name."""
+        if self.wanted.name is not None:
+            name = await asyncio.to_thread(self._storage.recording_name, self.wanted.source)
+            self.wanted = replace(self.wanted, name=name)
+            self._shared.followers.status_changed()
 
     async def restore(self) -> None:
         """Observe the wanted source again, without its calibration if that does not fit.
@@ -155,7 +201,7 @@ class SourceManager:
             if self.wanted.calibration is None:
                 raise
             self._shared.warnings.append(
-                f"the calibration {self.wanted.calibration.name} is not used any more: {error}"
+                f"the calibration {self.wanted.calibration.name} is no longer used: {error}"
             )
             await self.use(replace(self.wanted, calibration=None))
 
@@ -197,7 +243,7 @@ class SourceManager:
         """Note that there is no engine until the next one has started."""
         self.fruitless_losses += 1
         self.restoring = True
-        self.failed(f"{event.reason}; it is being restarted")
+        self.failed(f"{event.reason}; it is restarting")
 
     def failed(self, reason: str) -> None:
         """Set the state to failed, with the reason in one sentence."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from app.contract.commands import SetPlayback
 from app.server.calibrations.library import find_calibration
 from app.server.errors import FieldError, NotThere
 from app.server.source.camera_match import calibration_of_cameras
@@ -14,7 +13,7 @@ from observer.recording.run_folder import find_recording
 
 _LONGEST_SPEC = 1000
 # Names the recording of a stored run without the path of its file.
-_RUN = "run:"
+RUN = "run:"
 
 
 @dataclass(frozen=True)
@@ -22,22 +21,17 @@ class Opening:
     """Source with the calibration that replaces its own.
 
     Attributes:
-        run_rate: playback rate of a run of it; None: unchanged.
+        name: words for people, of a run's recording; else None.
     """
 
     source: str
     calibration: CalibrationRecord | None
-    run_rate: float | None = None
+    name: str | None = None
 
     @property
     def endless(self) -> bool:
         """Return whether a run of it lasts until somebody ends it; a recording ends by itself."""
         return self.source.lower().startswith("simulated:")
-
-    @property
-    def preview_playback(self) -> SetPlayback:
-        """Return the playback that follows a run."""
-        return SetPlayback(loop=True, rate=None if self.run_rate is None else 1.0)
 
 
 def check_spec(source: str) -> None:
@@ -62,18 +56,19 @@ def make_opening(storage: Storage, source: str, calibration_id: str | None) -> O
     """
     check_spec(source)
     source = _recording_of(storage, source)
+    name = storage.recording_name(source)
     if calibration_id is None:
-        return Opening(source, calibration_of_cameras(storage, source))
+        return Opening(source, calibration_of_cameras(storage, source), name)
     try:
-        return Opening(source, find_calibration(storage, calibration_id))
+        return Opening(source, find_calibration(storage, calibration_id), name)
     except NotThere as error:
         raise FieldError(("body", "calibration"), str(error)) from error
 
 
 def _recording_of(storage: Storage, source: str) -> str:
-    if not source.startswith(_RUN):
+    if not source.startswith(RUN):
         return source
     try:
-        return str(find_recording(source.removeprefix(_RUN), storage.folder.path).absolute())
+        return str(find_recording(source.removeprefix(RUN), storage.folder.path).absolute())
     except SourceError as error:
         raise FieldError(("body", "source"), str(error)) from error

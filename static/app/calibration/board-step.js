@@ -12,12 +12,15 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
+import { passFocus } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { counted, fixed } from "../elements/words.js";
 import { request, requestImage } from "../shell/api.js";
 import { attemptIn, confirmed } from "../shell/notice.js";
+import { boardOf } from "../sources/choices.js";
+import { boardDifference, boardInWords } from "./board-words.js";
 
-/** @import { CalibratingFacts } from "../contract" */
+/** @import { BoardFacts, CalibratingFacts } from "../contract" */
 
 const BAR_MM = 100;
 const KEY = "dynamic-observer.board";
@@ -62,6 +65,9 @@ export class BoardStep extends Part {
   #source = input("text", "board-source", { spellcheck: "false" });
   #svg = button([icon("download"), "Board as SVG"], () => this.#download("svg"));
   #pdf = button([icon("download"), "Board as PDF"], () => this.#download("pdf"));
+  #ownWords = h("p", { role: "status", hidden: true });
+  #otherBoard = h("p.warnings", { role: "status", id: "board-other" });
+  #useOwn = button("Use the source's board", () => this.#showBoard(this.#own), { hidden: true });
   #printing = h("p.field-error", { role: "alert" });
   #scaled = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert", id: "board-error" });
@@ -74,6 +80,9 @@ export class BoardStep extends Part {
   #unsent = h("p.field-error", { role: "alert", id: "board-zip-error" });
   #busy = false;
   #suggested = "";
+  /** The board that the source itself shows. @type {BoardFacts | null} */
+  #own = null;
+  #ownSpec = "";
 
   build() {
     const form = h(
@@ -82,6 +91,7 @@ export class BoardStep extends Part {
       h(
         "fieldset.wizard-block",
         h("legend", "Print a board"),
+        this.#ownWords,
         h(
           "p.hint",
           "Count the inner corners, where four squares meet, not the squares. Use more columns than rows, one even and one odd, so that the board's orientation is unambiguous.",
@@ -94,7 +104,8 @@ export class BoardStep extends Part {
           field("Square, mm", this.#square),
           field("Paper", this.#paper),
         ),
-        h("div.row", this.#pdf, this.#svg),
+        this.#otherBoard,
+        h("div.row", this.#pdf, this.#svg, this.#useOwn),
         this.#printing,
         h(
           "p.hint",
@@ -140,13 +151,17 @@ export class BoardStep extends Part {
       ),
     );
     this.append(form);
-    this.#fill();
+    this.#fill(remembered());
     form.addEventListener("input", () => this.#changed());
+    // A source that shows a board of its own brings it along.
+    this.#source.addEventListener("input", () => this.#followSource());
     onSubmit(form, () => this.#begin());
     this.#zip.addEventListener("change", () => void this.#sendImages());
     this.hear("status", () => this.#suggest());
+    this.hear("sources", () => this.#followSource());
     this.hear("calibrate", () => {
       if (this.hub.uncalibrated) this.#source.value = this.hub.uncalibrated;
+      this.#followSource();
     });
     this.#changed();
   }
@@ -156,8 +171,9 @@ export class BoardStep extends Part {
     return { distortion_model: this.#lens.value };
   }
 
-  #fill() {
-    const choice = { ...USUAL, ...remembered() };
+  /** @param {Partial<BoardChoice>} given */
+  #fill(given) {
+    const choice = { ...USUAL, ...given };
     this.#kind.value = choice.kind;
     this.#columns.value = String(choice.columns);
     this.#rows.value = String(choice.rows);
@@ -172,11 +188,37 @@ export class BoardStep extends Part {
     if (open === this.#suggested || document.activeElement === this.#source) return;
     if (this.#source.value === this.#suggested) this.#source.value = open;
     this.#suggested = open;
+    this.#followSource();
+  }
+
+  /** Fill in the board that the source shows; a person's own one comes back with other sources. */
+  #followSource() {
+    const spec = this.#source.value.trim();
+    const own = boardOf(this.hub.sources, spec);
+    const same = JSON.stringify(own) === JSON.stringify(this.#own);
+    this.#own = own;
+    this.#ownSpec = spec;
+    if (same) return this.#changed();
+    if (own) this.#showBoard(own);
+    else {
+      this.#fill(remembered());
+      this.#changed();
+    }
+  }
+
+  /** @param {BoardFacts | null} board */
+  #showBoard(board) {
+    if (!board) return;
+    const { kind, columns, rows, square_mm } = board;
+    this.#fill({ kind, columns, rows, square_mm, paper: this.#paper.value });
+    this.#changed();
   }
 
   #changed() {
     const c = this.#choice();
-    localStorage.setItem(KEY, JSON.stringify(c));
+    // What a source shows is not the board that somebody has printed.
+    if (!this.#own) localStorage.setItem(KEY, JSON.stringify(c));
+    this.#compare(c);
     setText(this.#printing, "");
     const same = Math.abs(c.bar_mm - BAR_MM) < 0.05;
     setText(
@@ -185,6 +227,22 @@ export class BoardStep extends Part {
         ? "The squares have the size printed on the board."
         : `A square measures ${fixed(squareOf(c), 2)} mm. The calibration uses this size.`,
     );
+  }
+
+  /** Say which board the source shows, and where another one is chosen. @param {BoardChoice} c */
+  #compare(c) {
+    const own = this.#own;
+    this.#ownWords.hidden = own === null;
+    setText(
+      this.#ownWords,
+      own
+        ? `${this.#ownSpec} shows a board of its own: ${boardInWords(own)}. It is filled in below, and there is nothing to print.`
+        : "",
+    );
+    const difference = own ? boardDifference(own, { ...c, square_mm: squareOf(c) }) : "";
+    setText(this.#otherBoard, difference);
+    if (!difference) passFocus(this.#useOwn, this.#square);
+    this.#useOwn.hidden = !difference;
   }
 
   /** @returns {BoardChoice} */

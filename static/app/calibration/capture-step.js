@@ -163,7 +163,7 @@ export class CaptureStep extends Part {
     this.#known = new Set(views.map(({ name }) => name));
     const next = look?.next ?? "";
     // Where to go on stands below; it is not said twice.
-    const usual = look?.words.startsWith("Seen already") ? "Already captured" : look?.words;
+    const usual = look?.words.startsWith("Already captured") ? "Already captured" : look?.words;
     const captured = added && `Captured ${added.name}${look?.enough ? "; enough views" : ""}`;
     const words = trouble ?? captured ?? usual ?? "Waiting for the first image";
     const time = performance.now();

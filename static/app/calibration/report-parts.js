@@ -1,7 +1,7 @@
 /** Tables and charts of a calibration's report, shown while and after it is made. */
 
 import { h, svg, table, tableRow } from "../elements/dom.js";
-import { fixed } from "../elements/words.js";
+import { fixed, half95 } from "../elements/words.js";
 
 /** @import * as contract from "../contract" */
 
@@ -17,16 +17,16 @@ const HEIGHT = 96;
 export function verdictTable({ rows, frame_rate }) {
   return table(
     "verdict-table",
-    ["Range", "Depth error", "Slowest crossing", "Slowest approaching"],
+    ["Range", "Depth, 95 % interval", "Slowest crossing", "Slowest approaching"],
     rows.map((row) =>
       tableRow(
         `${fixed(row.distance_m, 0)}\u00a0m`,
-        `${length(row.depth_m)} (${fixed(100 * row.depth_share, 1)} %)`,
+        `± ${length(half95(row.depth_m))} (${fixed(100 * half95(row.depth_share), 1)} %)`,
         detectable(row.across),
         detectable(row.towards),
       ),
     ),
-    `Depth error is one standard deviation. Speeds are the slowest detectable for a person-sized object at ${fixed(frame_rate, 0)} fps.`,
+    `Speeds are the slowest detectable for a person-sized object at ${fixed(frame_rate, 0)} fps.`,
   );
 }
 

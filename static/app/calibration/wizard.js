@@ -6,6 +6,7 @@ import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attempt, confirmed, notify } from "../shell/notice.js";
+import { openPane } from "../shell/splitter.js";
 import { BoardStep } from "./board-step.js";
 import { CaptureStep } from "./capture-step.js";
 import { ResultStep } from "./result-step.js";
@@ -106,6 +107,7 @@ class CalibrationWizard extends Part {
     this.#step = step;
     this.#render();
     if (!moved || away) return;
+    if (step !== null) openPane("main");
     // The keyboard goes on where the eye does.
     if (step !== null) this.#title.focus();
     else giveBackFocus(this.#caller);
@@ -127,6 +129,7 @@ class CalibrationWizard extends Part {
     const { calibrating } = this.hub.status ?? {};
     const words = STEPS.find(([step]) => step === this.#step)?.[1].slice(2) ?? "";
     setText(this.#title, words ? `Calibrate: ${words}` : "Calibrate");
+    this.hub.tell("titled");
     for (const [step, button] of this.#steps) {
       const possible =
         step === "board" ||

@@ -1,7 +1,6 @@
 /** The cameras that are plugged in: which is left, which right, and how they are set. */
 
 import {
-  button,
   details,
   field,
   fillList,
@@ -13,7 +12,10 @@ import {
   setText,
 } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
-import { request } from "../shell/api.js";
+import { ApiError, request } from "../shell/api.js";
+import { refuse } from "../shell/notice.js";
+import { cameraSpec, modesOf, nameOf, usualMode } from "./choices.js";
+import { Newest } from "./newest.js";
 
 /** @import { Devices, VideoDevice } from "../contract" */
 
@@ -26,10 +28,18 @@ const SETTINGS = [
 ];
 
 export class CameraPicker extends Part {
-  /** Called with the text that names the chosen cameras. @type {(spec: string) => void} */
+  /**
+   * Called with the text that names the chosen cameras, the button that was pressed, and where to
+   * say why they cannot be opened.
+   *
+   * @type {(spec: string, pressed: HTMLElement, error: HTMLElement) => void}
+   */
   chosen = () => {};
 
-  #words = h("p.hint", { role: "status" });
+  /** Called with the cameras that can be used. @type {(cameras: VideoDevice[]) => void} */
+  found = () => {};
+
+  #words = h("p.hint", { role: "status" }, "Looking for cameras…");
   #left = h("select", { id: "camera-left" });
   #right = h("select", { id: "camera-right" });
   #mode = h("select", { id: "camera-mode" });
@@ -43,15 +53,18 @@ export class CameraPicker extends Part {
     SETTINGS.map(([key]) => [key, input("text", `camera-${key}`, { placeholder: "unchanged" })]),
   );
   #form = h("form.stack", { hidden: true });
-  #again = button("Find cameras", () => this.#load());
+  #use = h("button.button.primary", { type: "submit" }, "Open these cameras");
+  #more = details("Left and right, image size, exposure", this.#form);
   #troubles = h("ul.plain-list.warnings");
+  #unheard = h("p.field-error", { role: "alert" });
+  #error = h("p.field-error", { role: "alert", id: "camera-error" });
+  #newest = new Newest();
   /** @type {VideoDevice[]} */
   #cameras = [];
   /** True where there were cameras to choose from at the last look. */
   #known = false;
 
   build() {
-    const use = h("button.button.primary", { type: "submit" }, "Open these cameras");
     this.#form.append(
       field("Left camera", this.#left),
       field("Right camera", this.#right),
@@ -71,27 +84,33 @@ export class CameraPicker extends Part {
           field("Mains frequency, to avoid flicker", this.#line),
         ),
       ),
-      h("div.row", use),
+      this.#error,
+      h("div.row", this.#use),
     );
-    this.append(
-      h("h3", "Connected cameras"),
-      this.#words,
-      this.#troubles,
-      this.#form,
-      h("div.row", this.#again),
-    );
+    this.append(this.#unheard, this.#words, this.#troubles, this.#more);
     this.#left.addEventListener("change", () => this.#renderModes(null));
-    onSubmit(this.#form, () => this.chosen(this.#spec()));
-    this.hear("reconnected", () => this.#load());
-    void this.#load();
+    onSubmit(this.#form, () => this.chosen(this.#spec(), this.#use, this.#error));
+    this.hear("reconnected", () => this.look());
+    void this.look();
   }
 
-  async #load() {
-    /** @type {Pick<Devices, "cameras" | "hints">} */
-    const { cameras, hints } = await request("GET", "/devices").catch(() => ({
-      cameras: [],
-      hints: [],
-    }));
+  /** Look for cameras; only the answer to the newest look counts. */
+  async look() {
+    refuse(this.#unheard, "");
+    try {
+      /** @type {Devices | undefined} */
+      const devices = await this.#newest.answer(() => request("GET", "/devices"));
+      if (devices) this.#show(devices);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      // What was found before may still be there.
+      refuse(this.#unheard, error.message);
+      if (!this.#known) setText(this.#words, "");
+    }
+  }
+
+  /** @param {Pick<Devices, "cameras" | "hints">} devices */
+  #show({ cameras, hints }) {
     this.#cameras = cameras.filter((camera) => !camera.trouble);
     const count = this.#cameras.length;
     setText(
@@ -104,7 +123,7 @@ export class CameraPicker extends Part {
     );
     const troubles = cameras.flatMap((camera) => camera.trouble ?? []);
     fillList(this.#troubles, [...troubles, ...hints]);
-    this.#form.hidden = count === 0;
+    this.#form.hidden = this.#more.hidden = count === 0;
     const known = this.#known;
     this.#known = count > 0;
     const named = this.#cameras.map((each) => [
@@ -115,24 +134,13 @@ export class CameraPicker extends Part {
     offer(this.#left, named);
     offer(this.#right, choices, known ? this.#right.value : null, choices[Math.min(1, count)]?.[0]);
     this.#renderModes(known ? this.#mode.value : null);
+    this.found(this.#cameras);
   }
 
   /** @param {string | null} chosen */
   #renderModes(chosen) {
     const camera = this.#cameras.find((each) => nameOf(each) === this.#left.value);
-    const modes = (camera?.modes ?? []).map(({ pixel_format, width, height, rates }) => {
-      const rate = rates[0];
-      const value = new URLSearchParams({
-        size: `${width}x${height}`,
-        format: pixel_format,
-        ...(rate ? { rate: String(rate) } : {}),
-      });
-      const words = `${width} × ${height}, ${pixel_format}${rate ? `, ${rate} fps` : ""}`;
-      return [value.toString(), words];
-    });
-    // Compressed images of the usual size are what two cameras on one port can carry.
-    const usual = modes.find(([, words]) => words?.startsWith("640 × 480, MJPG"));
-    offer(this.#mode, [["", "Unchanged"], ...modes], chosen, usual?.[0]);
+    offer(this.#mode, [["", "Unchanged"], ...modesOf(camera)], chosen, usualMode(camera));
   }
 
   #spec() {
@@ -140,17 +148,8 @@ export class CameraPicker extends Part {
     for (const [key, input] of this.#settings)
       if (input.value.trim()) query.set(key, input.value.trim());
     if (this.#line.value) query.set("power_line", this.#line.value);
-    const names = this.#right.value
-      ? `${this.#left.value},${this.#right.value}`
-      : `sbs:${this.#left.value}`;
-    const text = query.toString();
-    return `camera:${names}${text ? `?${text}` : ""}`;
+    return cameraSpec(this.#left.value, this.#right.value, query.toString());
   }
-}
-
-/** @param {VideoDevice} camera @returns {string} the name that stays when it is plugged in again */
-function nameOf(camera) {
-  return camera.by_path ?? camera.path;
 }
 
 customElements.define("observer-camera-picker", CameraPicker);

@@ -12,9 +12,9 @@ import {
 } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
-import { fixed, sentence } from "../elements/words.js";
+import { fixed, half95, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { notify, oneAtATime, refuse } from "../shell/notice.js";
+import { attemptIn, notify, oneAtATime, refuse } from "../shell/notice.js";
 
 /** @import { LiveTruthChoice, LiveTruthStatus } from "../contract" */
 
@@ -47,10 +47,11 @@ class LiveTruthForm extends Part {
   );
   /** @type {Map<string, HTMLElement>} */
   #rates = new Map();
+  #choiceError = h("p.field-error", { role: "alert" });
   #heard = h("div.stack", { hidden: true });
   #names = "";
   #followed = "";
-  #do = oneAtATime(() => this.#render(), this.#error);
+  #do = oneAtATime(() => this.#render());
 
   build() {
     const form = h(
@@ -71,6 +72,7 @@ class LiveTruthForm extends Part {
       this.#clock,
       field("Observer body", this.#observer),
       h("div.named-part", h("span.field-name", "Bodies to compare"), this.#list),
+      this.#choiceError,
     );
     this.append(h("h3", "Live motion capture"), form, this.#heard);
     onSubmit(form, () => this.#begin());
@@ -102,20 +104,20 @@ class LiveTruthForm extends Part {
     this.#renderBodies(truth);
   }
 
-  /** @param {LiveTruthStatus} truth */
-  #renderBodies({ bodies, observer, ignore }) {
+  /** @param {LiveTruthStatus} truth @param {Element | null} [touched] stays as it was put */
+  #renderBodies({ bodies, observer, ignore }, touched = document.activeElement) {
     const names = [
       ...new Set([...bodies.map(({ name }) => name), ...ignore, ...(observer ? [observer] : [])]),
     ].sort();
     if (names.join("\n") !== this.#names) {
       this.#names = names.join("\n");
-      offer(this.#observer, [["", "detect from motion"], ...names.map((name) => [name, name])]);
+      offer(this.#observer, [["", "Detect from motion"], ...names.map((name) => [name, name])]);
     }
-    if (document.activeElement !== this.#observer) this.#observer.value = observer ?? "";
+    if (touched !== this.#observer) this.#observer.value = observer ?? "";
     this.#bodies.show(names, (name) => name);
     for (const [at, name] of names.entries()) {
       const box = this.#list.children[at]?.querySelector("input");
-      if (box && document.activeElement !== box) box.checked = !ignore.includes(name);
+      if (box && touched !== box) box.checked = !ignore.includes(name);
       const body = bodies.find((each) => each.name === name);
       const rate = this.#rates.get(name);
       if (rate)
@@ -138,11 +140,13 @@ class LiveTruthForm extends Part {
   async #begin() {
     const spec = this.#spec.value.trim();
     if (!spec) return refuse(this.#error, "Enter a stream address, for example vrpn:192.168.0.5.");
-    await this.#put({ spec, observer: null, ignore: [] }, this.#listen, "Connecting…");
+    const order = { spec, observer: null, ignore: [] };
+    await this.#put(order, this.#error, this.#listen, "Connecting…");
   }
 
   async #end() {
-    if (await this.#put({ spec: null, observer: null, ignore: [] }, this.#stop, "Stopping…"))
+    const order = { spec: null, observer: null, ignore: [] };
+    if (await this.#put(order, this.#error, this.#stop, "Stopping…"))
       notify("Stopped listening to motion capture.");
   }
 
@@ -152,30 +156,38 @@ class LiveTruthForm extends Part {
     const left = /** @type {NodeListOf<HTMLInputElement>} */ (
       this.#list.querySelectorAll("input:not(:checked)")
     );
-    await this.#put({
+    const order = {
       spec,
       observer: this.#observer.value || null,
       ignore: [...left].map(({ value }) => value),
-    });
+    };
+    if (await this.#put(order, this.#choiceError)) return;
+    const { truth } = this.hub.status ?? {};
+    if (truth) this.#renderBodies(truth, null);
   }
 
   /**
    * @param {LiveTruthChoice} order
+   * @param {HTMLElement} error says why it was not taken
    * @param {HTMLElement} [button] says what goes on
    * @param {string} [words]
    * @returns {Promise<boolean>} whether it was taken
    */
-  #put(order, button, words) {
-    return this.#do(
+  async #put(order, error, button, words) {
+    let taken = false;
+    await this.#do(
       async () => {
-        /** @type {LiveTruthStatus | null} */
-        const truth = await request("PUT", "/truth/live", order);
-        this.#followed = truth?.spec ?? "";
-        if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, truth });
+        taken = await attemptIn(error, async () => {
+          /** @type {LiveTruthStatus | null} */
+          const truth = await request("PUT", "/truth/live", order);
+          this.#followed = truth?.spec ?? "";
+          if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, truth });
+        });
       },
       button,
       words,
     );
+    return taken;
   }
 }
 
@@ -188,7 +200,7 @@ function rateInWords(rate) {
 function clockInWords({ clock }) {
   if (!clock) return "";
   const drift = clock.drift_ppm === null ? "" : `, clock drift ${fixed(clock.drift_ppm, 0)} ppm`;
-  return `Time offset known to ± ${fixed(1000 * clock.sigma_s, 1)} ms${drift}, from ${clock.samples} samples.`;
+  return `Time offset known to ± ${fixed(1000 * half95(clock.sigma_s), 1)} ms (95 % interval)${drift}, from ${clock.samples} samples.`;
 }
 
 customElements.define("observer-live-truth", LiveTruthForm);

@@ -3,7 +3,7 @@
 import { button, h, icon, iconButton, input, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { notifyError } from "../shell/notice.js";
+import { attemptIn } from "../shell/notice.js";
 import { ScrubBar } from "./scrub-bar.js";
 
 /** @import { PlaybackStatus } from "../contract" */
@@ -39,6 +39,7 @@ class PlaybackBar extends Part {
   #position = h("output.figure.position", "–");
   #live = h("p.hint", { hidden: true }, "This source is live; it cannot be paused.");
   #controls = h("div.playback-controls");
+  #error = h("p.field-error.playback-error", { role: "alert" });
   #sendTimer = 0;
   #paused = false;
   #holdRateUntil = 0;
@@ -63,8 +64,9 @@ class PlaybackBar extends Part {
       h("label.check", this.#loop, "Loop"),
       h("div.row.where", this.#scrub, this.#progress, this.#position),
     );
+    this.#scrub.error = this.#error;
     this.#scrub.attach(this.hub);
-    this.append(this.#controls, this.#live);
+    this.append(this.#error, this.#controls, this.#live);
     this.hear("status", () => this.#render());
     this.hear("observation", () => this.#renderPosition());
     this.#render();
@@ -134,15 +136,14 @@ class PlaybackBar extends Part {
 
   /** @param {object} change */
   async #send(change) {
-    try {
+    const done = await attemptIn(this.#error, async () => {
       /** @type {PlaybackStatus} */
       const playback = await request("POST", "/playback", change);
       if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, playback });
-    } catch (error) {
-      this.#holdRateUntil = 0;
-      notifyError(error);
-      this.#render();
-    }
+    });
+    if (done) return;
+    this.#holdRateUntil = 0;
+    this.#render();
   }
 }
 

@@ -1,9 +1,9 @@
 /** Going to any frame of a recording: a slider that follows what is played until it is moved. */
 
-import { input, setAttribute } from "../elements/dom.js";
+import { h, input, setAttribute } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { notifyError } from "../shell/notice.js";
+import { attemptIn } from "../shell/notice.js";
 
 /** @import { PlaybackStatus } from "../contract" */
 
@@ -11,6 +11,9 @@ import { notifyError } from "../shell/notice.js";
 const HOLD_MS = 600;
 
 export class ScrubBar extends Part {
+  /** Says why a frame could not be gone to. */
+  error = h("p.field-error", { role: "alert" });
+
   #slider = input("range", "scrub", { min: 0, step: 1, "aria-label": "Frame" });
   /** The frame that was asked for and not yet sent. @type {number | null} */
   #wanted = null;
@@ -58,7 +61,7 @@ export class ScrubBar extends Part {
   async #send() {
     if (this.#busy) return;
     this.#busy = true;
-    try {
+    const gone = await attemptIn(this.error, async () => {
       while (this.#wanted !== null) {
         const seek = this.#wanted;
         this.#wanted = null;
@@ -67,14 +70,12 @@ export class ScrubBar extends Part {
         this.#holdUntil = performance.now() + HOLD_MS;
         if (this.hub.status) this.hub.takeStatus({ ...this.hub.status, playback });
       }
-    } catch (error) {
+    }).finally(() => (this.#busy = false));
+    if (!gone) {
       this.#wanted = null;
       this.#holdUntil = 0;
-      notifyError(error);
-    } finally {
-      this.#busy = false;
-      this.#render();
     }
+    this.#render();
   }
 }
 

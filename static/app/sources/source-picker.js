@@ -1,86 +1,187 @@
-/** Choice of the source: those the server offers, and any other by its spec. */
+/** Choice of the source: one field with suggestions, and tiles of what there is. */
 
-import { button, field, h, input, offer, onSubmit, setAttribute } from "../elements/dom.js";
-import { KeptList } from "../elements/focus-place.js";
+import {
+  button,
+  field,
+  h,
+  input,
+  offer,
+  onSubmit,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { declareKeys } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
-import { notify, oneAtATime } from "../shell/notice.js";
+import { attemptIn, notify, refuse } from "../shell/notice.js";
 import { CameraPicker } from "./camera-picker.js";
+import {
+  boardOf,
+  choiceOfEntry,
+  choicesOfCameras,
+  choicesOfRuns,
+  merged,
+  placeholders,
+  shortSpec,
+  suggestions,
+} from "./choices.js";
+import { Combobox } from "./combobox.js";
+import { Newest } from "./newest.js";
+import { PictureQueue } from "./picture-queue.js";
+import { SourceGroup } from "./source-group.js";
 
 /** @import { Calibration } from "../calibration/report-parts.js" */
-/** @import { SourceEntry, Status } from "../contract" */
+/** @import { History, SourceEntry, Status } from "../contract" */
+/** @import { Choice } from "./choices.js" */
 
-const PLACEHOLDER = /\b[A-Z]{3,}\b/;
+/**
+ * @typedef {object} Pressed what somebody pressed to open a source
+ * @property {HTMLElement} button
+ * @property {Element} teller says that it is being opened
+ * @property {HTMLElement} error says why it was not
+ */
+
+declareKeys(
+  "Source field",
+  ["↓ ↑", "Go through the suggestions"],
+  ["Enter", "Open the marked one, or what is typed"],
+  ["Esc", "Close the suggestions"],
+);
+
+const MOST_OF_EACH = 6;
+const MOST_RUNS = 50;
+// Typing goes on; the server is asked once it pauses.
+const SEARCH_AFTER_MS = 200;
 
 class SourcePicker extends Part {
-  #list = h("div.source-list", { role: "group", "aria-label": "Sources" });
-  #choices = new KeptList(this.#list, (/** @type {SourceEntry} */ choice) => this.#choice(choice));
   #spec = input("text", "source-spec", {
     spellcheck: "false",
+    autocapitalize: "off",
     required: true,
+    "aria-describedby": "source-error source-spec-help",
   });
-  #calibration = h("select", { id: "source-calibration" });
-  #open = h("button.button.primary", { type: "submit" }, "Open source");
+  /** @type {Combobox<Choice>} */
+  #suggested = new Combobox(this.#spec, "Suggested sources", drawn);
+  #open = h("button.button.primary", { type: "submit" }, "Open");
   #error = h("p.field-error", { id: "source-error", role: "alert" });
-  #calibrate = button("Calibrate these cameras", () => this.hub.tell("calibrate"), {
+  #openNow = h("span.hint");
+  #calibration = h("select", { id: "source-calibration" });
+  #inRun = h("p.hint", { hidden: true }, "Stop the run to open another source.");
+  #pictures = new PictureQueue();
+  #cameras = new CameraPicker();
+  /** Moves to the tile that was pressed. */
+  #tileError = h("p.field-error.source-error", { role: "alert" });
+  /** Moves below the error that it mends. */
+  #calibrate = button("Calibrate these cameras", () => this.#toWizard(this.#uncalibrated), {
     hidden: true,
   });
-  #inRun = h("p.hint", { hidden: true }, "Stop the run to open another source.");
+  #groups = this.#makeGroups();
+  /** The runs that tiles show. @type {Choice[]} */
+  #runs = [];
+  /** Runs found by what was typed. @type {Choice[]} */
+  #foundRuns = [];
+  /** @type {Choice[]} */
+  #foundCameras = [];
+  #newest = new Newest();
+  #newestRuns = new Newest();
+  #search = new Newest();
+  #searchTimer = 0;
+  #uncalibrated = "";
   #busy = false;
-  #do = oneAtATime((busy) => {
-    this.#busy = busy;
-    this.#render();
-  }, this.#error);
   #followed = "";
 
   build() {
+    const hint =
+      "Search by name, or enter simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or a path on the server.";
     const form = h(
       "form.stack",
       { novalidate: true },
-      field(
-        "Source",
-        this.#spec,
-        "simulated:SCENARIO, camera:0,1, rtsp://LEFT,rtsp://RIGHT, video:LEFT,RIGHT, coppeliasim:HOST:PORT, or the path on the server of a recording or of a folder with stereo images.",
+      h(
+        "div.field",
+        h("div.source-head", h("label", { for: this.#spec.id }, "Source"), this.#openNow),
+        h("div.source-entry", this.#suggested.element, this.#open),
         this.#error,
+        h("p.hint", { id: "source-spec-help" }, hint),
       ),
       field("Calibration", this.#calibration),
-      h("div.row", this.#open, this.#calibrate, this.#inRun),
+      this.#inRun,
     );
-    onSubmit(form, () => this.#openSource());
-    const cameras = new CameraPicker();
-    cameras.chosen = (spec) => {
-      this.#spec.value = spec;
-      void this.#openSource();
+    onSubmit(form, () => this.#submit());
+    this.#suggested.asked = () => this.#suggest();
+    this.#suggested.taken = (choice) => this.#take(choice);
+    this.#cameras.chosen = (spec, pressed, error) =>
+      void this.#openSource(spec, { button: pressed, teller: pressed, error });
+    this.#cameras.found = (cameras) => {
+      this.#foundCameras = choicesOfCameras(cameras);
+      this.#show();
     };
-    cameras.attach(this.hub);
-    this.append(h("h2", "Source"), this.#list, form, cameras);
+    this.append(h("h2", "Source"), form);
+    for (const group of Object.values(this.#groups)) this.append(group.element);
+    this.#groups.cameras.element.append(this.#cameras);
+    this.#cameras.attach(this.hub);
     this.hear("status", () => this.#render());
     this.hear("calibrations", () => this.#loadCalibrations());
+    this.hear("runs reconnected", () => this.#loadRuns());
     this.hear("reconnected", () => this.#load());
+    this.whenShown(() => this.#pictures.go());
     void this.#load();
+    void this.#loadRuns();
     void this.#loadCalibrations();
   }
 
-  async #load() {
-    /** @type {SourceEntry[]} */
-    const sources = await request("GET", "/sources").catch(() => []);
-    this.#choices.show(sources, ({ spec }) => spec);
-    this.#render();
+  #makeGroups() {
+    const group = (
+      /** @type {SourceEntry["group"]} */ name,
+      /** @type {string} */ title,
+      /** @type {number} */ few,
+      /** @type {HTMLElement[]} */ ...tools
+    ) =>
+      new SourceGroup(name, title, few, this.#pictures, (...it) => this.#pressed(...it), ...tools);
+    const find = button("Find cameras", () => this.#cameras.look(), {
+      class: "quiet",
+      "data-looks": true,
+    });
+    return {
+      simulated: group("simulated", "Simulated", 4),
+      cameras: group("cameras", "Cameras", 2, find),
+      recordings: group("recordings", "Recordings", 2),
+      folders: group("folders", "Folders and videos", 2),
+    };
   }
 
-  /** @param {SourceEntry} choice */
-  #choice({ spec, title, help }) {
-    return button(
-      [h("b", title), h("code", spec), h("span", help)],
-      () => {
-        if (this.#busy) return;
-        this.#spec.value = spec;
-        // A word in capitals stands for something to be typed, as in video:LEFT,RIGHT.
-        if (PLACEHOLDER.test(spec)) this.#spec.select();
-        else void this.#openSource();
-      },
-      { class: "source", "data-spec": spec },
-    );
+  async #load() {
+    /** @type {SourceEntry[] | null | undefined} */
+    const entries = await this.#newest.answer(() => request("GET", "/sources")).catch(() => null);
+    // What was there before stays where the server does not answer now.
+    if (!entries) return;
+    this.hub.sources = entries;
+    this.hub.tell("sources");
+    this.#show();
+  }
+
+  async #loadRuns() {
+    /** @type {History | null | undefined} */
+    const history = await this.#newestRuns
+      .answer(() => request("GET", `/history?limit=${MOST_RUNS}`))
+      .catch(() => null);
+    if (!history) return;
+    this.#runs = choicesOfRuns(history.runs);
+    this.#show();
+  }
+
+  /** Show all tiles, those that are there first and then how to name others. */
+  #show() {
+    const listed = this.hub.sources.map(choiceOfEntry);
+    if (listed.length === 0) return;
+    const all = merged([
+      ...this.#foundCameras,
+      ...this.#runs,
+      ...listed.filter(({ template }) => !template),
+      ...listed.filter(({ template }) => template),
+    ]);
+    for (const [name, group] of Object.entries(this.#groups))
+      group.show(all.filter((choice) => choice.group === name));
+    this.#render();
   }
 
   async #loadCalibrations() {
@@ -94,51 +195,140 @@ class SourcePicker extends Part {
 
   #render() {
     const { status } = this.hub;
-    const current = status?.source?.spec ?? "";
+    const current = shortSpec(status?.source?.spec ?? "");
     // Follow what is open, but never overwrite what is being typed.
     if (current !== this.#followed && document.activeElement !== this.#spec) {
       this.#spec.value = current;
       this.#followed = current;
     }
+    const name = status?.source?.name ?? "";
+    setText(this.#openNow, name === status?.source?.spec ? "" : name);
     const inRun = Boolean(status?.run);
     this.#inRun.hidden = !inRun;
     this.#open.disabled = inRun;
     // Not disabled while it opens: that would take the focus away.
     setAttribute(this.#open, "aria-disabled", this.#busy ? "true" : null);
-    for (const button of this.#list.querySelectorAll("button")) {
-      setAttribute(button, "aria-current", button.dataset.spec === current ? "true" : null);
-      button.disabled = inRun;
-      setAttribute(button, "aria-disabled", this.#busy ? "true" : null);
+    for (const tile of /** @type {NodeListOf<HTMLButtonElement>} */ (
+      this.querySelectorAll(".source")
+    )) {
+      setAttribute(tile, "aria-current", tile.dataset.spec === current ? "true" : null);
+      tile.disabled = inRun;
+      setAttribute(tile, "aria-disabled", this.#busy ? "true" : null);
     }
   }
 
-  async #openSource() {
-    if (this.#busy) return;
-    this.#offerCalibration(false);
-    const opened = await this.#do(
-      async () => {
-        const source = this.#spec.value.trim();
-        /** @type {Status} */
-        const status = await request("PUT", "/source", {
-          source,
-          calibration: this.#calibration.value || null,
-        });
-        this.#followed = status.source?.spec ?? source;
-        this.hub.takeStatus(status);
-        notify(`${this.#followed} is open.`);
-      },
-      this.#open,
-      "Opening…",
-    );
-    if (!opened)
-      this.#offerCalibration(this.#error.textContent?.includes("brings no calibration") ?? false);
+  /** Suggest for what the field holds; all of it while that is what is open. */
+  #suggest() {
+    const typed = this.#spec.value.trim();
+    const words = typed === this.#followed ? "" : typed;
+    this.#showSuggestions(words);
+    clearTimeout(this.#searchTimer);
+    if (words) this.#searchTimer = setTimeout(() => this.#searchRuns(words), SEARCH_AFTER_MS);
   }
 
-  /** @param {boolean} offered */
-  #offerCalibration(offered) {
-    this.hub.uncalibrated = offered ? this.#spec.value.trim() : "";
-    this.#calibrate.hidden = !offered;
+  /** @param {string} words */
+  #showSuggestions(words) {
+    const listed = this.hub.sources.map(choiceOfEntry);
+    const all = merged([...this.#foundCameras, ...listed, ...this.#foundRuns, ...this.#runs]);
+    this.#suggested.show(suggestions(all, words, MOST_OF_EACH), ({ spec }) => spec);
   }
+
+  /** Find runs by their names among all that there are. @param {string} words */
+  async #searchRuns(words) {
+    const query = new URLSearchParams({ text: words.slice(0, 200), limit: String(MOST_OF_EACH) });
+    /** @type {History | null | undefined} */
+    const found = await this.#search
+      .answer(() => request("GET", `/history?${query}`))
+      .catch(() => null);
+    if (!found || !this.#suggested.isOpen || this.#spec.value.trim() !== words) return;
+    this.#foundRuns = choicesOfRuns(found.runs);
+    this.#showSuggestions(words);
+  }
+
+  #submit() {
+    const spec = this.#spec.value.trim();
+    this.#suggested.close();
+    if (!spec) return refuse(this.#error, "Enter a source, for example simulated:lab.");
+    return this.#openSource(spec, this.#field);
+  }
+
+  /** @returns {Pressed} */
+  get #field() {
+    return { button: this.#open, teller: this.#open, error: this.#error };
+  }
+
+  /** @param {Choice} choice that was suggested */
+  #take({ spec, template }) {
+    this.#spec.value = spec;
+    if (template) this.#spec.setSelectionRange(...placeholders(spec));
+    else void this.#openSource(spec, this.#field);
+  }
+
+  /** @param {Choice} choice @param {HTMLButtonElement} tile */
+  #pressed({ spec, template }, tile) {
+    if (this.#busy) return;
+    if (template) {
+      this.#spec.value = spec;
+      this.#spec.focus();
+      this.#spec.setSelectionRange(...placeholders(spec));
+      return;
+    }
+    setText(this.#tileError, "");
+    tile.after(this.#tileError);
+    const teller = tile.querySelector(".source-line") ?? tile;
+    void this.#openSource(spec, { button: tile, teller, error: this.#tileError });
+  }
+
+  /**
+   * Open a source; one that is there to be calibrated leads to the wizard. The source before stays
+   * where it cannot be opened.
+   *
+   * @param {string} spec
+   * @param {Pressed} pressed
+   */
+  async #openSource(spec, pressed) {
+    if (this.#busy) return;
+    this.#calibrate.hidden = true;
+    for (const error of [this.#error, this.#tileError]) refuse(error, "");
+    const calibration = this.#calibration.value || null;
+    if (!calibration && boardOf(this.hub.sources, spec)) return this.#toWizard(spec);
+    const before = pressed.teller.textContent ?? "";
+    this.#setBusy(pressed, true, "Opening…");
+    const opened = await attemptIn(pressed.error, async () => {
+      /** @type {Status} */
+      const status = await request("PUT", "/source", { source: spec, calibration });
+      this.#followed = shortSpec(status.source?.spec ?? spec);
+      this.#spec.value = this.#followed;
+      this.hub.takeStatus(status);
+      notify(`${status.source?.name ?? spec} is open.`);
+    }).finally(() => this.#setBusy(pressed, false, before));
+    if (opened) return this.#load();
+    if (!pressed.error.textContent?.includes("has no calibration")) return;
+    this.#uncalibrated = spec;
+    pressed.error.after(this.#calibrate);
+    this.#calibrate.hidden = false;
+  }
+
+  /** @param {Pressed} pressed @param {boolean} busy @param {string} words */
+  #setBusy({ button, teller }, busy, words) {
+    this.#busy = busy;
+    setAttribute(button, "aria-busy", busy ? "true" : null);
+    setText(teller, words);
+    this.#render();
+  }
+
+  /** @param {string} spec */
+  #toWizard(spec) {
+    this.hub.uncalibrated = spec;
+    this.hub.tell("calibrate");
+  }
+}
+
+/** @param {Choice} choice */
+function drawn({ title, spec, recent }) {
+  const told = [h("b", title), h("code", spec)];
+  if (recent !== null) told.push(h("span", "Recent"));
+  return told;
 }
 
 customElements.define("observer-source-picker", SourcePicker);

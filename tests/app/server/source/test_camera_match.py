@@ -65,13 +65,13 @@ def test_other_cameras_swapped_ones_and_another_focus_are_told(opened: Storage) 
     record = kept(opened, "stereo.yaml", LEFT, RIGHT)
     assert camera_match_warnings(state(LEFT, RIGHT), record) == []
     (swapped,) = camera_match_warnings(state(RIGHT, LEFT), record)
-    assert "other way round" in swapped
+    assert "left and right swapped" in swapped
     (other,) = camera_match_warnings(state(LEFT, "http://10.0.0.3/v"), record)
     assert "made with other cameras" in other
     assert LEFT in other
     focus = camera_match_warnings(state(LEFT, RIGHT, focus="35"), record)
     assert len(focus) == 2
-    assert "focus 0 of the left camera, which is 35 now" in focus[0]
+    assert "focus 0 of the left camera, which is now 35" in focus[0]
 
 
 def test_nothing_is_said_where_nothing_is_bound(opened: Storage) -> None:

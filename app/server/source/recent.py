@@ -1,0 +1,77 @@
+"""The sources that were opened lately; they survive a restart of the server."""
+
+from __future__ import annotations
+
+import asyncio
+from functools import partial
+from pathlib import Path
+
+from app.contract.sources import SourceEntry
+from app.server.shared import Shared
+from app.server.source.hints import source_entries
+from app.server.source.opening import RUN
+from observer.opening import shown_spec
+from observer.recording.run_folder import RECORDING, RUNS
+
+_KEY = "recent_sources"
+_MOST = 12
+
+
+class RecentSources:
+    """Sources by when they were opened; used in the event loop.
+
+    Attributes:
+        specs: texts that open them, the last one first, without users and passwords.
+    """
+
+    def __init__(self, shared: Shared) -> None:
+        """Start with none; ``load`` restores those before."""
+        self.specs: tuple[str, ...] = ()
+        self._storage = shared.storage
+        self._writer = shared.writer
+
+    def load(self) -> None:
+        """Load the earlier ones, in a worker thread, before any other call."""
+        stored = self._storage.get_setting(_KEY)
+        if isinstance(stored, list):
+            self.specs = tuple(each for each in stored if isinstance(each, str))[:_MOST]
+
+    def opened(self, source: str) -> None:
+        """Put a source first."""
+        spec = shown_spec(source)
+        if spec != source and "@" in source:
+            # It cannot be opened again without its password, which is not for everybody's eyes.
+            return
+        spec = self._named_by_run(spec)
+        if self.specs[:1] == (spec,):
+            return
+        self.specs = (spec, *(each for each in self.specs if each != spec))[:_MOST]
+        self._writer.post(partial(self._storage.set_setting, _KEY, list(self.specs)))
+
+    async def entries(self) -> list[SourceEntry]:
+        """Return all that can be suggested: these, what is built in, and how to name others."""
+        return list(await asyncio.to_thread(self._entries))
+
+    def _entries(self) -> tuple[SourceEntry, ...]:
+        names = {
+            spec: self._run_name(spec.removeprefix(RUN))
+            for spec in self.specs
+            if spec.startswith(RUN)
+        }
+        there = [spec for spec in self.specs if names.get(spec, spec) is not None]
+        return source_entries(there, {spec: name for spec, name in names.items() if name})
+
+    def _named_by_run(self, spec: str) -> str:
+        """Return the text that names a run's recording by the run; any other one as it is."""
+        path = Path(spec)
+        if path.name != RECORDING or path.parent.parent != self._runs:
+            return spec
+        return f"{RUN}{path.parent.name}"
+
+    @property
+    def _runs(self) -> Path:
+        return self._storage.folder.path.absolute() / RUNS
+
+    def _run_name(self, run_id: str) -> str | None:
+        run = self._storage.get_run(run_id)
+        return None if run is None or run.deleted_at is not None else run.name
