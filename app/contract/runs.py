@@ -18,6 +18,9 @@ class Run:
     name: str
     state: Literal["running", "finished", "interrupted", "failed"]
     source: str
+    source_name: Annotated[
+        str, means("For people: names the run whose recording the source is; else the source.")
+    ]
     calibration_id: str | None
     preset: str | None
     parameters: Mapping[str, Any]
@@ -45,7 +48,7 @@ class Run:
     recording_bytes: int | None
     tags: Annotated[Sequence[str], means("In the order of their text.")]
     notes: Annotated[str, means("A person's own words.")]
-    truth_id: Annotated[str | None, means("The truth file that it is compared with.")]
+    truth_id: Annotated[str | None, means("The ground-truth file that it is compared with.")]
     aligned: Annotated[bool, means("Whether motion capture was laid over it.")]
     rerun_of: Annotated[str | None, means("The run that this is a re-run of.")]
     deleted_at: Annotated[str | None, means("Since when it is hidden.")]
@@ -121,7 +124,7 @@ class SpeedErrorsEntry:
     bias_mps: float | None
     rmse_mps: float | None
     maximum_mps: float | None
-    coverage: Annotated[float | None, means("Share within the band of 95 %.")]
+    coverage: Annotated[float | None, means("Share within the 95 % interval.")]
     covered_of: int
     seen_share: float | None
 
@@ -149,7 +152,7 @@ class CameraOnBodyFacts:
 class AlignmentFacts:
     """Alignment of ground truth with a run."""
 
-    offset_s: Annotated[float, means("To be added to truth's times.")]
+    offset_s: Annotated[float, means("To be added to the times of the ground truth.")]
     sigma_s: float
     drift_ppm: float
     drift_sigma_ppm: float | None
@@ -171,7 +174,9 @@ class AlignmentFacts:
 class AlignedRunEntry(Run):
     """A run with the truth that was just laid over it."""
 
-    alignment: Annotated[AlignmentFacts | None, means("None: truth was on the run's clock.")]
+    alignment: Annotated[
+        AlignmentFacts | None, means("None: the ground truth was on the run's clock.")
+    ]
     sentence: str
 
 
@@ -188,8 +193,8 @@ class AlignChoicesEntry:
 
 @dataclass(frozen=True)
 class ChartValues:
-    aligned: Annotated[bool, means("Whether there is truth to compare with.")]
-    sentence: Annotated[str | None, means("Where truth comes from, or why there is none.")]
+    aligned: Annotated[bool, means("Whether there is ground truth to compare with.")]
+    sentence: Annotated[str | None, means("Where ground truth comes from, or why there is none.")]
     alignment: AlignmentFacts | None
     curves: Sequence[ChartCurve]
     changes: Sequence[IdentityChange]

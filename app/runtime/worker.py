@@ -27,6 +27,7 @@ from observer.errors import DynamicObserverError
 
 _COMMAND = module_command("app.runtime.worker_main")
 _GRACE_S = 2.0
+_HELD_S = 0.1
 _log = logging.getLogger(__name__)
 
 _Result = TypeVar("_Result")
@@ -85,11 +86,18 @@ class Worker:
                 async with asyncio.timeout(_GRACE_S):
                     await process.wait()
 
-    async def do(self, job: object, progress: Callable[[Progress], None]) -> Any:
+    async def do(
+        self,
+        job: object,
+        progress: Callable[[Progress], None],
+        *,
+        held: Callable[[], bool] | None = None,
+    ) -> Any:
         """Run a job (``app.runtime.jobs``) in a separate process; cancelling ends it.
 
         Args:
             progress: called in the event loop on every progress report.
+            held: asked ten times a second whether the process has to stand still for now.
 
         Returns:
             The job's result.
@@ -104,7 +112,21 @@ class Worker:
                 process = await stack.enter_async_context(starting)
             except (ChannelError, OSError) as error:
                 raise JobFailed(f"the computation cannot be started: {error}") from error
+            if held is not None:
+                holding = asyncio.create_task(_hold(process, held))
+                stack.callback(holding.cancel)
             return await _heard(process, message, progress)
+
+
+async def _hold(process: Process, held: Callable[[], bool]) -> None:
+    """Stop the process whenever it is held, and let it go on afterwards."""
+    stands = False
+    while True:
+        if held() != stands:
+            stands = not stands
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGSTOP if stands else signal.SIGCONT)
+        await asyncio.sleep(_HELD_S)
 
 
 async def _heard(process: Process, message: bytes, progress: Callable[[Progress], None]) -> Any:
@@ -122,11 +144,12 @@ async def _heard(process: Process, message: bytes, progress: Callable[[Progress]
                 return heard
             progress(heard)
     except ChannelError as error:
-        raise JobFailed(f"the computation cannot be heard: {error}; start it again") from error
+        raise JobFailed(
+            f"the connection to the computation was lost: {error}; start it again"
+        ) from error
     how = exit_words(await process.wait())
     raise JobFailed(
-        f"the computation {how}, without a result; start it again, or look for its messages in the "
-        f"server's log"
+        f"the computation {how} without a result; start it again, or see the server's log"
     )
 
 

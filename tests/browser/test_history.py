@@ -1,4 +1,4 @@
-"""Kept runs: found, described, compared with truth, re-run, brought back."""
+"""Kept runs: found, described, seen frame by frame, compared with truth, re-run, brought back."""
 
 from __future__ import annotations
 
@@ -9,22 +9,32 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
-from .conftest import Eventually, KeepPicture, OpenPanel, Server
+from .conftest import Eventually, KeepPicture, OpenPanel, Pixels, Server
 
 # What the server makes of a recording is made by a process of the lowest priority.
 _MADE_MS = 60_000
 
 
-@pytest.fixture
-def kept_run(server: Server, eventually: Eventually) -> Iterator[str]:
+def _kept(server: Server, eventually: Eventually, **more: str) -> Iterator[str]:
     """A run of some frames; none is left behind."""
-    started = server.api.post("/api/runs", json={"name": "ride"}).json()
+    started = server.api.post("/api/runs", json={"name": "ride", **more}).json()
     eventually(lambda: server.get(f"/runs/{started['id']}")["frames"] > 8, 30)
     server.api.post(f"/api/runs/{started['id']}/stop")
     yield started["id"]
     server.api.post("/api/playback", json={"paused": False})
     for run in server.get("/history")["runs"]:
         server.api.delete(f"/api/runs/{run['id']}")
+
+
+@pytest.fixture
+def kept_run(server: Server, eventually: Eventually) -> Iterator[str]:
+    yield from _kept(server, eventually)
+
+
+@pytest.fixture
+def bare_run(server: Server, eventually: Eventually) -> Iterator[str]:
+    """One without images."""
+    yield from _kept(server, eventually, record="none")
 
 
 def _folder(server: Server, run: str) -> Path:
@@ -35,13 +45,13 @@ def _folder(server: Server, run: str) -> Path:
 def test_a_run_is_found_described_and_compared_with_truth(
     server: Server,
     open_panel: OpenPanel,
-    kept_run: str,
+    bare_run: str,
     plant_ride: Callable[[Path, str, Path], None],
     eventually: Eventually,
     keep_picture: KeepPicture,
     tmp_path: Path,
 ) -> None:
-    plant_ride(_folder(server, kept_run), kept_run, tmp_path / "capture.csv")
+    plant_ride(_folder(server, bare_run), bare_run, tmp_path / "capture.csv")
     page = open_panel()
     # What is live is not looked at here, and its work would be waited for.
     server.api.post("/api/playback", json={"paused": True})
@@ -58,15 +68,15 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(page.locator("#history-title")).to_have_text("Run ride")
     page.get_by_label("Add tag").fill("figure 17, to and fro")
     page.keyboard.press("Enter")
-    eventually(lambda: server.get(f"/runs/{kept_run}")["tags"] == ["figure 17", "to and fro"])
+    eventually(lambda: server.get(f"/runs/{bare_run}")["tags"] == ["figure 17", "to and fro"])
     page.get_by_role("button", name="Remove tag to and fro").click()
     page.get_by_label("Notes").fill("The cart turns once.")
     page.keyboard.press("Tab")
-    eventually(lambda: server.get(f"/runs/{kept_run}")["notes"] == "The cart turns once.")
+    eventually(lambda: server.get(f"/runs/{bare_run}")["notes"] == "The cart turns once.")
     assert server.get("/history")["tags"] == {"figure 17": 1}
 
     truth = page.locator("observer-alignment")
-    expect(truth).to_contain_text("nothing is compared", timeout=_MADE_MS)
+    expect(truth).to_contain_text("no ground truth to compare with", timeout=_MADE_MS)
     page.set_input_files("#truth-file", tmp_path / "capture.csv")
     expect(truth.locator(".understood")).to_contain_text("plain CSV", timeout=_MADE_MS)
     expect(truth.locator(".understood tbody")).to_contain_text(re.compile(r"cart.*2680.*0\.35"))
@@ -92,7 +102,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(truth.locator(".figures")).to_contain_text(re.compile(r"1[12]\d\.\d ± \d\.\d ms"))
     errors = page.locator("observer-run .chart-errors")
     samples = int(errors.locator("tbody td").first.inner_text())
-    said = server.get(f"/runs/{kept_run}/chart")["choices"]["camera_on_body"]
+    said = server.get(f"/runs/{bare_run}/chart")["choices"]["camera_on_body"]
     assert (said["x_m"], said["tilt_deg"]) == (0.25, 10)
     keep_picture(page, "run")
 
@@ -103,7 +113,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(none).to_be_focused(timeout=_MADE_MS)
     expect(truth.locator(".matches tbody tr").nth(1)).to_contain_text("manual choice")
     assert int(errors.locator("tbody td").first.inner_text()) < samples
-    assert server.get(f"/runs/{kept_run}/chart")["choices"]["camera_on_body"] == said
+    assert server.get(f"/runs/{bare_run}/chart")["choices"]["camera_on_body"] == said
 
     page.get_by_role("button", name="Delete run", exact=True).click()
     expect(rows).to_have_count(0)
@@ -115,12 +125,8 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(page.locator("observer-speed-chart")).to_be_visible()
 
 
-def test_a_run_is_observed_again_compared_and_played(
-    server: Server,
-    open_panel: OpenPanel,
-    kept_run: str,
-    eventually: Eventually,
-    keep_picture: KeepPicture,
+def test_a_run_is_observed_again_and_compared(
+    server: Server, open_panel: OpenPanel, kept_run: str, keep_picture: KeepPicture
 ) -> None:
     name = "ego_motion.ransac_threshold_px"
     before = server.get("/parameters")["values"][name]
@@ -132,6 +138,7 @@ def test_a_run_is_observed_again_compared_and_played(
     form.get_by_label("RANSAC threshold", exact=True).fill("2.5")
     page.keyboard.press("Tab")
     expect(form).to_contain_text(f"{name}: {before} → 2.5")
+    live = server.get("/status")
     form.get_by_role("button", name="Re-run").click()
     form.get_by_role("link", name="Compare both").click(timeout=_MADE_MS)
     compared = page.locator("observer-run-compare")
@@ -140,13 +147,123 @@ def test_a_run_is_observed_again_compared_and_played(
     keep_picture(page, "compared")
     (again,) = (run for run in server.get("/history")["runs"] if run["rerun_of"])
     assert (again["rerun_of"], again["parameters"][name]) == (kept_run, 2.5)
+    # Neither the live source nor its parameters are others.
+    assert server.get("/parameters")["values"][name] == before
+    now = server.get("/status")
+    assert now["source"] == live["source"]
+    assert now["parameters_revision"] == live["parameters_revision"]
 
+
+def test_a_re_run_is_cancelled_and_leaves_nothing(
+    server: Server, open_panel: OpenPanel, kept_run: str
+) -> None:
+    page = open_panel()
     page.evaluate(f"location.hash = '#history/{kept_run}'")
-    page.get_by_role("button", name="Play recording").click()
-    slider = page.get_by_label("Frame", exact=True)
+    form = page.locator("observer-rerun")
+    expect(page.locator("observer-run-chart .uplot")).to_be_visible(timeout=_MADE_MS)
+    form.get_by_role("button", name="Re-run").click()
+    expect(form.locator("progress")).to_be_visible()
+    form.get_by_role("button", name="Cancel").click()
+    expect(form).to_contain_text("nothing of it was kept")
+    assert [run["id"] for run in server.get("/history")["runs"]] == [kept_run]
+    assert server.get("/status")["reruns"] == []
+
+
+def test_image_top_view_and_chart_of_a_run_show_one_instant(
+    server: Server,
+    open_panel: OpenPanel,
+    kept_run: str,
+    pixels: Pixels,
+    keep_picture: KeepPicture,
+) -> None:
+    page = open_panel()
+    server.api.post("/api/playback", json={"paused": True})
+    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    expect(page).to_have_title(re.compile("Run ride"))
+    player, reading = page.locator("observer-run-player"), page.locator(".chart-reading:visible")
+    slider = player.get_by_role("slider", name="Position in the run")
+    place, count = player.locator("output"), len(server.get(f"/runs/{kept_run}/frames")["frames"])
+    expect(page.locator("observer-run-chart .uplot")).to_be_visible(timeout=_MADE_MS)
+    expect(place).to_contain_text(f"frame 1 / {count}", timeout=_MADE_MS)
+    assert pixels(player.locator("canvas")).std() > 8
+    expect(player.locator(".top-view .camera")).to_have_count(1)
+
+    # Pointed at the end of the chart, the last frame is seen; it stays when the pointer leaves.
+    box = page.locator("observer-run-chart .u-over").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + box["width"] - 2, box["y"] + 40)
+    expect(place).to_contain_text(f"frame {count} / {count}")
+    page.mouse.move(5, 5)
+    expect(reading).to_contain_text(str(place.inner_text()).split(" s")[0][:-1])
+    slider.press("Home")
+    expect(place).to_contain_text(f"frame 1 / {count}")
+    slider.press("ArrowRight")
+    expect(place).to_contain_text(f"frame 2 / {count}")
+    seconds = server.get(f"/runs/{kept_run}/frames")["frames"][1]["plan"]["time"]
+    expect(reading).to_contain_text(f"{seconds:.2f} s")
+    keep_picture(page, "run-page")
+    # By keys in the chart, too.
+    page.locator("observer-run-chart .chart").focus()
+    for _ in range(10):
+        page.keyboard.press("ArrowRight")
+    expect(place).not_to_contain_text("frame 2 /")
+
+    slider.press("Home")
+    player.get_by_role("button", name="Play").click()
+    expect(player.get_by_role("button", name="Play")).to_be_visible(timeout=_MADE_MS)
+    expect(place).to_contain_text(f"frame {count} / {count}")
+
+
+def test_all_that_is_made_of_a_run_stands_in_one_menu(open_panel: OpenPanel, kept_run: str) -> None:
+    page = open_panel()
+    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    export = page.locator("observer-run-export")
+    opens = export.get_by_role("button", name="Export")
+    opens.focus()
+    page.keyboard.press("ArrowDown")
+    items = export.get_by_role("menuitem")
+    expect(items.first).to_be_focused()
+    expect(items.first).to_contain_text("Report")
+    page.keyboard.press("v")
+    expect(export.get_by_role("menuitem", name="Video, MP4")).to_be_focused()
+    page.keyboard.press("End")
+    expect(items.last).to_be_focused()
+    page.keyboard.press("ArrowDown")
+    expect(items.first).to_be_focused()
+    page.keyboard.press("Escape")
+    expect(opens).to_be_focused()
+    expect(export.get_by_role("menu")).to_be_hidden()
+
+    opens.click()
+    with page.expect_download() as saved:
+        export.get_by_role("menuitem", name="Recording, MCAP").click()
+    assert saved.value.suggested_filename == "ride.mcap"
+    opens.click()
+    export.get_by_role("menuitem", name="Table, CSV").click()
+    page.get_by_label("Table", exact=True).select_option("frames")
+    with page.expect_download(timeout=_MADE_MS) as saved:
+        page.get_by_role("dialog").get_by_role("button", name="Export").click()
+    assert saved.value.suggested_filename == "ride frames.csv"
+    assert saved.value.path().read_text().startswith("frame")
+    expect(page.locator(".export-told")).to_contain_text("exported")
+
+
+def test_a_recording_is_opened_in_3d_and_left_again(
+    server: Server, open_panel: OpenPanel, kept_run: str, eventually: Eventually
+) -> None:
+    page = open_panel()
+    page.evaluate(f"location.hash = '#history/{kept_run}'")
+    place = page.locator("observer-run-player output")
+    expect(place).to_contain_text("frame 1 /", timeout=_MADE_MS)
+    shown = page.get_by_role("slider", name="Position in the run")
+    for _ in range(3):
+        shown.press("ArrowRight")
+    expect(page.locator("#open-in-3d-help")).to_contain_text("simulated:lab")
+    page.get_by_role("button", name="Open in 3D").click()
+    slider = page.locator("observer-playback").get_by_label("Frame", exact=True)
     expect(slider).to_be_visible(timeout=30_000)
-    page.get_by_role("button", name="Pause").click()
-    eventually(lambda: server.get("/status")["playback"]["paused"])
+    eventually(lambda: server.get("/status")["playback"]["frame"] == 3)
+    assert server.get("/status")["source"]["name"] == "Recording of ride"
     slider.focus()
     page.keyboard.press("Home")
     eventually(lambda: server.get("/status")["playback"]["frame"] == 0)
@@ -154,5 +271,18 @@ def test_a_run_is_observed_again_compared_and_played(
         page.keyboard.press("ArrowRight")
     eventually(lambda: server.get("/status")["playback"]["frame"] == 4)
     expect(slider).to_have_attribute("aria-valuetext", re.compile("frame 4 of"))
-    assert server.api.put("/api/source", json={"source": "simulated:lab"}).is_success
-    assert server.api.patch("/api/parameters", json={name: before}).is_success
+    page.get_by_role("button", name="Back to simulated:lab").click()
+    eventually(lambda: server.get("/status")["source"]["spec"] == "simulated:lab")
+    expect(page.locator(".stage observer-back-to-source")).to_be_hidden()
+
+
+def test_a_run_without_images_shows_the_top_view_alone(
+    open_panel: OpenPanel, bare_run: str
+) -> None:
+    page = open_panel()
+    page.evaluate("run => { location.hash = `#history/${run}`; }", bare_run)
+    player = page.locator("observer-run-player")
+    expect(player).to_contain_text("has no images", timeout=_MADE_MS)
+    expect(player.locator("observer-frame-picture")).to_be_hidden()
+    expect(player.locator(".top-view")).to_be_visible()
+    expect(page.get_by_role("button", name="Open in 3D")).to_be_hidden()

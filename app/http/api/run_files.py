@@ -51,7 +51,7 @@ def _file(*kinds: str) -> dict[int | str, dict[str, Any]]:
 @router.get(
     "/{id}/chart",
     response_model=RunChart,
-    summary="Speeds by the observer, by truth, as commanded and by encoders, and their errors",
+    summary="Estimated, true, commanded and encoder speeds, and their errors",
     responses=refusals(404, 409, 503),
 )
 async def get_chart(id: NameInPath, server: TheServer, request: Request) -> Response:
@@ -68,7 +68,7 @@ async def get_chart(id: NameInPath, server: TheServer, request: Request) -> Resp
 
 @router.get(
     "/{id}/chart.{format}",
-    summary="The chart, or its values, of the visible range",
+    summary="The chart, or its values, for the visible range",
     response_class=Response,
     responses=_file(*_CHART_KINDS.values()),
 )
@@ -81,7 +81,7 @@ async def get_chart_file(
     end: Instant = None,
 ) -> Response:
     if begin is not None and end is not None and begin >= end:
-        raise FieldError(("query", "end"), "the end must lie behind the beginning")
+        raise FieldError(("query", "end"), "the end must be after the start")
     run = await server.runs.archive.find(id)
     made = await while_there(request, server.runs.files.chart_file(run, format, begin, end))
     return MadeFileResponse(made, _CHART_KINDS[format])
@@ -89,7 +89,7 @@ async def get_chart_file(
 
 @router.get(
     "/{id}/report",
-    summary="The paper's figures redone from the run, on one page",
+    summary="Report of the run with the paper's figures",
     response_class=Response,
     responses=_file("text/html"),
 )
@@ -103,7 +103,7 @@ async def get_report(id: NameInPath, server: TheServer, request: Request) -> Res
 
 @router.get(
     "/{id}/export",
-    summary="The run for other tools",
+    summary="Export of the run for other tools",
     response_class=Response,
     responses=_file(*_EXPORT_KINDS.values()),
 )
@@ -122,7 +122,7 @@ async def get_export(
     ] = None,
 ) -> Response:
     if table is not None and format not in _TABLES:
-        raise FieldError(("query", "table"), "only csv and parquet are one table")
+        raise FieldError(("query", "table"), "a single table is available only as csv or parquet")
     run = await server.runs.archive.find(id)
     if table is None and format in _TABLES:
         table = "obstacles"

@@ -20,6 +20,8 @@ from app.http.api.common import NameInPath, TheServer, attachment
 from app.http.api.programmes import ProgrammeStart, programme_command
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, Identifier, In, Name, Spec, Tag, Text, notes_on
+from app.http.file_name import content_disposition
+from app.server.runs.files import file_stem
 from app.storage import SpeedRow
 from observer.recording.payloads import Images
 
@@ -99,7 +101,10 @@ async def change_run(id: NameInPath, change: RunChange, server: TheServer) -> Ru
 
 @router.delete("/{id}", status_code=204, summary="Delete a run", responses=refusals(404, 409, 503))
 async def delete_run(id: NameInPath, server: TheServer) -> None:
-    """It is hidden, and deleted for good some days later; see ``undo_days`` of the history."""
+    """It is hidden, and deleted for good some days later; see ``undo_days`` of the history.
+
+    A re-run that is not finished is cancelled, and nothing stays of it.
+    """
     await server.runs.delete(id)
 
 
@@ -108,7 +113,7 @@ async def recover_run(id: NameInPath, server: TheServer) -> Run:
     return filled(Run, await server.runs.history.recover(id))
 
 
-@router.post("/{id}/stop", summary="End a run", responses=refusals(404, 409, 503))
+@router.post("/{id}/stop", summary="Stop a run", responses=refusals(404, 409, 503))
 async def stop_run(id: NameInPath, server: TheServer) -> Run:
     """Its source stays open."""
     return filled(Run, await server.runs.stop(id))
@@ -127,8 +132,10 @@ async def stop_run(id: NameInPath, server: TheServer) -> Run:
 )
 async def get_recording(id: NameInPath, server: TheServer) -> FileResponse:
     """Everything that happened in a run; opens in Foxglove and Lichtblick, and as a source."""
+    run = await server.runs.archive.find(id)
     path = await server.runs.archive.recording(id)
-    return FileResponse(path, filename=f"{_file_name(id)}.mcap")
+    headers = {"content-disposition": content_disposition(f"{file_stem(run)}.mcap")}
+    return FileResponse(path, media_type="application/octet-stream", headers=headers)
 
 
 @router.get(
@@ -149,13 +156,12 @@ async def get_speeds(
     rows = await server.runs.archive.speeds(id)
     if format == "csv":
         text = await asyncio.to_thread(_csv, rows)
-        return attachment(text, f"{_file_name(id)}.csv", "text/csv; charset=utf-8")
+        name = f"{file_stem(await server.runs.archive.find(id))}.csv"
+        return attachment(text, name, "text/csv; charset=utf-8")
     return Response(await asyncio.to_thread(_json, rows), media_type="application/json")
 
 
-@router.get(
-    "/{id}/incidents", summary="What stopped robots during a run", responses=refusals(404, 503)
-)
+@router.get("/{id}/incidents", summary="Robot stops during a run", responses=refusals(404, 503))
 async def get_incidents(id: NameInPath, server: TheServer) -> list[RobotIncident]:
     """Oldest first."""
     return [filled(RobotIncident, each) for each in await server.runs.archive.incidents(id)]
@@ -175,7 +181,3 @@ def _csv(rows: Sequence[SpeedRow]) -> str:
     writer.writeheader()
     writer.writerows(_entries(rows))
     return text.getvalue()
-
-
-def _file_name(id: str) -> str:
-    return "".join(c if c.isascii() and (c.isalnum() or c in "-_") else "_" for c in id)

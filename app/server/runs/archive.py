@@ -16,16 +16,23 @@ class RunArchive:
 
     Args:
         current: returns the run in progress, or None.
+        rerunning: returns whether a run is a re-run whose recording is being written.
     """
 
-    def __init__(self, storage: Storage, current: Callable[[], RunRecord | None]) -> None:
+    def __init__(
+        self,
+        storage: Storage,
+        current: Callable[[], RunRecord | None],
+        rerunning: Callable[[str], bool],
+    ) -> None:
         self._storage = storage
         self._current = current
+        self._rerunning = rerunning
 
     def is_going(self, run_id: str) -> bool:
-        """Return whether this run is in progress."""
+        """Return whether this run is in progress, live or as a re-run."""
         current = self._current()
-        return current is not None and current.id == run_id
+        return (current is not None and current.id == run_id) or self._rerunning(run_id)
 
     async def newest(self) -> list[RunRecord]:
         """Return all runs, newest first."""
@@ -56,8 +63,10 @@ class RunArchive:
         return await self._recording_of(await self.find(run_id))
 
     async def _recording_of(self, record: RunRecord) -> Path:
+        if self._rerunning(record.id):
+            raise Conflict(f"the re-run {record.name} is not finished; wait for it")
         if self.is_going(record.id):
-            raise Conflict(f"the run {record.name} is going; stop it to have its recording")
+            raise Conflict(f"the run {record.name} is in progress; stop it to get its recording")
         path = self._storage.folder.run(record.id) / RECORDING
         if not await asyncio.to_thread(path.is_file):
             raise NotThere(f"the run {record.name} has no recording")
@@ -73,7 +82,9 @@ class RunArchive:
         while record.record == "none" and record.rerun_of is not None:
             before = await asyncio.to_thread(self._storage.get_run, record.rerun_of)
             if before is None:
-                raise NotThere(f"the run whose images {asked.name} was made of is deleted for good")
+                raise NotThere(
+                    f"the run whose images {asked.name} was made of has been permanently deleted"
+                )
             record = before
         if record.record == "none":
             raise NotThere(

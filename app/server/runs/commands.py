@@ -63,7 +63,9 @@ class RunCommands:
             NotAvailable: the command failed, took too long, or too many are waiting already.
         """
         if self._waiting >= _MOST_WAITING:
-            raise NotAvailable("too much is being computed of runs already; try again later")
+            raise NotAvailable(
+                "too many files are already being generated from runs; try again later"
+            )
         self._waiting += 1
         try:
             async with self._one:
@@ -108,7 +110,7 @@ class RunCommands:
                 _, said = await process.communicate()
         except TimeoutError:
             raise NotAvailable(
-                f"the command {name} took longer than {self._time_limit_s:.0f} s and was ended"
+                f"the command {name} took longer than {self._time_limit_s:.0f} s and was stopped"
             ) from None
         except OSError as error:
             raise NotAvailable(f"the command {name} cannot be started: {error}") from error
@@ -122,8 +124,7 @@ def _error(name: str, code: int, said: str) -> DynamicObserverError:
         return CommandRefused(lines[-1].removeprefix(_SAYS))
     log.error("command_failed", command=name, code=code, said=said[-_LOGGED:])
     return NotAvailable(
-        f"the command {name} {exit_words(code)}, without a result; its messages are in the "
-        f"server's log"
+        f"the command {name} {exit_words(code)}, without a result; see the server's log"
     )
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
@@ -86,7 +86,8 @@ class CurrentRun:
         self.segments = max(self.segments, int(event.line["segment"]) + 1)
         self.time.add(float(event.line["time"]), event.received, reopened=self._reopened)
         self._reopened = False
-        self._collect(speed_rows(self.id, event, driven, self.time.offset_s))
+        rows = speed_rows(self.id, event.line, event.truth, driven, self.time.offset_s)
+        self._collect(rows)
 
     def resumed(self, segment: int) -> None:
         """Go on with a new engine, which opened the source anew, as this segment."""
@@ -150,8 +151,7 @@ class CurrentRun:
         now = self.now()
         if reason is None and self._rows.lost:
             reason = (
-                f"the database did not take what was observed for so long that "
-                f"{self._rows.lost} speeds were lost"
+                f"the database was unavailable for so long that {self._rows.lost} speeds were lost"
             )
         return replace(self.snapshot(), state=state, reason=reason, updated_at=now, ended_at=now)
 
@@ -214,7 +214,11 @@ class CurrentRun:
 
 
 def speed_rows(
-    run_id: str, event: ObservationEvent, driven: Collection[str] = (), offset_s: float = 0.0
+    run_id: str,
+    line: Mapping[str, Any],
+    truth: Iterable[Mapping[str, Any]],
+    driven: Collection[str] = (),
+    offset_s: float = 0.0,
 ) -> Iterator[SpeedRow]:
     """Yield the rows of one observation: estimates, truth and commands, as far as present.
 
@@ -222,9 +226,9 @@ def speed_rows(
     of ``driven`` roles, so those of the truth are left out.
 
     Args:
+        line, truth: as in the ``ObservationEvent``.
         offset_s: of the run's clock to the source's.
     """
-    line = event.line
     segment = int(line["segment"])
 
     def row(time: float, role: str, source: Any, track: int, speed: Any, std: Any) -> SpeedRow:
@@ -240,7 +244,7 @@ def speed_rows(
             obstacle["speed"] if seen else None,
             obstacle["speed_std"] if seen else None,
         )
-    for body in event.truth:
+    for body in truth:
         identity, role = int(body["id"]), str(body["role"])
         # Live motion capture gives the time of the measurement, which may be before the frame.
         measured = body.get("time", line["time"])

@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 
 import structlog
 
-from app.contract.commands import StopRun
+from app.contract.commands import SetPlayback, StopRun
 from app.contract.status import RecordingStatus
 from app.server.asking import ask
 from app.server.contracts import Engine
@@ -30,7 +30,7 @@ async def end_recording(engine: Engine, opening: Opening) -> RecordingStatus | N
         recording = await ask(engine, StopRun())
         if not opening.endless:
             # The run ended with its source's recording; the preview plays it in a loop.
-            await ask(engine, opening.preview_playback)
+            await ask(engine, SetPlayback(loop=True))
     return recording
 
 

@@ -25,10 +25,12 @@ from observer.version import library_version
 ChartFormat = Literal["csv", "png", "svg", "pdf"]
 ExportFormat = Literal["zip", "csv", "parquet", "mp4", "ply", "ros2"]
 
-# Prefix of files that nobody needs to read by name.
-_CHART = ".chart-"
+# Prefixes of files that nobody needs to read by name.
+_CHART, _FRAMES = ".chart-", ".frames-"
 # Results are far smaller than the run's recording; this much space stays free.
 _SPARE_BYTES = 100 << 20
+_IN_NO_NAME = '/\\:*?"<>|'
+_LONGEST_STEM = 80
 _QUICK_S, _LONG_S = 120.0, 1800.0
 
 
@@ -68,12 +70,31 @@ class RunFiles:
         if self._archive.is_going(run.id) or not await asyncio.to_thread(path.is_file):
             rows = await asyncio.to_thread(self._storage.speeds, run.id)
             return await asyncio.to_thread(lambda: json.dumps(plain(chart_of_rows(rows))).encode())
-        kept = path.with_name(f"{_CHART}{await asyncio.to_thread(_key, run, path)}.json")
+        return await self._kept(run, path, _CHART, "chart")
+
+    async def frames(self, run: RunRecord) -> bytes:
+        """Return what was found in each frame as JSON, see ``app.contract.run_frames``.
+
+        Raises:
+            NotThere: it has no recording. Conflict: its recording is being written, or it or its
+                truth cannot be read. NotAvailable: the command failed.
+        """
+        path = await self._archive.recording(run.id)
+        return await self._kept(run, path, _FRAMES, "frames")
+
+    def keep_frames(self, run: RunRecord, content: bytes) -> None:
+        """Keep what ``frames`` would make of the run, where somebody has made it already."""
+        path = self._storage.folder.run(run.id) / RECORDING
+        _keep(_kept_file(run, path, _FRAMES), _FRAMES, content)
+
+    async def _kept(self, run: RunRecord, path: Path, prefix: str, command: str) -> bytes:
+        """Return the JSON that a command makes of a run; it is made once."""
+        kept = await asyncio.to_thread(_kept_file, run, path, prefix)
         with contextlib.suppress(OSError):
             return await asyncio.to_thread(kept.read_bytes)
-        made = await self._made(run, self.quick, "chart", "chart.json")
+        made = await self._made(run, self.quick, command, f"{command}.json")
         content = await asyncio.to_thread(_content, made)
-        await asyncio.to_thread(_keep, kept, content)
+        await asyncio.to_thread(_keep, kept, prefix, content)
         return content
 
     async def chart_file(
@@ -116,14 +137,14 @@ class RunFiles:
         async with self._long.folder() as folder:
             output = folder / name
             await _asked(self._long.run("export", str(path), "--output", str(output), *options))
-            return await _opened(output, f"{run.id}-{name}")
+            return await _opened(output, f"{file_stem(run)}-{name}")
 
     async def _bag(self, run: RunRecord, path: Path) -> MadeFile:
         async with self._long.folder() as folder:
             bag, output = folder / "bag", folder / "bag.zip"
             await _asked(self._long.run("export", str(path), "--ros2", "--output", str(bag)))
             await _asked(self._long.run("-c", str(output), str(bag), module="zipfile"))
-            return await _opened(output, f"{run.id}-bag.zip")
+            return await _opened(output, f"{file_stem(run)}-bag.zip")
 
     async def _made(
         self,
@@ -139,7 +160,15 @@ class RunFiles:
             words = [command, str(path.absolute()), "--output", str(folder / name), *options]
             words += await compared_words(self._storage, run, folder)
             await _asked(commands.run(*words))
-            return await _opened(folder / name, f"{run.id}-{name}")
+            return await _opened(folder / name, f"{file_stem(run)}-{name}")
+
+
+def file_stem(run: RunRecord) -> str:
+    """Return the run's name as every system takes it within a file's name; its id if that is
+    empty.
+    """
+    name = "".join("_" if c in _IN_NO_NAME or not c.isprintable() else c for c in run.name)
+    return name.strip(" .")[:_LONGEST_STEM] or run.id
 
 
 async def compared_words(storage: Storage, run: RunRecord, folder: Path) -> list[str]:
@@ -170,18 +199,19 @@ def _content(made: MadeFile) -> bytes:
         return file.read()
 
 
-def _key(run: RunRecord, recording: Path) -> str:
-    """Return a key that changes whenever the chart may change."""
+def _kept_file(run: RunRecord, recording: Path, prefix: str) -> Path:
+    """Return a file whose name changes whenever its content may change."""
     stat = recording.stat()
     facts = [library_version(), stat.st_size, stat.st_mtime_ns, run.alignment, run.truth_id]
-    return hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+    key = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
+    return recording.with_name(f"{prefix}{key}.json")
 
 
-def _keep(path: Path, content: bytes) -> None:
+def _keep(path: Path, prefix: str, content: bytes) -> None:
     """Cache the content; if it cannot be written, it is made again next time."""
     part = path.with_name(f"{path.name}.{secrets.token_hex(4)}.part")
     try:
-        for old in path.parent.glob(f"{_CHART}*"):
+        for old in path.parent.glob(f"{prefix}*"):
             old.unlink(missing_ok=True)
         part.write_bytes(content)
         part.replace(path)

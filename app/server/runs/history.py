@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Iterable
+from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import replace
 from datetime import timedelta
 from functools import partial
@@ -29,6 +29,7 @@ class RunHistory:
     Args:
         current: returns the run in progress, or None. clock: monotonic seconds.
         undo: time during which a deleted run can be recovered.
+        renamed: called when a run has another name.
     """
 
     def __init__(
@@ -38,12 +39,15 @@ class RunHistory:
         current: Callable[[], CurrentRun | None],
         clock: Callable[[], float],
         undo: timedelta = UNDO,
+        *,
+        renamed: Callable[[], Awaitable[None]],
     ) -> None:
         self._storage = storage
         self._archive = archive
         self._current = current
         self._clock = clock
         self._undo = undo
+        self._renamed = renamed
         self._disk: tuple[float, DiskUse] | None = None
 
     async def page(
@@ -94,6 +98,8 @@ class RunHistory:
             current.record = replace(
                 current.record, name=record.name, tags=record.tags, notes=record.notes
             )
+        if name is not None:
+            await self._renamed()
         return self._as_it_stands(record)
 
     async def discard(self, run_id: str) -> None:
@@ -128,7 +134,7 @@ class RunHistory:
         try:
             return await asyncio.to_thread(change)
         except StorageMissing as error:
-            raise NotThere(f"there is no run {run_id[:80]!r} any more") from error
+            raise NotThere(f"the run {run_id[:80]!r} no longer exists") from error
 
     def _as_it_stands(self, record: RunRecord) -> RunRecord:
         current = self._current()

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from app.contract.commands import MAX_PLAYBACK_RATE
 from app.contract.drive import StartProgramme, StopProgramme
 from app.contract.events import ObservationEvent, StateEvent
 from app.server.calibrations.library import keep_own_calibration
@@ -18,9 +16,11 @@ from app.server.parameters.manager import ParameterManager
 from app.server.rig.store import RigStore
 from app.server.robots import RobotManager
 from app.server.runs.archive import RunArchive
+from app.server.runs.comparing import MethodComparison
 from app.server.runs.current_run import CurrentRun
 from app.server.runs.ending import end_recording, write_end
 from app.server.runs.files import RunFiles
+from app.server.runs.frame_images import FrameImages
 from app.server.runs.history import RunHistory
 from app.server.runs.recording import (
     complete_recording,
@@ -28,6 +28,7 @@ from app.server.runs.recording import (
     record_order,
     tell_robots,
 )
+from app.server.runs.reruns import Reruns
 from app.server.runs.saved_clips import SavedClips
 from app.server.runs.truths import TruthFiles
 from app.server.shared import Shared
@@ -52,8 +53,9 @@ class RunManager:
 
     Attributes:
         running: the run in progress.
-        archive, history, files: the stored runs. truths: truth laid over them.
-        clips: saves clips of the last half minute.
+        archive, history, files, images: the stored runs. truths: truth laid over them.
+        reruns: recordings that are observed again.
+        clips: saves clips of the last half minute. methods: compares two on the same frames.
     """
 
     def __init__(
@@ -74,11 +76,25 @@ class RunManager:
         """
         storage = shared.storage
         self.running: CurrentRun | None = None
-        self.archive = RunArchive(storage, lambda: self.current)
-        self.history = RunHistory(storage, self.archive, lambda: self.running, shared.clock)
+        self.archive = RunArchive(storage, lambda: self.current, self._is_rerunning)
+        self.history = RunHistory(
+            storage, self.archive, lambda: self.running, shared.clock, renamed=source.run_renamed
+        )
         self.files = RunFiles(storage, self.archive)
+        self.images = FrameImages(self.archive, storage.folder.run, shared.clock)
         self.truths = TruthFiles(storage, self.archive, self.files.quick)
+        self.reruns = Reruns(shared, self.truths, self._robot_armed)
         self.clips = SavedClips(shared, automatic=clips_at_guard_stops)
+        self.methods = MethodComparison(
+            shared,
+            source,
+            parameters,
+            rig,
+            self.files,
+            self.truths,
+            self.clips,
+            self._robot_armed,
+        )
         self._shared = shared
         self._engine = shared.engine
         self._storage = storage
@@ -107,6 +123,7 @@ class RunManager:
     def begin(self) -> None:
         """Start the background work for runs, and finish what was left undone."""
         self._soon(self._keep_telling())
+        self._soon(self.images.keep_tidy())
         self._soon(asyncio.to_thread(self.history.purge))
         for run_id in self._interrupted:
             self._soon(asyncio.to_thread(complete_recording, self._storage, run_id))
@@ -135,7 +152,6 @@ class RunManager:
         parameters: dict[str, Any],
         programme: StartProgramme | None = None,
         record: Images = "jpeg",
-        rerun_of: str | None = None,
     ) -> RunRecord:
         """Record observations from now on, from the source's beginning.
 
@@ -144,7 +160,6 @@ class RunManager:
             source: the open source if left out. calibration_id: the source's own if left out
                 but a source is given; if both are left out, the one in use.
             programme: started after the run's start, and ended with it.
-            rerun_of: the run whose recording is ``source``, played at full speed.
 
         Raises:
             Conflict: a run is in progress, or the programme cannot be driven. FieldError,
@@ -165,8 +180,7 @@ class RunManager:
                 opening = await asyncio.to_thread(
                     make_opening, self._storage, source or opening.source, calibration_id
                 )
-            opening = replace(opening, run_rate=None if rerun_of is None else MAX_PLAYBACK_RATE)
-            created = await self._create(name, opening, revision.after, record, rerun_of)
+            created = await self._create(name, opening, revision.after, record)
             run = self.running = CurrentRun(
                 created, self._storage, self._writer, self._shared.clock
             )
@@ -191,7 +205,7 @@ class RunManager:
         latest = self._source.latest
         reason = None if latest is None else swapped_reason(latest.line["reasons"])
         if reason is not None:
-            raise Conflict(f"{reason}; open the source with its cameras the other way round")
+            raise Conflict(f"{reason}; open the source with its cameras swapped")
 
     async def _create(
         self,
@@ -199,11 +213,10 @@ class RunManager:
         opening: Opening,
         parameters: ParametersInForce,
         record: Images,
-        rerun_of: str | None,
     ) -> RunRecord:
         return await asyncio.to_thread(
             self._storage.create_run,
-            name=name or f"Run of {shown_spec(opening.source)}"[:100],
+            name=name or f"Run of {opening.name or shown_spec(opening.source)}"[:100],
             source=shown_spec(opening.source),
             parameters=parameters.values.flat(),
             versions=versions(),
@@ -211,7 +224,6 @@ class RunManager:
             preset=parameters.preset,
             rig=self._rig.observed_text,
             record=record,
-            rerun_of=rerun_of,
         )
 
     async def _observe(
@@ -236,7 +248,7 @@ class RunManager:
             await self._robots.arm_again(programme)
             await self._robots.ask(programme)
         except BaseException:
-            await self.close(RunState.FAILED, "its programme could not be driven")
+            await self.close(RunState.FAILED, "its programme could not be run")
             await self._forget(run.id)
             raise
         run.programme = True
@@ -249,32 +261,29 @@ class RunManager:
     async def rerun(
         self, run_id: str, *, name: str | None, preset: str | None, parameters: dict[str, Any]
     ) -> RunRecord:
-        """Re-run a run's recording once, without storing its images twice.
+        """Begin to observe a run's recording again in a worker, as a new run without images.
 
         Truth laid over the original run is laid over the new one after its end.
 
         Args:
-            preset: None for the run's initial parameters; the guard's parameters stay unchanged.
+            preset: None for the run's initial parameters.
             parameters: changes to these.
 
         Raises:
-            NotThere: there is no such run, or it has no images. Otherwise as ``start``.
+            NotThere: there is no such run, or it has no images. Conflict: it is in progress.
+            FieldError, ParameterError: a value is refused.
+            NotAvailable, StorageError: as for ``Reruns.start``.
         """
         original = await self.archive.find(run_id)
-        recording = await self.archive.images(run_id)
-        if preset is None:
-            known = self._parameters.current.values.vision.flat()
-            own = {key: value for key, value in original.parameters.items() if key in known}
-            parameters = {**own, **parameters}
-        return await self.start(
-            name=name or f"{original.name[:90]} (re-run)",
-            source=str(recording),
-            calibration_id=None,
-            preset=preset,
-            parameters=parameters,
-            record="none",
-            rerun_of=run_id,
-        )
+        images = await self.archive.images(run_id)
+        chosen = self._parameters.compose(preset, original.parameters, parameters)
+        return await self.reruns.start(original, images, name, chosen)
+
+    def _is_rerunning(self, run_id: str) -> bool:
+        return self.reruns.is_recording(run_id)
+
+    def _robot_armed(self) -> bool:
+        return self._robots.any_driven()
 
     async def resume(self) -> None:
         """Continue the run with a new engine, as a new segment."""
@@ -307,16 +316,24 @@ class RunManager:
         """End the run; its source stays open.
 
         Raises:
-            NotThere: there is no such run. Conflict: it has ended already.
+            NotThere: there is no such run. Conflict: it has ended already, or is a re-run.
         """
+        if self.reruns.is_going(run_id):
+            raise Conflict("a re-run cannot be stopped half-way; delete it to cancel it")
         async with self._shared.lock:
             if self.running is None or self.running.id != run_id:
                 record = await self.archive.find(run_id)
-                raise Conflict(f"the run {record.name} has ended already ({record.state.value})")
+                raise Conflict(f"the run {record.name} has already ended ({record.state.value})")
             return await self.close(RunState.FINISHED, None)
 
     async def delete(self, run_id: str) -> None:
-        """Hide a run that has ended; ``history.recover`` brings it back."""
+        """Hide a run that has ended; ``history.recover`` brings it back.
+
+        A re-run in progress is cancelled, and nothing stays of it.
+        """
+        if self.reruns.is_going(run_id):
+            await self.reruns.cancel(run_id)
+            return
         async with self._shared.lock:
             if self.running is not None and self.running.id == run_id:
                 self._shared.refuse_in_run("stop it before you delete it")

@@ -65,7 +65,7 @@ class SavedClips:
         """
         found = next((each for each in await self.all() if each.name == name), None)
         if found is None:
-            raise NotThere(f"there is no saved half minute {name[:80]!r}; it may have been deleted")
+            raise NotThere(f"there is no saved clip {name[:80]!r}; it may have been deleted")
         return found
 
     async def delete(self, name: str) -> None:

@@ -104,7 +104,7 @@ class TruthFiles:
             NotThere: there is no truth with that id.
         """
         if not await asyncio.to_thread(self._storage.delete_truth, id):
-            raise NotThere(f"there is no truth {id[:80]!r}; it may have been deleted")
+            raise NotThere(f"there is no ground truth {id[:80]!r}; it may have been deleted")
 
     async def align(
         self,

@@ -12,7 +12,8 @@ import {
 } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
-import { fixed, sentence } from "../elements/words.js";
+import { GLOSSARY } from "../elements/glossary.js";
+import { fixed, half95, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attemptIn } from "../shell/notice.js";
 import { CameraOnBody, placeInWords } from "./camera-on-body.js";
@@ -25,7 +26,7 @@ export class AlignmentPanel extends Part {
   /** Called once a run is aligned anew. @type {() => void} */
   aligned = () => {};
 
-  #heading = h("h3", "Ground truth");
+  #heading = h("h3", { title: GLOSSARY["ground truth"] }, "Ground truth");
   // Its change tells that it is aligned anew.
   #sentence = h("p", { role: "status" });
   #figures = h("dl.figures");
@@ -36,7 +37,10 @@ export class AlignmentPanel extends Part {
   #camera = new CameraOnBody();
   #compared = h("div.chips", { role: "group", "aria-label": "Bodies to compare" });
   #bodies = h("div.stack");
-  #align = button("Align", () => this.#alignAnew(), { class: "button primary" });
+  #align = button("Align", () => this.#alignAnew(), {
+    class: "button primary",
+    title: GLOSSARY["alignment"],
+  });
   #state = h("p.hint", { role: "status" });
   #error = h("p.field-error", { role: "alert" });
   #another = details("Add ground truth");
@@ -215,11 +219,15 @@ function figuresOf({ frame_residual_m: apart, camera_on_body: camera, ...time })
   const drift =
     time.drift_sigma_ppm === null
       ? "not determined"
-      : `${fixed(time.drift_ppm, 0)} ± ${fixed(time.drift_sigma_ppm, 0)} ppm`;
+      : `${fixed(time.drift_ppm, 0)} ± ${fixed(half95(time.drift_sigma_ppm), 0)} ppm`;
   /** @type {import("../elements/figure-list.js").Figure[]} */
   const figures = [
-    ["Time offset", `${fixed(1000 * time.offset_s, 1)} ± ${fixed(1000 * time.sigma_s, 1)} ms`],
-    ["Clock drift", drift],
+    [
+      "Time offset",
+      `${fixed(1000 * time.offset_s, 1)} ± ${fixed(1000 * half95(time.sigma_s), 1)} ms`,
+      GLOSSARY["95 % interval"],
+    ],
+    ["Clock drift", drift, GLOSSARY["95 % interval"]],
     ["Correlation", fixed(time.correlation, 3)],
     ["Overlap", `${fixed(time.overlap_s, 1)} s`],
     ["Residual", `${fixed(time.residual_mps, 3)} m/s`],

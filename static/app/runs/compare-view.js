@@ -5,6 +5,7 @@ import { Part } from "../elements/part.js";
 import { duration, when } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
 import { RunChart } from "./run-chart.js";
+import { methodsHref } from "./methods-words.js";
 import { runHref } from "./run-words.js";
 
 /** @import { RunChart as Chart } from "../contract" */
@@ -19,6 +20,7 @@ export class CompareView extends Part {
 
   #chart = new RunChart();
   #waiting = h("p.empty", { role: "status" });
+  #frames = h("p");
   #table = h("div");
   #error = h("p.field-error", { role: "alert" });
   /** @type {string[]} */
@@ -28,7 +30,7 @@ export class CompareView extends Part {
   #timer = 0;
 
   build() {
-    this.append(this.#error, this.#waiting, this.#chart, this.#table);
+    this.append(this.#error, this.#waiting, this.#frames, this.#chart, this.#table);
     this.hear("reconnected", () => this.#load());
   }
 
@@ -39,6 +41,7 @@ export class CompareView extends Part {
     this.#again = 0;
     clearTimeout(this.#timer);
     this.#chart.show([]);
+    this.#frames.replaceChildren();
     this.#table.replaceChildren();
     setText(this.#error, "");
     setText(this.#waiting, "Reading the speeds from the recordings…");
@@ -61,6 +64,10 @@ export class CompareView extends Part {
       setText(this.#waiting, "");
       this.named(`Compare ${charts.map(({ run }) => run.name).join(" and ")}`);
       this.#chart.show(charts);
+      if (ofOneRecording(charts))
+        this.#frames.replaceChildren(
+          h("a", { href: methodsHref(ids) }, "Side by side, frame by frame"),
+        );
       this.#table.replaceChildren(settingsTable(charts));
       this.#again += 1;
       if (awaitsTruth(charts) && this.#again < ASKED_AT_MOST)
@@ -79,6 +86,17 @@ function awaitsTruth(charts) {
   const aligned = new Set(charts.flatMap(({ run, aligned }) => (aligned ? [run.id] : [])));
   return charts.some(
     ({ run, aligned: there }) => !there && run.rerun_of !== null && aligned.has(run.rerun_of),
+  );
+}
+
+/** @param {Chart[]} charts @returns whether two runs were made of the same frames */
+function ofOneRecording(charts) {
+  const [first, second, more] = charts.map(({ run }) => run);
+  if (!first || !second || more) return false;
+  return (
+    second.rerun_of === first.id ||
+    first.rerun_of === second.id ||
+    (first.rerun_of !== null && first.rerun_of === second.rerun_of)
   );
 }
 

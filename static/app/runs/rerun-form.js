@@ -11,12 +11,14 @@ import {
   setAttribute,
   setText,
 } from "../elements/dom.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { ParameterGroups } from "../parameters/parameter-groups.js";
 import { request } from "../shell/api.js";
 import { oneAtATime } from "../shell/notice.js";
 import { Teller } from "../shell/teller.js";
+import { RerunProgress } from "./rerun-progress.js";
 import { compareHref, hasImages, runHref } from "./run-words.js";
 
 /** @import { Run } from "../contract" */
@@ -59,7 +61,8 @@ export class RerunForm extends Part {
   #differs = h("p.hint", { role: "status" });
   #start = h("button.button.primary", { type: "submit" }, "Re-run");
   #error = h("p.field-error", { role: "alert" });
-  #progress = h("p", { role: "status" });
+  #progress = new RerunProgress();
+  #done = h("p", { role: "status" });
   #form = h("form.stack", { novalidate: true });
   #without = h("p.hint");
   /** @type {ParameterEntry[]} */
@@ -68,8 +71,6 @@ export class RerunForm extends Part {
   #presets = [];
   /** @type {Run | null} */
   #run = null;
-  /** The newest re-run that was begun here. @type {Run | null} */
-  #begun = null;
   #do = oneAtATime(
     (busy) => setAttribute(this.#start, "aria-disabled", busy ? "true" : null),
     this.#error,
@@ -79,7 +80,7 @@ export class RerunForm extends Part {
     this.#form.append(
       h(
         "p.hint",
-        "The recording is processed once from start to end, as fast as possible. The current source is closed, the robots are stopped during the re-run, and the re-run's parameters stay in force afterwards.",
+        "Processes the recording again in the background, as a new run. The live source and its parameters stay as they are.",
       ),
       h("div.rerun-fields", field("Name", this.#name), field("Start from", this.#preset)),
       details(
@@ -96,36 +97,44 @@ export class RerunForm extends Part {
       this.#error,
       h("div.row", this.#start),
     );
-    this.append(h("h3", "Re-run"), this.#without, this.#form, this.#progress);
+    this.append(
+      h("h3", { title: GLOSSARY["re-run"] }, "Re-run"),
+      this.#without,
+      this.#form,
+      this.#progress,
+      this.#done,
+    );
+    this.#progress.attach(this.hub);
+    this.#progress.ended = (run) => this.#renderDone(run);
     onSubmit(this.#form, () => this.#begin());
     this.#preset.addEventListener("change", () => void this.#draft.change(this.#startingValues()));
     this.#search.addEventListener("input", () =>
       this.#groups.filter(this.#search.value.trim().toLowerCase()),
     );
     this.#draft.addEventListener("values", () => this.#render());
-    this.hear("status", () => this.#renderProgress());
   }
 
   /** @param {Run} run */
   show(run) {
     const other = run.id !== this.#run?.id;
     this.#run = run;
-    const possible = hasImages(run);
+    // A re-run has the images of the run that it is of.
+    const possible = hasImages(run) || (run.rerun_of !== null && run.state !== "running");
     this.#form.hidden = !possible;
     this.#without.hidden = possible;
     setText(
       this.#without,
       run.state === "running"
         ? "Available when the run has ended."
-        : run.rerun_of
-          ? "This re-run has no images of its own. Re-run the original run instead."
-          : "The recording has no images, so it cannot be re-run.",
+        : "The recording has no images, so it cannot be re-run.",
     );
     if (!other) return;
-    this.#begun = null;
     this.#name.value = "";
     setText(this.#error, "");
-    setText(this.#progress, "");
+    setText(this.#done, "");
+    // One that was begun before is still told of.
+    const going = this.hub.status?.reruns.find(({ rerun_of: of }) => of === run.id);
+    this.#progress.watch(going ?? null);
     void this.#load();
   }
 
@@ -179,36 +188,26 @@ export class RerunForm extends Part {
       Object.entries(this.#draft.values).filter(([each, value]) => begin[each] !== value),
     );
     await this.#do(async () => {
-      this.#begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
+      /** @type {Run} */
+      const begun = await request("POST", `/runs/${encodeURIComponent(run.id)}/rerun`, {
         ...(name ? { name } : {}),
         ...(preset ? { preset } : {}),
         parameters,
       });
+      setText(this.#done, "");
+      if (this.#run?.id === run.id) this.#progress.watch(begun);
       this.hub.tell("runs");
-      this.#renderProgress();
     });
   }
 
-  #renderProgress() {
-    const begun = this.#begun;
-    const { status } = this.hub;
-    if (!begun || !this.#run || !status) return;
-    if (status.run?.id === begun.id) {
-      const { frame, frame_count: count } = status.playback ?? {};
-      // Told in tenths, or nobody could listen to it.
-      const share =
-        frame !== null && frame !== undefined && count
-          ? `, ${Math.floor((10 * (frame + 1)) / count) * 10} % done`
-          : "";
-      return setText(this.#progress, `${begun.name} is running${share}.`);
-    }
-    // The status may be older than the beginning of the run.
-    if (Date.now() - Date.parse(begun.started_at) < 1500) return;
-    this.#begun = null;
-    this.#progress.replaceChildren(
-      h("a", { href: runHref(begun.id) }, begun.name),
-      " has ended. ",
-      h("a", { href: compareHref([this.#run.id, begun.id]) }, "Compare both runs"),
+  /** @param {Run | null} ended null: it was cancelled */
+  #renderDone(ended) {
+    if (!ended) return setText(this.#done, "Re-run cancelled; nothing of it was kept.");
+    if (ended.state !== "finished" || !this.#run) return;
+    this.#done.replaceChildren(
+      h("a", { href: runHref(ended.id) }, ended.name),
+      " is finished. ",
+      h("a", { href: compareHref([this.#run.id, ended.id]) }, "Compare both runs"),
     );
   }
 }

@@ -1,18 +1,13 @@
 /** The table of a run's speed errors, or of several runs beside each other. */
 
 import { details, h, swatch, table } from "../elements/dom.js";
+import { GLOSSARY } from "../elements/glossary.js";
 import { fixed, trackColour } from "../elements/words.js";
 
 /** @import { RunChart, SpeedErrorsEntry } from "../contract" */
 
-const COLUMNS = [
-  "samples",
-  "bias, m/s",
-  "RMSE, m/s",
-  "maximum, m/s",
-  "within 95 % interval",
-  "measured",
-];
+const WITHIN = "within 95 % interval";
+const COLUMNS = ["samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", WITHIN, "measured"];
 const WHAT = `The error is the estimated speed minus the ground-truth speed at the same instant, over the whole
   run. “Measured” is the share of time with an estimate while the body moved in view.`;
 
@@ -39,7 +34,10 @@ export function errorSection(charts, coloured) {
 function errorTable(more, rows) {
   const of = h("span.visually-hidden", "Group");
   const scrolled = { tabindex: 0, role: "group", "aria-label": "Table of speed errors" };
-  return table("", [of, ...more, ...COLUMNS], rows, undefined, scrolled);
+  const columns = COLUMNS.map((name) =>
+    name === WITHIN ? h("span", { title: GLOSSARY["coverage"] }, name) : name,
+  );
+  return table("", [of, ...more, ...columns], rows, undefined, scrolled);
 }
 
 /** @param {SpeedErrorsEntry[]} errors */

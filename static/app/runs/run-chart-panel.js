@@ -3,10 +3,19 @@
 import { withBand } from "../chart/speed-curves.js";
 import { SpeedPlot } from "../chart/speed-plot.js";
 import { h, setAttribute, setText, swatch } from "../elements/dom.js";
+import { declareKeys } from "../elements/keys.js";
 import { fixed, sentence } from "../elements/words.js";
 import { readingsAt } from "./run-chart-data.js";
 
 /** @import { RunChart } from "../contract" */
+
+declareKeys(
+  "Chart of a run",
+  ["← →", "Move the cursor"],
+  ["Shift+← Shift+→", "Pan"],
+  ["+ -", "Zoom"],
+  ["0 Esc", "Zoom out fully"],
+);
 /** @import { Choice, ChosenCurve, Panel } from "./run-chart-data.js" */
 
 /**

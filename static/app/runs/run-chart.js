@@ -6,6 +6,7 @@
  */
 
 import { ChartExport, ofRun } from "../chart/chart-export.js";
+import { markLegend } from "../chart/mark-legend.js";
 import { button, h, setText, swatch } from "../elements/dom.js";
 import { fixed, trackColour } from "../elements/words.js";
 import { extentOf, originsOf, panelsOf, sameRecording } from "./run-chart-data.js";
@@ -39,6 +40,9 @@ const CHOICES = [
 let made = 0;
 
 export class RunChart extends HTMLElement {
+  /** Called with the second that somebody reads, on the first run's clock. @type {((time: number) => void) | null} */
+  pointed = null;
+
   #name = `run-chart-${(made += 1)}`;
   #begin = h("input", {
     type: "number",
@@ -68,6 +72,15 @@ export class RunChart extends HTMLElement {
   #extent = [0, 1];
   /** @type {[number, number]} */
   #range = [0, 1];
+  /** Where the line stands while nobody points. @type {number | null} */
+  #at = null;
+  #exporting;
+
+  /** @param {{exporting?: boolean}} options exporting: whether it has a button of its own for that */
+  constructor({ exporting = true } = {}) {
+    super();
+    this.#exporting = exporting;
+  }
 
   connectedCallback() {
     if (!this.childElementCount) this.#build();
@@ -90,6 +103,24 @@ export class RunChart extends HTMLElement {
     this.#extent = extentOf(charts);
     if (!again) this.#range = this.#extent;
     if (this.isConnected) this.#rebuild();
+  }
+
+  /** Put the line to a time, as something beside the chart shows it. @param {number | null} time */
+  mark(time) {
+    this.#at = time;
+    this.#point(time);
+  }
+
+  /** Offer what is seen of each run as files. */
+  offers() {
+    const origins = originsOf(this.#charts);
+    const [begin, end] = this.#range;
+    const all = this.#seesAll();
+    return this.#charts.map(({ run }, at) => {
+      const origin = Number(origins[at]);
+      // On each run's own clock.
+      return ofRun(run, all ? null : { begin: begin + origin, end: end + origin });
+    });
   }
 
   #seesAll() {
@@ -146,7 +177,7 @@ export class RunChart extends HTMLElement {
           zoomIn,
           all,
         ),
-        new ChartExport(() => this.#offers()),
+        this.#exporting ? new ChartExport(() => this.offers()) : null,
       ),
       this.#panelHost,
       this.#legend,
@@ -203,6 +234,7 @@ export class RunChart extends HTMLElement {
     for (const panel of this.#panels) panel.draw(this.#choices);
     // The upper end is common to all: only now every curve that is seen is known.
     for (const panel of this.#panels) panel.rescale();
+    this.#pointAgain();
   }
 
   /** Only what these runs have; pressing one hides or shows it. */
@@ -236,12 +268,37 @@ export class RunChart extends HTMLElement {
           h("span.of-run", swatch("estimate", trackColour(at)), run.name),
         )
       : [];
-    this.#legend.replaceChildren(h("legend.visually-hidden", "Curves"), ...runs, ...entries);
+    // What is seen only while its curves are shown has no chip of its own.
+    const marks = markLegend(
+      /** @type {const} */ (["start", "change", "gap"]).filter((mark) =>
+        this.#panels.some(({ panel }) => panel[`${mark}s`].length > 0),
+      ),
+    );
+    this.#legend.replaceChildren(
+      h("legend.visually-hidden", "Curves"),
+      ...runs,
+      ...entries,
+      ...marks,
+    );
+  }
+
+  /** @param {number | null} time null: nobody points any more */
+  #read(time) {
+    if (time !== null && this.pointed) {
+      this.#at = time;
+      this.pointed(time);
+    }
+    this.#point(time ?? this.#at);
   }
 
   /** @param {number | null} time */
-  #read(time) {
+  #point(time) {
     for (const panel of this.#panels) panel.point(time);
+  }
+
+  /** Put the line where it belongs once the plots have taken another scale. */
+  #pointAgain() {
+    if (this.#at !== null) queueMicrotask(() => this.#point(this.#at));
   }
 
   /**
@@ -281,17 +338,7 @@ export class RunChart extends HTMLElement {
     this.#begin.value = fixed(this.#range[0], 2);
     this.#end.value = fixed(this.#range[1], 2);
     for (const panel of this.#panels) panel.rescale();
-  }
-
-  /** Offer the seen stretch of each run, on its own clock. */
-  #offers() {
-    const origins = originsOf(this.#charts);
-    const [begin, end] = this.#range;
-    const all = this.#seesAll();
-    return this.#charts.map(({ run }, at) => {
-      const origin = Number(origins[at]);
-      return ofRun(run, all ? null : { begin: begin + origin, end: end + origin });
-    });
+    this.#pointAgain();
   }
 }
 

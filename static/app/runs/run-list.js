@@ -7,9 +7,9 @@ import { fixed, sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
 import { removeRun } from "./run-search.js";
-import { facts, runHref, size } from "./run-words.js";
+import { facts, goingRuns, runHref, size } from "./run-words.js";
 
-/** @import { History, Run } from "../contract" */
+/** @import { History, RingFile, Run } from "../contract" */
 
 // Older ones are found in the history.
 const NEWEST = 8;
@@ -29,8 +29,7 @@ class RunList extends Part {
   #save = button("Save last 30 s", () => this.#saveClip(), {
     "aria-describedby": "save-clip-help",
   });
-  /** @type {string | null} */
-  #runId = null;
+  #going = "";
 
   build() {
     this.append(
@@ -47,9 +46,9 @@ class RunList extends Part {
     );
     this.hear("runs reconnected", () => this.#load());
     this.hear("status", () => {
-      const id = this.hub.status?.run?.id ?? null;
-      if (id === this.#runId) return;
-      this.#runId = id;
+      const going = goingRuns(this.hub.status);
+      if (going === this.#going) return;
+      this.#going = going;
       void this.#load();
     });
     void this.#load();
@@ -65,10 +64,10 @@ class RunList extends Part {
 
   async #saveClip() {
     await attempt(async () => {
-      /** @type {{file: string, bytes: number, seconds: number}} */
-      const { file, bytes, seconds } = await request("POST", "/recording/ring");
+      /** @type {RingFile} */
+      const { bytes, seconds } = await request("POST", "/recording/ring");
       notify(
-        `Saved the last ${fixed(seconds, 0)} s as ${file} (${size(bytes)}). It is listed under All runs.`,
+        `Saved the last ${fixed(seconds, 0)} s (${size(bytes)}). The clip is listed under All runs.`,
       );
       this.hub.tell("saved-clips");
     });

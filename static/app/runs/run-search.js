@@ -15,7 +15,7 @@ import { Part } from "../elements/part.js";
 import { counted, sentence, when } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { attempt, attemptIn, notify } from "../shell/notice.js";
-import { compareHref, facts, runHref, size } from "./run-words.js";
+import { compareHref, facts, goingRuns, runHref, size } from "./run-words.js";
 
 /** @import { History, Run } from "../contract" */
 
@@ -56,8 +56,7 @@ export class RunSearch extends Part {
   /** Names of the runs chosen to be compared, by id. @type {Map<string, string>} */
   #chosen = new Map();
   #undoDays = 0;
-  /** @type {string | null} */
-  #running = null;
+  #going = "";
 
   build() {
     this.append(
@@ -78,9 +77,9 @@ export class RunSearch extends Part {
     this.#deleted.addEventListener("change", () => void this.#load());
     this.hear("runs reconnected", () => this.#load());
     this.hear("status", () => {
-      const id = this.hub.status?.run?.id ?? null;
-      if (id === this.#running) return;
-      this.#running = id;
+      const going = goingRuns(this.hub.status);
+      if (going === this.#going) return;
+      this.#going = going;
       void this.#load();
     });
     this.#renderChosen();

@@ -1,21 +1,35 @@
-/** One run: its speeds against truth, what is known of it, and what can be made of it. */
+/** One run: its frames, its speeds against truth, what is known of it, and what can be made of it. */
 
-import { button, details, h, icon, setText, table, tableRow } from "../elements/dom.js";
+import {
+  button,
+  details,
+  h,
+  icon,
+  setAttribute,
+  setText,
+  table,
+  tableRow,
+} from "../elements/dom.js";
 import { Part } from "../elements/part.js";
-import { sentence } from "../elements/words.js";
+import { duration, sentence } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
-import { attempt, notify } from "../shell/notice.js";
+import { attemptIn, notify } from "../shell/notice.js";
 import { AlignmentPanel } from "./alignment-panel.js";
+import { BackToSource } from "./back-to-source.js";
 import { RerunForm } from "./rerun-form.js";
+import { RerunProgress } from "./rerun-progress.js";
 import { RunChart } from "./run-chart.js";
-import { RunFiles } from "./run-files.js";
+import { RunExport } from "./run-export.js";
 import { RunLabels } from "./run-labels.js";
+import { RunPlayer } from "./run-player.js";
 import { removeRun } from "./run-search.js";
 import { compareHref, facts, hasImages } from "./run-words.js";
 
 /** @import { Run, RunChart as Chart } from "../contract" */
 
 const AGAIN_MS = 5000;
+// Frames that are played before the one that is opened in 3D.
+const LEAD = 15;
 
 export class RunView extends Part {
   /** Called with what the view is to be called. @type {(words: string) => void} */
@@ -27,15 +41,23 @@ export class RunView extends Part {
   #state = h("span.state-chip");
   #reason = h("p.hint");
   #original = h("a", "Compare with the original run");
-  #play = button([icon("play"), "Play recording"], () => this.#open());
+  #play = button([icon("play"), "Open in 3D"], () => this.#open(), {
+    "aria-describedby": "open-in-3d-help",
+  });
+  #playHelp = h("p.hint", { id: "open-in-3d-help" });
+  #back = new BackToSource();
   #remove = button([icon("trash"), "Delete run"], () => this.#delete());
   #error = h("p.field-error", { role: "alert" });
   #waiting = h("p.empty", { role: "status" });
-  #chart = new RunChart();
+  #player = new RunPlayer();
+  #progress = new RerunProgress();
+  #chart = new RunChart({ exporting: false });
   #labels = new RunLabels();
   #truth = new AlignmentPanel();
   #rerun = new RerunForm();
-  #files = new RunFiles();
+  #files = new RunExport(() => this.#chart.offers());
+  /** What can be done with the run, for the head of the page. */
+  actions = h("div.row.run-actions", { hidden: true }, this.#files, this.#remove);
   #settings = h("div.stack");
   #body = h("div.run-view", { hidden: true });
   /** @type {string | null} */
@@ -50,30 +72,35 @@ export class RunView extends Part {
   #running = null;
 
   build() {
-    const head = h(
-      "div.run-head",
-      this.#state,
-      this.#facts,
-      this.#original,
-      h("div.row", this.#play, this.#remove),
-    );
     this.#body.append(
-      head,
+      this.#files.told,
+      this.#player,
+      h("div.run-head", this.#state, this.#facts, this.#original, this.#playHelp, this.#play),
+      this.#back,
       this.#reason,
+      this.#progress,
       this.#waiting,
       this.#chart,
       h(
         "div.run-columns",
-        h("div.stack", this.#truth, this.#files),
-        h("div.stack", this.#labels, this.#rerun, this.#settings),
+        h("div.stack", this.#truth, this.#rerun),
+        h("div.stack", this.#labels, this.#settings),
       ),
     );
     this.append(this.#error, this.#body);
-    for (const part of [this.#labels, this.#truth, this.#rerun, this.#files]) part.attach(this.hub);
+    const parts = [this.#labels, this.#truth, this.#rerun, this.#files, this.#player];
+    for (const part of [...parts, this.#back, this.#progress]) part.attach(this.hub);
     this.#labels.changed = (run) => this.#takeRun(run);
     this.#truth.aligned = () => void this.#load();
+    this.#player.moved = (time) => this.#chart.mark(time);
+    this.#chart.pointed = (time) => this.#player.seek(time);
+    this.#progress.ended = (run) => {
+      if (run) void this.#load();
+      else location.hash = "#history";
+    };
     this.hear("reconnected", () => this.#load());
     this.hear("status", () => {
+      this.#renderPlay();
       const id = this.hub.status?.run?.id ?? null;
       const ended = this.#running === this.#id && id !== this.#id;
       this.#running = id;
@@ -86,8 +113,10 @@ export class RunView extends Part {
     this.hidden = id === null;
     clearTimeout(this.#timer);
     this.#id = id;
-    if (id === null) return;
-    if (id !== this.#run?.id) this.#body.hidden = true;
+    this.actions.hidden = id === null;
+    if (id === null) return this.#player.show(null);
+    if (id !== this.#run?.id) this.#body.hidden = this.actions.hidden = true;
+    else if (this.#run) this.#player.show(this.#run);
     setText(this.#error, "");
     void this.#load();
   }
@@ -129,9 +158,10 @@ export class RunView extends Part {
     if (other) {
       this.#shown = null;
       this.#chart.show([]);
+      this.#chart.mark(null);
       this.#truth.forget();
     }
-    this.#body.hidden = false;
+    this.#body.hidden = this.actions.hidden = false;
     this.named(`Run ${run.name}`);
     setText(this.#state, run.state);
     this.#state.dataset.state = run.state;
@@ -140,25 +170,40 @@ export class RunView extends Part {
     this.#reason.hidden = !run.reason;
     this.#original.hidden = run.rerun_of === null;
     if (run.rerun_of) this.#original.setAttribute("href", compareHref([run.rerun_of, run.id]));
+    const again = run.state === "running" && run.rerun_of !== null;
+    this.#progress.watch(again ? run : null);
     this.#remove.disabled = run.state === "running";
-    this.#play.hidden = !hasImages(run);
+    this.#playHelp.hidden = this.#play.hidden = !hasImages(run);
+    this.#renderPlay();
+    this.#player.show(run);
     this.#labels.show(run);
     this.#rerun.show(run);
     this.#files.show(run);
     if (other) this.#settings.replaceChildren(settingsOf(run));
   }
 
-  /** Open the recording as a source, with a slider for every frame. */
+  #renderPlay() {
+    const source = this.hub.status?.source ?? null;
+    const back = source && !source.before ? `, with a way back to ${source.name}` : "";
+    setText(this.#playHelp, `Replaces the live source${back}.`);
+  }
+
+  /** Open the recording as a source at the frame that is shown. */
   async #open() {
     const run = this.#run;
     if (!run || this.#play.getAttribute("aria-disabled")) return;
-    this.#play.setAttribute("aria-disabled", "true");
-    await attempt(async () => {
+    setAttribute(this.#play, "aria-disabled", "true");
+    const seek = this.#player.position;
+    await attemptIn(this.#error, async () => {
       this.hub.takeStatus(await request("PUT", "/source", { source: `run:${run.id}` }));
+      // Tracks need some frames to begin.
+      const lead = Math.min(seek, LEAD);
+      await request("POST", "/playback", { paused: true, seek: seek - lead });
+      if (lead > 0) await request("POST", "/playback", { step: lead });
       notify(`Playing the recording of ${run.name}.`);
       this.left();
     });
-    this.#play.removeAttribute("aria-disabled");
+    setAttribute(this.#play, "aria-disabled", null);
   }
 
   async #delete() {
@@ -171,6 +216,9 @@ function settingsOf(run) {
   const { preset, calibration_id: calibration, record, versions, parameters } = run;
   /** @type {[string, string][]} */
   const lines = [
+    ["Run ID", run.id],
+    ["Source", run.source],
+    ["Duration", duration(run.duration_s)],
     ["Preset", preset ?? "custom values"],
     ["Calibration", calibration ? calibration.slice(0, 12) : "the source's own"],
     ["Recorded images", record ?? "no recording"],

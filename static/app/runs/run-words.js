@@ -2,7 +2,7 @@
 
 import { counted, duration, when } from "../elements/words.js";
 
-/** @import { Run } from "../contract" */
+/** @import { FrameEntry, Run, Status } from "../contract" */
 
 const UNITS = ["B", "kB", "MB", "GB", "TB"];
 
@@ -21,7 +21,7 @@ export function size(bytes) {
 /** Return the line that lists show below a run's name. @param {Run} run */
 export function facts(run) {
   return [
-    run.source,
+    run.source_name,
     when(run.started_at),
     run.duration_s === null ? null : duration(run.duration_s),
     counted(run.frames, "frame"),
@@ -37,6 +37,29 @@ export function hasImages({ state, record }) {
   return state !== "running" && record !== null && record !== "none";
 }
 
+/**
+ * Return the position of the frame nearest to a time.
+ *
+ * @param {readonly FrameEntry[]} frames of a run, at least one
+ * @param {number} time seconds on the run's clock
+ */
+export function frameAt(frames, time) {
+  let [low, high] = [0, frames.length - 1];
+  while (low < high) {
+    const middle = (low + high) >> 1;
+    const [here, next] = [frames[middle], frames[middle + 1]];
+    if (!here || !next) break;
+    if (time > (here.plan.time + next.plan.time) / 2) low = middle + 1;
+    else high = middle;
+  }
+  return low;
+}
+
+/** Name the runs in progress, live and re-runs: lists change with them. @param {Status | null} status */
+export function goingRuns(status) {
+  return [status?.run, ...(status?.reruns ?? [])].map((run) => run?.id ?? "").join(" ");
+}
+
 /** Return the page's address of a run. @param {string} id */
 export function runHref(id) {
   return `#history/${encodeURIComponent(id)}`;
@@ -49,15 +72,22 @@ export function compareHref(ids) {
 
 /**
  * @param {string} hash of the page's address
- * @returns {{view: "none" | "list" | "run" | "compare", ids: string[]}}
+ * @returns {{view: "none" | "list" | "run" | "compare" | "methods" | "steps", ids: string[]}}
  */
 export function placeOf(hash) {
   const [first, ...rest] = hash.replace(/^#/, "").split("/");
+  const ids = idsIn(rest[rest[0] === "compare" ? 1 : 0]);
+  if (/^steps(\?|$)/.test(first ?? "")) return { view: "steps", ids: [] };
+  if (first === "methods") return { view: "methods", ids: ids.length === 2 ? ids : [] };
   if (first !== "history") return { view: "none", ids: [] };
   const compared = rest[0] === "compare";
-  const ids = (rest[compared ? 1 : 0] ?? "").split(",").filter(Boolean).map(decoded);
   if (compared) return ids.length > 1 ? { view: "compare", ids } : { view: "list", ids: [] };
   return ids.length > 0 ? { view: "run", ids: ids.slice(0, 1) } : { view: "list", ids: [] };
+}
+
+/** @param {string} [text] with commas between them */
+function idsIn(text = "") {
+  return text.split(",").filter(Boolean).map(decoded);
 }
 
 /** @param {string} text what somebody typed into the address may be anything */

@@ -8,8 +8,11 @@ const APP = new URL("../../../static/app/", import.meta.url);
 const ALLOWED = {
   elements: [],
   shell: ["elements"],
-  calibration: ["elements", "shell", "live"],
+  calibration: ["elements", "shell", "live", "sources"],
   runs: ["elements", "shell", "chart", "parameters"],
+  sources: ["elements", "shell", "runs"],
+  method: ["elements", "shell", "parameters", "runs", "sources"],
+  history: ["elements", "shell", "method", "runs"],
 };
 
 test("places of the page import one way", () => {

@@ -70,7 +70,7 @@ def test_a_coasting_obstacle_is_a_gap(peer: Any) -> None:
     peer._open(OpenSource("s", None, {}, 0))
     event = peer.observe()
     event.line["obstacles"][0]["state"] = "coasting"
-    rows = list(speed_rows("run", event))
+    rows = list(speed_rows("run", event.line, event.truth))
     assert [(row.source, row.speed) for row in rows] == [
         ("estimate", None),
         ("truth", 0.4),

@@ -58,7 +58,7 @@ def test_it_remembers_until_it_is_lost_and_begins_anew(worker: AlignmentWorker) 
     first = worker.solve(job(0, 4))
     assert first is not None
     assert isinstance(first.state, str)
-    assert first.state.startswith("not yet aligned: ")
+    assert first.state.startswith("not aligned yet: ")
     second = worker.solve(job(4, 18))
     assert second is not None
     assert isinstance(second.state, Alignment)

@@ -95,8 +95,8 @@ def test_an_archive_tells_pairs_and_what_it_leaves_out(zipped: Any) -> None:
             b"right",
         )
         assert archive.refused == (
-            "notes.txt is no image (PNG, JPEG, BMP, PGM, TIFF or WebP)",
-            "left/2.png has no partner",
+            "notes.txt is not an image (PNG, JPEG, BMP, PGM, TIFF or WebP)",
+            "left/2.png has no matching image",
         )
 
 
@@ -140,21 +140,21 @@ def listing(count: int, zip64: bool) -> bytes:
 
 
 DANGEROUS: dict[str, tuple[Any, str]] = {
-    "up": ({**PAIR, "../left/2.png": b"x"}, "points outside of it"),
-    "absolute": ({**PAIR, "/etc/left2.png": b"x"}, "points outside of it"),
-    "backslash": ({**PAIR, "a\\..\\..\\left2.png": b"x"}, "points outside of it"),
+    "up": ({**PAIR, "../left/2.png": b"x"}, "points outside it"),
+    "absolute": ({**PAIR, "/etc/left2.png": b"x"}, "points outside it"),
+    "backslash": ({**PAIR, "a\\..\\..\\left2.png": b"x"}, "points outside it"),
     "link": (link, "symbolic link"),
-    "encrypted": (encrypted, "encrypted; send one without a password"),
-    "nested": ({**PAIR, "more.ZIP": packed(PAIR)}, "holds another archive, more.ZIP"),
-    "bomb": ({**PAIR, "left/2.png": bytes(30_000_000)}, "would grow more than 100 times"),
-    "many": ({f"left/{i}.png": b"" for i in range(1001)}, "1001 entries; send at most 1000"),
+    "encrypted": (encrypted, "encrypted; upload one without a password"),
+    "nested": ({**PAIR, "more.ZIP": packed(PAIR)}, "contains another archive, more.ZIP"),
+    "bomb": ({**PAIR, "left/2.png": bytes(30_000_000)}, "would expand more than 100 times, which"),
+    "many": ({f"left/{i}.png": b"" for i in range(1001)}, "1001 entries; at most 1000"),
     "listing": (lambda: listing(400_000, False), "far more than 1000 entries"),
     "listing of 64 bits": (lambda: listing(400_000, True), "far more than 1000 entries"),
-    "none": (b"hello", "no ZIP archive; put the images into left/ and right/"),
-    "empty": (b"", "no ZIP archive"),
-    "cut": (packed(PAIR)[:-30], "no ZIP archive"),
-    "no pairs": ({"a.txt": b"x"}, "no pairs of images (a.txt is no image"),
-    "nothing in it": ({}, "no pairs of images"),
+    "none": (b"hello", "not a ZIP archive; put the images into left/ and right/"),
+    "empty": (b"", "not a ZIP archive"),
+    "cut": (packed(PAIR)[:-30], "not a ZIP archive"),
+    "no pairs": ({"a.txt": b"x"}, "no image pairs (a.txt is not an image"),
+    "nothing in it": ({}, "no image pairs"),
 }
 
 
@@ -183,7 +183,7 @@ def test_many_that_grow_a_little_are_too_much_together(
     # Each below the ratio: only their sum gives them away.
     content = b"".join(i.to_bytes(4, "big") + bytes(200) for i in range(500))
     entries = {f"{side}/{i}.png": content for side in ("left", "right") for i in range(6)}
-    with pytest.raises(CalibrationError, match="would take 1 MB unpacked; send at most 1 MB"):
+    with pytest.raises(CalibrationError, match="would expand to 1 MB; at most 1 MB"):
         ImageArchive(zipped(entries))
 
 

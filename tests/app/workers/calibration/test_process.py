@@ -149,11 +149,11 @@ async def test_what_cannot_be_done_is_one_sentence(tmp_path: Path) -> None:
         {"left1.png": picture(R, t), "right1.png": picture(R, t - [BASELINE, 0, 0])},
     )
     jobs: dict[str, Job] = {
-        "there are no images to refine by yet": RefineRows(
+        "there are no images for the refinement yet": RefineRows(
             calibration_text(StereoCalibration.rectified(*SIZE, 500, 500, 320, 240, 0.1)), "x", ()
         ),
         "shows one of 9x6": FindBoards(other, Board("chessboard", 8, 5, 0.025)),
-        "is no ZIP archive": FindBoards(tmp_path / "missing.zip", BOARD),
+        "is not a ZIP archive": FindBoards(tmp_path / "missing.zip", BOARD),
     }
 
     for words, job in jobs.items():
@@ -162,7 +162,7 @@ async def test_what_cannot_be_done_is_one_sentence(tmp_path: Path) -> None:
         assert isinstance(messages[-1], Refused)
         assert words in messages[-1].reason
         assert not any(isinstance(each, Refused) for each in messages[:-1])
-    with pytest.raises(CalibrationError, match="is no ZIP archive"):
+    with pytest.raises(CalibrationError, match="is not a ZIP archive"):
         await work(FindBoards(tmp_path / "missing.zip", BOARD), lambda _: None)
 
 

@@ -1,0 +1,27 @@
+"""Comparison of two methods on identical frames."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated
+
+from app.contract.values import means
+
+
+@dataclass(frozen=True)
+class ComparisonProgress:
+    source_name: Annotated[str, means("For people.")]
+    words: Annotated[str, means("What is being done, as in frame 12 of 120.")]
+    share: Annotated[float, means("Of the whole, from 0 to 1.")]
+    held: Annotated[bool, means("Whether it stands still, because a robot is armed.")]
+
+
+@dataclass(frozen=True)
+class ComparisonStatus:
+    going: Annotated[ComparisonProgress | None, means("None: nothing is being compared.")]
+    runs: Annotated[
+        Sequence[str] | None,
+        means("The runs of the newest comparison since the server started, one for each method."),
+    ]
+    trouble: Annotated[str | None, means("Why the newest one failed, one sentence.")]

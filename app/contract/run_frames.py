@@ -1,0 +1,73 @@
+"""What was found in each frame of a run, as it is drawn over the frame's image."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from app.contract.frame_plan import FramePlan
+from app.contract.values import means
+
+_BOX = "u0, v0, u1, v1 in the rectified left image, pixels."
+
+
+@dataclass(frozen=True)
+class FrameObstacle:
+    id: int
+    state: Literal["tentative", "confirmed", "coasting"]
+    motion: Literal["moving", "in_place", "stopped"]
+    speed: Annotated[float, means("m/s.")]
+    speed_std: float | None
+    box_px: Annotated[Sequence[float], means(_BOX)]
+    arrow_px: Annotated[
+        Sequence[float] | None,
+        means("From its middle to where it will be in a second; None where that is unknown."),
+    ]
+    silhouette: Annotated[
+        Sequence[Sequence[Sequence[int]]] | None, means("Closed polygons; None where unknown.")
+    ]
+    false: Annotated[bool, means("Whether it is a false obstacle: no true one moves near it.")]
+
+
+@dataclass(frozen=True)
+class FrameBody:
+    """A true obstacle in sight."""
+
+    name: str
+    speed: Annotated[float, means("m/s.")]
+    box_px: Annotated[Sequence[float], means(_BOX)]
+
+
+@dataclass(frozen=True)
+class FrameCounts:
+    """Comparison with ground truth, from the run's first frame up to this one."""
+
+    false: Annotated[int, means("False obstacles, summed over frames.")]
+    found: Annotated[int, means("True moving obstacles that were found, summed over frames.")]
+    missed: Annotated[int, means("And those that were not.")]
+    velocity_rmse_mps: Annotated[float | None, means("Of those found; None before the first.")]
+
+
+@dataclass(frozen=True)
+class FrameEntry:
+    frame: Annotated[int, means("Its number on the source.")]
+    time: Annotated[float, means("On the source's clock, s.")]
+    status: Literal["ok", "degraded", "lost"]
+    obstacles: Sequence[FrameObstacle]
+    truth: Sequence[FrameBody]
+    counts: Annotated[FrameCounts | None, means("None without ground truth.")]
+    observed_ms: Annotated[float | None, means("Time that the method took.")]
+    plan: FramePlan
+
+
+@dataclass(frozen=True)
+class RunFrames:
+    width: Annotated[int, means("Of the rectified left image, pixels.")]
+    height: int
+    frames: Annotated[
+        Sequence[FrameEntry],
+        means("In order: the image of the first is /runs/ID/frames/0.jpg, and so on."),
+    ]
+    truth: Annotated[bool, means("Whether there is ground truth to compare with.")]
+    observed_ms: Annotated[float | None, means("Median time that the method took per frame.")]

@@ -1,0 +1,65 @@
+"""Two methods compared on identical frames."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Response
+from pydantic import Field
+
+from app.contract.comparing import ComparisonStatus
+from app.http.api.common import TheServer
+from app.http.api.refusals import refusals
+from app.http.api.values import Finite, In, Name, Spec
+
+router = APIRouter(prefix="/comparison", tags=["runs"])
+
+
+class ComparisonStart(In):
+    source: Spec | None = Field(
+        None, description="None: what is open; of live cameras the last seconds are taken."
+    )
+    seconds: Annotated[Finite, Field(ge=1, le=30, description="Of the source.")] = 8.0
+    presets: Annotated[list[Name], Field(min_length=2, max_length=2)] = Field(
+        ["paper", "default"], description="A run is made with each, from the same frames."
+    )
+
+
+@router.get("", summary="How far the comparison of two methods is")
+async def get_comparison(server: TheServer) -> ComparisonStatus:
+    return server.runs.methods.facts()
+
+
+@router.post(
+    "",
+    status_code=202,
+    summary="Compare two methods on the same frames",
+    responses=refusals(409, 422, 503, 507),
+)
+async def start_comparison(wanted: ComparisonStart, server: TheServer) -> ComparisonStatus:
+    """It goes on in the background, beside what is open, and ends as two runs."""
+    return await server.runs.methods.start(wanted.source, wanted.seconds, wanted.presets)
+
+
+@router.get(
+    "/picture.jpg",
+    summary="The frame that is being compared, with what each method found in it",
+    response_class=Response,
+    responses={
+        200: {"content": {"image/jpeg": {}}},
+        204: {"description": "No frame is being compared at the moment."},
+    },
+)
+async def get_picture(server: TheServer) -> Response:
+    """Side by side, in the order of the presets."""
+    jpeg = await server.runs.methods.picture()
+    if jpeg is None:
+        return Response(status_code=204)
+    return Response(jpeg, media_type="image/jpeg")
+
+
+@router.post("/cancel", summary="End the comparison", responses={})
+async def cancel_comparison(server: TheServer) -> ComparisonStatus:
+    """Nothing stays of it; earlier ones do."""
+    await server.runs.methods.cancel()
+    return server.runs.methods.facts()

@@ -1,0 +1,48 @@
+"""Frames of a run: the image of each, and what was found in it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Path, Request, Response
+
+from app.contract.run_frames import RunFrames
+from app.http.api.common import NameInPath, TheServer
+from app.http.api.refusals import refusals
+from app.http.cancel_on_disconnect import while_there
+
+router = APIRouter(prefix="/runs", tags=["runs"])
+
+
+@router.get(
+    "/{id}/frames/{position}.jpg",
+    summary="The left image of a recorded frame",
+    response_class=Response,
+    responses={200: {"content": {"image/jpeg": {}}}, **refusals(404, 409, 422, 503)},
+)
+async def get_frame_image(
+    id: NameInPath,
+    position: Annotated[
+        int, Path(ge=0, le=1_000_000_000, description="Of the frame in the run, from 0.")
+    ],
+    server: TheServer,
+) -> Response:
+    """Rectified, as the boxes of its obstacles are; at most 1280 pixels wide.
+
+    A re-run shows the images of the run that it re-ran.
+    """
+    jpeg = await server.runs.images.jpeg(id, position)
+    return Response(jpeg, media_type="image/jpeg")
+
+
+@router.get(
+    "/{id}/frames",
+    response_model=RunFrames,
+    summary="What was found in each frame of a run",
+    responses=refusals(404, 409, 503, 507),
+)
+async def get_frames(id: NameInPath, server: TheServer, request: Request) -> Response:
+    """Boxes, speeds and, with ground truth, how many obstacles were false so far."""
+    run = await server.runs.archive.find(id)
+    content = await while_there(request, server.runs.files.frames(run))
+    return Response(content, media_type="application/json")

@@ -1,0 +1,351 @@
+"""Comparison of two methods: a worker observes the same frames with both, beside what is open."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import shutil
+from collections.abc import Callable, Coroutine, Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeVar
+
+import structlog
+
+from app.contract.comparing import ComparisonProgress, ComparisonStatus
+from app.runtime.jobs import Progress
+from app.runtime.worker import JobFailed
+from app.server.calibrations.library import keep_own_calibration
+from app.server.errors import Conflict, FieldError, NotAvailable
+from app.server.parameters.in_force import ParametersInForce
+from app.server.parameters.manager import ParameterManager
+from app.server.rig.store import RigStore
+from app.server.runs.current_run import speed_rows
+from app.server.runs.files import RunFiles
+from app.server.runs.saved_clips import SavedClips
+from app.server.runs.truths import TruthFiles
+from app.server.shared import Shared
+from app.server.source.manager import SourceManager
+from app.server.source.opening import Opening, make_opening
+from app.storage import CalibrationRecord, RunRecord, RunState, SpeedRow, StorageError, StorageFull
+from app.storage.runs import new_run_id
+from app.versions import versions
+from app.workers.methods.messages import FRAMES, SPEEDS, Compared, CompareMethods, NewRun
+from app.workers.methods.process import compare_in_worker
+from observer.errors import DynamicObserverError
+from observer.opening import exclusive_world, live_devices, shown_spec
+from observer.recording.run_folder import RECORDING, RUNS
+
+log = structlog.get_logger(__name__)
+
+# By which they are found again in the history.
+TAG = "comparison"
+_SIMULATED = "simulated:"
+_PICTURE = "picture.jpg"
+# Half a minute of a camera's images, and some.
+_SPARE_BYTES = 500 << 20
+_LONGEST_TITLE = 80
+
+_T = TypeVar("_T")
+
+
+@dataclass(frozen=True)
+class _Order:
+    """Source of a comparison.
+
+    Attributes:
+        title: what people call it. spec: opens it. shown: the same without passwords.
+        calibration: used instead of its own, or None.
+        clip: a recording that was saved for this, or None.
+        original: the run whose recording it is, or None.
+    """
+
+    title: str
+    spec: str
+    shown: str
+    calibration: CalibrationRecord | None
+    clip: Path | None
+    original: str | None
+
+
+class MethodComparison:
+    """Runner of one comparison at a time, which ends as two ordinary runs.
+
+    Neither the open source nor the parameters in force change, and a live run goes on.
+
+    Args:
+        held: returns whether it has to stand still, because a robot is armed.
+    """
+
+    def __init__(
+        self,
+        shared: Shared,
+        source: SourceManager,
+        parameters: ParameterManager,
+        rig: RigStore,
+        files: RunFiles,
+        truths: TruthFiles,
+        clips: SavedClips,
+        held: Callable[[], bool],
+    ) -> None:
+        self._shared = shared
+        self._storage = shared.storage
+        self._source = source
+        self._parameters = parameters
+        self._rig = rig
+        self._files = files
+        self._truths = truths
+        self._clips = clips
+        self._held = held
+        self._task: asyncio.Task[None] | None = None
+        self._title = ""
+        self._picture: Path | None = None
+        self._progress: Progress | None = None
+        self._runs: tuple[str, ...] | None = None
+        self._trouble: str | None = None
+
+    def facts(self) -> ComparisonStatus:
+        """Return how far it is, and what came of the newest one."""
+        progress = self._progress
+        going = None
+        if progress is not None:
+            words, share = progress.words, round(progress.share, 3)
+            going = ComparisonProgress(self._title, words, share, self._held())
+        return ComparisonStatus(going, self._runs, self._trouble)
+
+    async def start(
+        self, source: str | None, seconds: float, presets: Sequence[str]
+    ) -> ComparisonStatus:
+        """Begin to observe the same frames once with each preset.
+
+        Args:
+            source: None for the open one: of live cameras the last seconds, else the first ones.
+            seconds: of the source.
+
+        Raises:
+            Conflict: another comparison is going, a robot is armed, or the open source has no
+                last seconds. FieldError: a value is refused.
+            NotAvailable: the last seconds cannot be had now. StorageFull: there is no room.
+        """
+        if self._progress is not None:
+            raise Conflict("two methods are being compared already; wait for it, or cancel it")
+        if self._held():
+            raise Conflict(
+                "a robot is armed, and comparing takes computing time that driving needs; disarm "
+                "it first"
+            )
+        parameters = [self._parameters.compose(name, {}, {}) for name in presets]
+        # Taken before anything is waited for, so that a second request is refused.
+        self._progress = Progress("starting", 0.0)
+        try:
+            order = await self._order(source)
+            if await asyncio.to_thread(self._storage.folder.free_bytes) < _SPARE_BYTES:
+                raise StorageFull("no space is left to compare methods; free some disk space")
+        except BaseException:
+            self._progress = None
+            raise
+        self._title, self._trouble = order.title, None
+        work = self._run(order, seconds, list(zip(presets, parameters, strict=True)))
+        self._task = asyncio.create_task(work, name="compare methods")
+        self._shared.background.start(self._task)
+        return self.facts()
+
+    async def picture(self) -> bytes | None:
+        """Return the newest frame with what each method found, side by side; a JPEG.
+
+        None while nothing is being compared, or there is no frame yet.
+        """
+        path = self._picture
+        if path is not None:
+            with contextlib.suppress(OSError):
+                return await asyncio.to_thread(path.read_bytes)
+        return None
+
+    async def cancel(self) -> None:
+        """End the comparison in progress, if any; nothing stays of it."""
+        task = self._task
+        if task is not None:
+            task.cancel()
+            await asyncio.gather(task, return_exceptions=True)
+
+    async def _order(self, source: str | None) -> _Order:
+        if source is None:
+            opening, state = self._source.wanted, self._source.state
+            if state.source is not None and state.source.live:
+                return await self._of_clip(opening)
+            if exclusive_world(opening.source) is not None:
+                raise FieldError(
+                    ("body", "source"),
+                    "a CoppeliaSim scene cannot be played twice; record a run of it and compare "
+                    "with its recording",
+                )
+        else:
+            if live_devices(source) or exclusive_world(source) is not None:
+                raise FieldError(
+                    ("body", "source"),
+                    "open live cameras as the source first; their last seconds are then compared",
+                )
+            opening = await asyncio.to_thread(make_opening, self._storage, source, None)
+        shown = shown_spec(opening.source)
+        return _Order(
+            title=_title(opening),
+            spec=opening.source,
+            shown=shown,
+            calibration=opening.calibration,
+            clip=None,
+            original=_run_of(Path(opening.source)),
+        )
+
+    async def _of_clip(self, opening: Opening) -> _Order:
+        saved = await self._clips.save()
+        clip = self._storage.folder.path.absolute() / saved.file
+        return _Order(
+            title=_title(opening),
+            spec=str(clip),
+            shown=shown_spec(opening.source),
+            # It was observed with the one in force, which its recording holds.
+            calibration=opening.calibration,
+            clip=clip,
+            original=None,
+        )
+
+    async def _run(
+        self, order: _Order, seconds: float, methods: Sequence[tuple[str, ParametersInForce]]
+    ) -> None:
+        try:
+            async with self._files.quick.folder() as folder:
+                self._picture = folder / _PICTURE
+                job = self._job(order, seconds, methods, folder)
+                for run in job.runs:
+                    await asyncio.to_thread(Path(run.folder).mkdir)
+                done = await compare_in_worker(job, self._heard, self._held)
+                self._heard(Progress("saving both runs", 1.0))
+                keep = partial(self._keep, order, job, done)
+                records = await _whole(asyncio.to_thread(keep))
+            for record in records:
+                await self._truths.run_ended(record, None)
+            self._runs = tuple(record.id for record in records)
+        except (JobFailed, StorageError, NotAvailable, FieldError) as error:
+            log.warning("comparison_failed", source=order.shown, reason=str(error))
+            self._trouble = str(error)
+        finally:
+            if order.clip is not None:
+                with contextlib.suppress(OSError):
+                    order.clip.unlink(missing_ok=True)
+            self._progress = self._task = self._picture = None
+
+    def _job(
+        self,
+        order: _Order,
+        seconds: float,
+        methods: Sequence[tuple[str, ParametersInForce]],
+        folder: Path,
+    ) -> CompareMethods:
+        runs = []
+        for number, (preset, parameters) in enumerate(methods):
+            id = new_run_id()
+            run = NewRun(
+                folder=str(folder / id),
+                id=id,
+                name=f"{order.title}, {preset}",
+                preset=preset,
+                parameters=parameters.values.flat(),
+                # The others are re-runs of it, which have their images from there.
+                images="jpeg" if number == 0 else "none",
+            )
+            runs.append(run)
+        return CompareMethods(
+            source=order.spec,
+            seconds=seconds,
+            newest=order.clip is not None,
+            calibration_yaml=None if order.calibration is None else order.calibration.text,
+            rig_yaml=self._rig.observed_text,
+            versions=versions(),
+            picture=str(folder / _PICTURE),
+            runs=tuple(runs),
+        )
+
+    def _heard(self, progress: Progress) -> None:
+        self._progress = progress
+
+    def _keep(self, order: _Order, job: CompareMethods, done: Compared) -> list[RunRecord]:
+        """Make runs of what the worker wrote, of all or of none; in a thread."""
+        records: list[RunRecord] = []
+        try:
+            for run, segments in zip(job.runs, done.segments, strict=True):
+                before = records[0].id if records else order.original
+                record = self._storage.create_run(
+                    id=run.id,
+                    name=run.name,
+                    source=order.shown,
+                    parameters=dict(run.parameters),
+                    versions=dict(job.versions),
+                    calibration_id=None if order.calibration is None else order.calibration.id,
+                    preset=run.preset,
+                    rig=job.rig_yaml,
+                    record=run.images,
+                    rerun_of=before,
+                    tags=(TAG,),
+                )
+                records.append(record)
+                self._keep_files(record, Path(run.folder))
+                if order.calibration is None:
+                    keep_own_calibration(self._storage, done.calibration_yaml, record)
+                records[-1] = self._storage.update_run(
+                    run.id,
+                    state=RunState.FINISHED,
+                    frames=done.frames,
+                    segments=segments,
+                    begin_s=done.begin_s,
+                    duration_s=done.duration_s,
+                    recording_bytes=self._storage.folder.recording_bytes(run.id),
+                )
+        except BaseException:
+            for record in records:
+                with contextlib.suppress(DynamicObserverError):
+                    self._storage.delete_run(record.id)
+            raise
+        return records
+
+    def _keep_files(self, record: RunRecord, made: Path) -> None:
+        speeds, frames = made / SPEEDS, made / FRAMES
+        rows, content = list(_rows(record.id, speeds)), frames.read_bytes()
+        for file in (speeds, frames):
+            file.unlink()
+        folder = self._storage.folder.run(record.id)
+        try:
+            folder.parent.mkdir(parents=True, exist_ok=True)
+            shutil.move(made, folder)
+        except OSError as error:
+            raise StorageError(f"{folder} cannot be written: {error.strerror}") from error
+        self._storage.append_speeds(rows)
+        self._files.keep_frames(record, content)
+
+
+async def _whole(work: Coroutine[Any, Any, _T]) -> _T:
+    """Do the work to its end, even if this is cancelled meanwhile."""
+    working = asyncio.ensure_future(work)
+    try:
+        return await asyncio.shield(working)
+    except asyncio.CancelledError:
+        await asyncio.gather(working, return_exceptions=True)
+        raise
+
+
+def _rows(run_id: str, speeds: Path) -> Iterator[SpeedRow]:
+    with speeds.open(encoding="utf-8") as lines:
+        for each in map(json.loads, lines):
+            yield from speed_rows(run_id, each["line"], each["truth"])
+
+
+def _title(opening: Opening) -> str:
+    shown = opening.name or shown_spec(opening.source).removeprefix(_SIMULATED)
+    return shown if len(shown) <= _LONGEST_TITLE else f"…{shown[1 - _LONGEST_TITLE :]}"
+
+
+def _run_of(path: Path) -> str | None:
+    """Return the id of the run whose recording this is, or None."""
+    is_one = path.name == RECORDING and path.parent.parent.name == RUNS
+    return path.parent.name if is_one else None

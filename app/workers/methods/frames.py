@@ -1,0 +1,192 @@
+"""What was found in each frame of a run, with the counts against ground truth so far."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from app.contract.run_frames import FrameBody, FrameCounts, FrameEntry, FrameObstacle, RunFrames
+from app.workers.methods.plans import Plans
+from observer.camera import StereoCamera
+from observer.evaluation.lines import checked_lines
+from observer.evaluation.tally import Sample, Tally, tally
+from observer.geometry import Pose
+from observer.jsonl import line_pose
+from observer.recording.payloads import RecordedFrame
+from observer.recording.reader import Recording
+from observer.truth.contract import Truth
+from observer.vision.rectification import Rectification
+
+# Finer is not seen in a picture.
+_PX_DIGITS, _SPEED_DIGITS, _MS_DIGITS = 1, 4, 2
+# An arrow to a place closer to the camera than this would leave every picture.
+_NEAREST_M = 0.2
+_TOTAL = "total"
+
+# Of a line: segment and frame.
+_Place = tuple[int, int]
+
+
+def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
+    """Return the answer of ``GET /api/runs/{id}/frames``: an entry for each recorded frame.
+
+    Args:
+        truth: on the frames' clock and in their world; None without.
+
+    Raises:
+        InputError: the recorded observations are not as this program writes them.
+        CalibrationError: the recorded calibration cannot be used.
+    """
+    camera = Rectification(recording.calibration()).camera
+    lines = list(recording.lines())
+    scores = None
+    if truth is not None:
+        size = camera.width, camera.height
+        scores = _Scores(tally(checked_lines(lines), truth, image_size=size))
+    plans = Plans(recording, truth)
+    entries = [
+        _entry(frame, line, camera, truth, scores, plans)
+        for frame, line in _with_lines(recording.frames, lines)
+    ]
+    took = [entry.observed_ms for entry in entries if entry.observed_ms is not None]
+    return RunFrames(
+        width=camera.width,
+        height=camera.height,
+        frames=entries,
+        truth=truth is not None,
+        observed_ms=round(median(took), _MS_DIGITS) if took else None,
+    )
+
+
+def _with_lines(
+    frames: Sequence[RecordedFrame], lines: Sequence[Mapping[str, Any]]
+) -> Iterator[tuple[RecordedFrame, Mapping[str, Any] | None]]:
+    """Yield each frame with its line; a killed engine leaves a frame without one."""
+    at = 0
+    for frame in frames:
+        line = lines[at] if at < len(lines) else None
+        if line is None or (line["frame"], line["time"]) != (frame.index, frame.time):
+            yield frame, None
+            continue
+        at += 1
+        yield frame, line
+
+
+class _Scores:
+    """Counts against ground truth, frame by frame in order."""
+
+    def __init__(self, counted: Tally) -> None:
+        self._samples: defaultdict[_Place, list[Sample]] = defaultdict(list)
+        for sample in counted.samples:
+            self._samples[sample.segment, sample.frame].append(sample)
+        self._false: defaultdict[_Place, set[int]] = defaultdict(set)
+        for each in counted.false:
+            self._false[each.segment, each.frame].add(each.id)
+        self._sums = _Sums()
+
+    def false(self, place: _Place) -> set[int]:
+        """Return the ids of the false obstacles of a frame."""
+        return self._false.get(place, set())
+
+    def up_to(self, place: _Place | None) -> FrameCounts:
+        """Return the counts up to the next frame; ``place`` is that of its line, if any."""
+        sums = self._sums
+        if place is not None:
+            sums.false += len(self.false(place))
+            for sample in self._samples.get(place, ()):
+                sums.add(sample)
+        return FrameCounts(
+            false=sums.false,
+            found=sums.found,
+            missed=sums.missed,
+            velocity_rmse_mps=sums.velocity_rmse_mps,
+        )
+
+
+@dataclass
+class _Sums:
+    false: int = 0
+    found: int = 0
+    missed: int = 0
+    squares: float = 0.0
+
+    def add(self, sample: Sample) -> None:
+        self.found += sample.matched
+        self.missed += not sample.matched
+        self.squares += (sample.velocity_error_mps or 0.0) ** 2
+
+    @property
+    def velocity_rmse_mps(self) -> float | None:
+        if not self.found:
+            return None
+        return round(math.sqrt(self.squares / self.found), _SPEED_DIGITS)
+
+
+def _entry(
+    frame: RecordedFrame,
+    line: Mapping[str, Any] | None,
+    camera: StereoCamera,
+    truth: Truth | None,
+    scores: _Scores | None,
+    plans: Plans,
+) -> FrameEntry:
+    place = None if line is None else (int(line["segment"]), int(line["frame"]))
+    false = set() if scores is None or place is None else scores.false(place)
+    took = None if line is None else line["timings_ms"].get(_TOTAL)
+    return FrameEntry(
+        frame=frame.index,
+        time=frame.time,
+        status="lost" if line is None else line["status"],
+        obstacles=[] if line is None else list(_obstacles(line, camera, false)),
+        truth=[] if truth is None else list(_bodies(truth, frame.time)),
+        counts=None if scores is None else scores.up_to(place),
+        observed_ms=None if took is None else round(took, _MS_DIGITS),
+        plan=plans.of(frame, line),
+    )
+
+
+def _obstacles(
+    line: Mapping[str, Any], camera: StereoCamera, false: set[int]
+) -> Iterator[FrameObstacle]:
+    pose = line_pose(line)
+    for entry in line["obstacles"]:
+        std = entry["speed_std"]
+        yield FrameObstacle(
+            id=entry["id"],
+            state=entry["state"],
+            motion=entry["motion"],
+            speed=round(entry["speed"], _SPEED_DIGITS),
+            speed_std=None if std is None else round(std, _SPEED_DIGITS),
+            box_px=[round(value, _PX_DIGITS) for value in entry["box_px"]],
+            arrow_px=_arrow(entry, pose, camera),
+            # Recordings of before tell none.
+            silhouette=entry.get("silhouette"),
+            false=entry["id"] in false,
+        )
+
+
+def _arrow(entry: Mapping[str, Any], pose: Pose | None, camera: StereoCamera) -> list[float] | None:
+    """Return the way of the next second in the image; None where it is not known or not seen."""
+    if entry["motion"] != "moving" or entry["state"] == "coasting":
+        return None
+    if pose is None or entry["position"] is None or entry["velocity"] is None:
+        return None
+    begin = np.array(entry["position"])
+    ends = pose.inverse().apply([begin, begin + np.array(entry["velocity"])])
+    if not (ends[:, 2] > _NEAREST_M).all():
+        return None
+    px, _ = camera.project(ends)
+    return [round(value, _PX_DIGITS) for value in px.ravel().tolist()]
+
+
+def _bodies(truth: Truth, time: float) -> Iterator[FrameBody]:
+    for body in truth.bodies(time):
+        if body.role != "observer" and body.box_px is not None:
+            box = [round(float(value), _PX_DIGITS) for value in body.box_px]
+            yield FrameBody(body.name, round(body.speed, _SPEED_DIGITS), box)

@@ -1,0 +1,117 @@
+"""One of the runs that are made of the same frames."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import msgspec
+
+from app.contract.values import plain
+from app.workers.methods.frames import run_frames
+from app.workers.methods.messages import FRAMES, SPEEDS, NewRun
+from observer.calibration.formats.opencv_file import read_calibration
+from observer.geometry import Pose
+from observer.jsonl import ObservationLine, observation_line
+from observer.observer import Observer
+from observer.parameters import Parameters
+from observer.recording.payloads import Begins, ParameterRevision, RunFacts
+from observer.recording.reader import Recording
+from observer.recording.run_folder import RECORDING
+from observer.recording.writer import RecordingWriter
+from observer.truth.contract import TrueBody, Truth
+from observer.truth.matching import TrueBodyEntry, TruthMatcher
+from observer.types import StereoFrame
+
+# Times whose truth is remembered: that of the frame being observed and of the next one.
+_REMEMBERED = 2
+
+
+class KnownTruth:
+    """Truth about a few instants, for all methods; fulfils ``observer.truth.contract.Truth``.
+
+    A simulator renders to know what is visible, and only one thread may use it: that which reads
+    the source calls ``look``, and any thread may ask about these instants afterwards.
+    """
+
+    def __init__(self, truth: Truth) -> None:
+        self._truth = truth
+        self._known: dict[float, tuple[tuple[TrueBody, ...], Pose | None]] = {}
+
+    def look(self, time: float) -> None:
+        """Find out what is true at an instant; the oldest one is forgotten."""
+        known = [*self._known.items()][1 - _REMEMBERED :]
+        found = self._truth.bodies(time), self._truth.camera_pose(time)
+        self._known = {**dict(known), time: found}
+
+    def bodies(self, time: float) -> tuple[TrueBody, ...]:
+        return self._known[time][0]
+
+    def camera_pose(self, time: float) -> Pose | None:
+        return self._known[time][1]
+
+
+class MethodRun:
+    """Observer with its recording, and with what the server keeps of each frame.
+
+    Attributes:
+        segments: number of them so far.
+
+    Raises:
+        RecordingError, OSError: a file cannot be written.
+    """
+
+    def __init__(self, run: NewRun, common: RunFacts, truth: KnownTruth | None) -> None:
+        """Begin its files.
+
+        Args:
+            common: the facts that all runs share.
+        """
+        self._folder = Path(run.folder)
+        facts = msgspec.structs.replace(
+            common, id=run.id, name=run.name, preset=run.preset, images=run.images
+        )
+        self._observer = Observer(
+            read_calibration(facts.calibration_yaml, name="the calibration"),
+            Parameters().changed(Parameters.own(run.parameters)),
+            mount=facts.camera_mount(),
+            # Whatever else keeps the machine busy is no part of a method's cost.
+            clock=time.thread_time,
+        )
+        self._truth = None if truth is None else TruthMatcher(truth)
+        self._speeds = (self._folder / SPEEDS).open("w", encoding="utf-8")
+        self._writer = RecordingWriter(self._folder / RECORDING, facts)
+        revision = ParameterRevision(revision=0, values=dict(run.parameters))
+        self._writer.parameters(revision, facts.anchor.monotonic)
+        self.segments = 1
+
+    def observe(self, frame: StereoFrame, begins: Begins | None) -> ObservationLine:
+        """Observe the next frame, keep what was found and return its JSON line."""
+        if begins is not None:
+            self._observer.begin_segment()
+        self._writer.frame(frame, begins=None if begins is None else "segment")
+        observation = self._observer.observe(frame)
+        line = observation_line(observation)
+        bodies: list[TrueBodyEntry] = []
+        if self._truth is not None:
+            sample = self._truth.sample(frame.index, frame.time, frame.time)
+            self._writer.truth(sample, frame.received)
+            bodies = self._truth.match(observation, frame.time)
+        self._writer.observation(line, frame.received, truth=bodies)
+        self.segments = max(self.segments, line["segment"] + 1)
+        kept = {name: line[name] for name in ("time", "segment", "obstacles")}
+        self._speeds.write(json.dumps({"line": kept, "truth": bodies}, allow_nan=False) + "\n")
+        return line
+
+    def finish(self) -> None:
+        """Complete the files; safe to call twice."""
+        self._writer.finish()
+        self._speeds.close()
+
+    def write_frames(self) -> None:
+        """Write what was found in each frame; call ``finish`` first."""
+        with Recording(self._folder / RECORDING) as recording:
+            found = run_frames(recording, recording.truth())
+        text = json.dumps(plain(found), allow_nan=False)
+        (self._folder / FRAMES).write_text(text, encoding="utf-8")

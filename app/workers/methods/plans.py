@@ -1,0 +1,113 @@
+"""Scene of each frame from above, in a level plane of the segment's world."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from app.contract.frame_plan import SIGMAS_95_2D, FramePlan, PlanBody, PlanObstacle
+from observer.geometry import Float64Array, Pose
+from observer.jsonl import line_pose
+from observer.mount import level_pose
+from observer.recording.payloads import RecordedFrame
+from observer.recording.reader import Recording
+from observer.recording.run_time import RunTime
+from observer.truth.contract import Truth
+
+_DIGITS = 3
+
+
+class Plans:
+    """Maker of the plans of a run's frames, which come in order.
+
+    Args:
+        truth: on the frames' clock; its world is related to each segment's at the first pose.
+    """
+
+    def __init__(self, recording: Recording, truth: Truth | None) -> None:
+        mount = recording.facts.camera_mount()
+        self._T_level_world = level_pose(mount)
+        self._truth = truth
+        self._clock = RunTime()
+        self._segment = recording.facts.segment
+        self._T_world_truth: dict[int, Pose] = {}
+
+    def of(self, frame: RecordedFrame, line: Mapping[str, Any] | None) -> FramePlan:
+        """Return the plan of the next frame; None is the line of a frame that was not observed."""
+        time = self._clock.add_recorded(frame)
+        if line is None:
+            return FramePlan(time, self._segment, None, [], [])
+        self._segment = int(line["segment"])
+        pose = line_pose(line)
+        return FramePlan(
+            time=time,
+            segment=self._segment,
+            camera=None if pose is None else self._camera(pose),
+            obstacles=list(self._obstacles(line)),
+            truth=list(self._bodies(frame.time, pose)),
+        )
+
+    def _camera(self, pose: Pose) -> list[float]:
+        T_level_camera = self._T_level_world @ pose
+        ahead = T_level_camera.rotate([0.0, 0.0, 1.0])
+        return [*_flat(T_level_camera.translation), _angle(ahead)]
+
+    def _obstacles(self, line: Mapping[str, Any]) -> Iterator[PlanObstacle]:
+        for entry in line["obstacles"]:
+            if entry["position"] is None:
+                continue
+            velocity, covariance = entry["velocity"], entry["position_cov"]
+            yield PlanObstacle(
+                id=entry["id"],
+                state=entry["state"],
+                motion=entry["motion"],
+                at=_flat(self._T_level_world.apply(entry["position"])),
+                velocity=None if velocity is None else self._rotated(velocity),
+                ellipse=None if covariance is None else self._ellipse(np.array(covariance)),
+            )
+
+    def _ellipse(self, covariance: Float64Array) -> list[float] | None:
+        R = self._T_level_world.rotation
+        level = (R @ covariance @ R.T)[:2, :2]
+        if not np.isfinite(level).all():
+            return None
+        values, vectors = np.linalg.eigh(level)
+        half = SIGMAS_95_2D * np.sqrt(np.maximum(values[::-1], 0.0))
+        return [*_flat(half), _angle(vectors[:, 1])]
+
+    def _bodies(self, time: float, pose: Pose | None) -> Iterator[PlanBody]:
+        if self._truth is None or (T_world_truth := self._world(self._truth, time, pose)) is None:
+            return
+        for body in self._truth.bodies(time):
+            if body.role != "observer":
+                at = T_world_truth.apply(body.position)
+                velocity = self._rotated(T_world_truth.rotate(body.velocity))
+                yield PlanBody(body.name, _flat(self._T_level_world.apply(at)), velocity)
+
+    def _world(self, truth: Truth, time: float, pose: Pose | None) -> Pose | None:
+        """Return ``T_world_truth`` of the present segment; None as long as it is not known."""
+        known = self._T_world_truth.get(self._segment)
+        if known is not None or pose is None:
+            return known
+        T_truth_camera = truth.camera_pose(time)
+        if T_truth_camera is not None:
+            self._T_world_truth[self._segment] = pose @ T_truth_camera.inverse()
+        elif self._segment == 0:
+            # Only the source's own beginning is common to both.
+            self._T_world_truth[0] = Pose.identity()
+        return self._T_world_truth.get(self._segment)
+
+    def _rotated(self, vector: Any) -> list[float]:
+        return _flat(self._T_level_world.rotate(vector))
+
+
+def _flat(vector: Float64Array) -> list[float]:
+    # Without -0.0.
+    return [round(float(value), _DIGITS) + 0.0 for value in vector[:2]]
+
+
+def _angle(vector: Float64Array) -> float:
+    return round(math.atan2(float(vector[1]), float(vector[0])), _DIGITS)

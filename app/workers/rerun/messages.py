@@ -1,0 +1,64 @@
+"""Messages to and from the worker: plain frozen dataclasses, sent as pickles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Rerun:
+    """Request to observe a recording once, from its first frame to its last.
+
+    Attributes:
+        images: path of the recording that holds the frames.
+        output: path of the new recording, which holds no images.
+        results: path for what the server keeps of each frame: JSON lines as of ``FrameResult``.
+        id, name, preset, versions: of the new run, as in ``RunFacts``.
+        parameters: all, by dotted name, the guard's too.
+        rig_yaml: of the run; tells the camera's mount where the recording does not.
+    """
+
+    images: str
+    output: str
+    results: str
+    id: str
+    name: str
+    preset: str | None
+    versions: Mapping[str, str]
+    parameters: Mapping[str, Any]
+    rig_yaml: str | None
+
+
+@dataclass(frozen=True)
+class FrameResult:
+    """Result of one frame, as far as the server keeps it.
+
+    Attributes:
+        offset_s: of the run's clock to the source's.
+        line: ``time``, ``segment`` and ``obstacles`` of the observation's JSON line.
+        truth: entries as in ``ObservationEvent.truth``.
+    """
+
+    offset_s: float
+    line: dict[str, Any]
+    truth: list[dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Rerunned:
+    """End of a re-run.
+
+    Attributes:
+        frames, segments, begin_s, duration_s: of the new run, as in ``RunRecord``.
+        bytes: size of its recording.
+        lost: number of frames whose images could not be read.
+    """
+
+    frames: int
+    segments: int
+    begin_s: float | None
+    duration_s: float | None
+    bytes: int
+    lost: int

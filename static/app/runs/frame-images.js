@@ -1,0 +1,87 @@
+/** The images of a run's frames, fetched ahead of the frame that is shown. */
+
+import { ApiError, requestImage } from "../shell/api.js";
+
+const AT_ONCE = 3;
+// Some 20 MB of what a camera of 640x480 gives.
+const MOST_KEPT = 300;
+
+export class FrameImages {
+  /** Why there are no images, empty where there are. */
+  trouble = "";
+
+  #path;
+  #count;
+  #stop = new AbortController();
+  /** @type {Map<number, Promise<Blob | null>>} */
+  #kept = new Map();
+  #going = 0;
+  #next = 0;
+
+  /**
+   * @param {string} id of the run
+   * @param {number} count of its frames
+   */
+  constructor(id, count) {
+    this.#path = `/runs/${encodeURIComponent(id)}/frames`;
+    this.#count = count;
+  }
+
+  /**
+   * @param {number} position
+   * @returns {Promise<ImageBitmap | null>} null where there is none; who asked closes it
+   */
+  async at(position) {
+    this.#next = position + 1;
+    const blob = await this.#get(position);
+    this.#fetchAhead();
+    // A damaged image is as good as none.
+    return blob && createImageBitmap(blob).catch(() => null);
+  }
+
+  /** Fetch nothing any more. */
+  close() {
+    this.#stop.abort();
+    this.#kept.clear();
+  }
+
+  /** @param {number} position */
+  #get(position) {
+    let image = this.#kept.get(position);
+    if (!image) {
+      image = this.#fetch(position);
+      this.#kept.set(position, image);
+      const [oldest] = this.#kept.keys();
+      if (this.#kept.size > MOST_KEPT && oldest !== undefined) this.#kept.delete(oldest);
+    }
+    return image;
+  }
+
+  /** @param {number} position */
+  async #fetch(position) {
+    this.#going += 1;
+    try {
+      const { blob } = await requestImage(`${this.#path}/${position}.jpg`, this.#stop.signal);
+      this.trouble = "";
+      return blob;
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      if (!this.#stop.signal.aborted) this.trouble = error.message;
+      // It may be there the next time.
+      this.#kept.delete(position);
+      return null;
+    } finally {
+      this.#going -= 1;
+      if (!this.trouble) this.#fetchAhead();
+    }
+  }
+
+  #fetchAhead() {
+    const end = Math.min(this.#count, this.#next + MOST_KEPT / 2);
+    while (this.#going < AT_ONCE && !this.#stop.signal.aborted) {
+      while (this.#next < end && this.#kept.has(this.#next)) this.#next += 1;
+      if (this.#next >= end) return;
+      void this.#get(this.#next);
+    }
+  }
+}

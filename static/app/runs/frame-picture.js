@@ -1,0 +1,190 @@
+/** One recorded image with what was found in it: boxes, speeds and the way of the next second. */
+
+import { h, setAttribute } from "../elements/dom.js";
+import { counted, fixed, speedWithBand, trackColour } from "../elements/words.js";
+
+/** @import { FrameEntry, FrameObstacle } from "../contract" */
+
+const LABEL_PX = 12;
+const LINE_PX = 2;
+const HEAD_PX = 9;
+// Behind lines and words, so that they are seen on any image.
+const RIM = "rgb(0 0 0 / 0.6)";
+const TRUTH = "white";
+
+/** Fills its place; the image stands in its middle as large as it fits. */
+export class FramePicture extends HTMLElement {
+  #canvas = h("canvas", { role: "img" });
+  #probe = h("span", { hidden: true });
+  /** @type {ImageBitmap | null} */
+  #bitmap = null;
+  /** @type {FrameEntry | null} */
+  #entry = null;
+  /** Of the image in which boxes are. */
+  #size = { width: 1, height: 1 };
+  #resized = new ResizeObserver(() => this.#draw());
+  #themed = () => this.#draw();
+
+  connectedCallback() {
+    if (!this.childElementCount) this.append(this.#canvas, this.#probe);
+    this.#resized.observe(this);
+    window.addEventListener("themechange", this.#themed);
+  }
+
+  disconnectedCallback() {
+    this.#resized.disconnect();
+    window.removeEventListener("themechange", this.#themed);
+  }
+
+  /**
+   * @param {ImageBitmap | null} bitmap closed when another is shown
+   * @param {FrameEntry | null} entry what was found in it; null: that is not known yet
+   * @param {{width: number, height: number}} size of the image that its boxes are in
+   */
+  show(bitmap, entry, size) {
+    if (bitmap !== this.#bitmap) this.#bitmap?.close();
+    this.#bitmap = bitmap;
+    this.#entry = entry;
+    this.#size = size;
+    setAttribute(this.#canvas, "aria-label", entry ? inWords(entry) : "No image");
+    this.#draw();
+  }
+
+  #draw() {
+    const { clientWidth: wide, clientHeight: high } = this;
+    if (wide === 0 || high === 0) return;
+    const dpr = devicePixelRatio;
+    const [width, height] = [Math.round(wide * dpr), Math.round(high * dpr)];
+    if (this.#canvas.width !== width || this.#canvas.height !== height)
+      Object.assign(this.#canvas, { width, height });
+    const context = this.#canvas.getContext("2d");
+    if (!context) return;
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, width, height);
+    if (!this.#bitmap && !this.#entry) return;
+    const scale = Math.min(wide / this.#size.width, high / this.#size.height);
+    const left = (wide - scale * this.#size.width) / 2;
+    const top = (high - scale * this.#size.height) / 2;
+    context.setTransform(dpr, 0, 0, dpr, dpr * left, dpr * top);
+    const [w, tall] = [scale * this.#size.width, scale * this.#size.height];
+    if (this.#bitmap) context.drawImage(this.#bitmap, 0, 0, w, tall);
+    if (!this.#entry) return;
+    context.save();
+    context.beginPath();
+    context.rect(0, 0, w, tall);
+    context.clip();
+    const pen = new Pen(context, scale, w, (name) => this.#resolved(name));
+    for (const body of this.#entry.truth) pen.box(body.box_px, TRUTH, [5, 4]);
+    for (const obstacle of this.#entry.obstacles) pen.obstacle(obstacle);
+    for (const obstacle of this.#entry.obstacles) pen.label(obstacle);
+    context.restore();
+  }
+
+  /** A colour of tokens.css as the canvas understands it. @param {string} name */
+  #resolved(name) {
+    this.#probe.style.color = `var(${name})`;
+    return getComputedStyle(this.#probe).color;
+  }
+}
+
+class Pen {
+  /**
+   * @param {CanvasRenderingContext2D} context
+   * @param {number} scale CSS pixels per pixel of the image
+   * @param {number} width CSS pixels
+   * @param {(name: string) => string} colour
+   */
+  constructor(context, scale, width, colour) {
+    this.context = context;
+    this.scale = scale;
+    this.width = width;
+    this.colour = colour;
+  }
+
+  /** @param {FrameObstacle} obstacle */
+  obstacle({ id, state, box_px, arrow_px }) {
+    this.box(box_px, this.colour(trackColour(id)), state === "confirmed" ? [] : [4, 4]);
+    if (arrow_px) this.#arrow(arrow_px, this.colour(trackColour(id)));
+  }
+
+  /**
+   * @param {readonly number[]} box u0, v0, u1, v1
+   * @param {string} colour
+   * @param {number[]} dashes
+   */
+  box(box, colour, dashes) {
+    const [u0 = 0, v0 = 0, u1 = 0, v1 = 0] = box.map((value) => value * this.scale);
+    this.context.beginPath();
+    this.context.rect(u0, v0, u1 - u0, v1 - v0);
+    this.#stroke(colour, dashes);
+  }
+
+  /** @param {FrameObstacle} obstacle */
+  label(obstacle) {
+    const { context } = this;
+    const [u0 = 0, v0 = 0] = obstacle.box_px.map((value) => value * this.scale);
+    const words = labelOf(obstacle);
+    context.font = `600 ${LABEL_PX}px sans-serif`;
+    context.textBaseline = "middle";
+    const wide = context.measureText(words).width + 12;
+    const high = LABEL_PX + 6;
+    const x = Math.max(0, Math.min(u0 - LINE_PX / 2, this.width - wide));
+    const y = v0 - high < 0 ? v0 : v0 - high;
+    context.fillStyle = this.colour("--surface");
+    context.fillRect(x, y, wide, high);
+    context.fillStyle = this.colour(trackColour(obstacle.id));
+    context.fillRect(x, y, 4, high);
+    context.fillStyle = this.colour("--text");
+    context.fillText(words, x + 8, y + high / 2);
+  }
+
+  /** @param {readonly number[]} arrow @param {string} colour */
+  #arrow(arrow, colour) {
+    const { context } = this;
+    const [u0 = 0, v0 = 0, u1 = 0, v1 = 0] = arrow.map((value) => value * this.scale);
+    const angle = Math.atan2(v1 - v0, u1 - u0);
+    context.beginPath();
+    context.moveTo(u0, v0);
+    context.lineTo(u1, v1);
+    for (const side of [-1, 1]) {
+      context.moveTo(u1, v1);
+      context.lineTo(
+        u1 - HEAD_PX * Math.cos(angle + side * 0.5),
+        v1 - HEAD_PX * Math.sin(angle + side * 0.5),
+      );
+    }
+    this.#stroke(colour, []);
+  }
+
+  /** @param {string} colour @param {number[]} dashes */
+  #stroke(colour, dashes) {
+    const { context } = this;
+    context.lineJoin = "round";
+    context.setLineDash(dashes);
+    for (const [style, width] of /** @type {const} */ ([
+      [RIM, LINE_PX + 2],
+      [colour, LINE_PX],
+    ])) {
+      context.strokeStyle = style;
+      context.lineWidth = width;
+      context.stroke();
+    }
+    context.setLineDash([]);
+  }
+}
+
+/** @param {FrameObstacle} obstacle */
+function labelOf({ id, motion, speed, speed_std }) {
+  if (motion === "stopped") return `${id} stopped`;
+  if (motion === "in_place") return `${id} moves in place`;
+  return `${id}  ${speedWithBand({ speed, speed_std })} m/s`;
+}
+
+/** @param {FrameEntry} entry */
+function inWords({ frame, plan, status, obstacles }) {
+  const found = obstacles.map((each) => `obstacle ${labelOf(each)}`).join(", ");
+  const said = status === "lost" ? "camera motion lost" : found || "nothing moves";
+  return `Left image of frame ${frame} at ${fixed(plan.time, 2)} s, ${counted(obstacles.length, "obstacle")}: ${said}.`;
+}
+
+customElements.define("observer-frame-picture", FramePicture);

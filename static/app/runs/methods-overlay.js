@@ -1,0 +1,104 @@
+/** What a method found in a frame, drawn over the frame's image. */
+
+import { h, setAttribute, svg } from "../elements/dom.js";
+import { speedWithBand } from "../elements/words.js";
+
+/** @import { FrameBody, FrameEntry, FrameObstacle } from "../contract" */
+
+// In pixels of the screen, whatever the size of the picture is.
+const HEAD_PX = 7;
+const LETTERS_PX = 12;
+const ABOVE_PX = 4;
+
+/** A picture with its drawing; both have the size of the rectified image. */
+export class OverlaidPicture {
+  #canvas = h("canvas", { role: "img" });
+  #drawing = svg("svg", { "aria-hidden": "true" });
+  #width = 1;
+  #height = 1;
+  element = h("div.methods-picture", this.#canvas, this.#drawing);
+
+  /** @param {number} width @param {number} height */
+  resize(width, height) {
+    this.#width = width;
+    this.#height = height;
+    Object.assign(this.#canvas, { width, height });
+    setAttribute(this.#drawing, "viewBox", `0 0 ${width} ${height}`);
+  }
+
+  /**
+   * @param {ImageBitmap | null} image null: there is none
+   * @param {FrameEntry} entry
+   * @param {string} words what is seen, for who does not see it
+   * @param {boolean} truth whether true obstacles are drawn as well
+   */
+  show(image, entry, words, truth) {
+    const pen = this.#canvas.getContext("2d");
+    if (image) pen?.drawImage(image, 0, 0, this.#width, this.#height);
+    else pen?.clearRect(0, 0, this.#width, this.#height);
+    setAttribute(this.#canvas, "aria-label", words);
+    const scale = this.#width / Math.max(1, this.#canvas.clientWidth);
+    // A false one is never hidden behind another.
+    const order = [...entry.obstacles].sort((a, b) => Number(a.false) - Number(b.false));
+    this.#drawing.replaceChildren(
+      ...(truth ? entry.truth.map(trueBox) : []),
+      ...order.map((obstacle) => this.#obstacle(obstacle, scale)),
+    );
+  }
+
+  /** @param {FrameObstacle} obstacle @param {number} scale image pixels per pixel of the screen */
+  #obstacle(obstacle, scale) {
+    const [left = 0, top = 0] = obstacle.box_px;
+    const size = LETTERS_PX * scale;
+    const speed = `${speedWithBand(obstacle)} m/s`;
+    const label = svg(
+      "text",
+      {
+        x: Math.min(Math.max(left, 0), this.#width - 8 * size),
+        y: Math.max(top - ABOVE_PX * scale, size),
+        "font-size": size,
+        "stroke-width": size / 4,
+      },
+      obstacle.false ? `false, ${speed}` : speed,
+    );
+    return svg(
+      "g",
+      { "data-kind": kindOf(obstacle) },
+      ...(obstacle.silhouette ?? []).map((polygon) =>
+        svg("polygon", { points: polygon.map((point) => point.join(",")).join(" ") }),
+      ),
+      svg("rect", rectangle(obstacle.box_px)),
+      ...(obstacle.arrow_px ? [arrow(obstacle.arrow_px, HEAD_PX * scale)] : []),
+      label,
+    );
+  }
+}
+
+/** @param {FrameObstacle} obstacle */
+function kindOf({ false: wrong, state, motion }) {
+  if (wrong) return "false";
+  return state === "coasting" ? "coasting" : motion;
+}
+
+/** @param {FrameBody} body */
+function trueBox({ box_px: box }) {
+  return svg("rect", { "data-kind": "truth", ...rectangle(box) });
+}
+
+/** @param {number[]} box */
+function rectangle([left = 0, top = 0, right = 0, bottom = 0]) {
+  return { x: left, y: top, width: Math.max(0, right - left), height: Math.max(0, bottom - top) };
+}
+
+/** @param {number[]} ends @param {number} head its length */
+function arrow([x0 = 0, y0 = 0, x1 = 0, y1 = 0], head) {
+  const length = Math.hypot(x1 - x0, y1 - y0);
+  const [u, v] = length > 0 ? [(x1 - x0) / length, (y1 - y0) / length] : [0, 0];
+  const size = Math.min(head, length / 2);
+  const barb = (/** @type {number} */ side) =>
+    `${x1 - size * (u + side * 0.6 * v)} ${y1 - size * (v - side * 0.6 * u)}`;
+  return svg("path", {
+    class: "arrow",
+    d: `M${x0} ${y0}L${x1} ${y1}M${barb(1)}L${x1} ${y1}L${barb(-1)}`,
+  });
+}

@@ -1,0 +1,274 @@
+/** A run frame by frame: its left image with what was found in it, and the scene from above. */
+
+import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { fixed } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
+import { FrameImages } from "./frame-images.js";
+import { FramePicture } from "./frame-picture.js";
+import { frameAt } from "./run-words.js";
+import { TopView } from "./top-view.js";
+
+/** @import { Run, RunFrames } from "../contract" */
+
+/** @type {[string, string][]} */
+const RATES = [
+  ["0.25", "¼ ×"],
+  ["0.5", "½ ×"],
+  ["1", "1 ×"],
+  ["2", "2 ×"],
+  ["4", "4 ×"],
+];
+const AT_ONCE = 3;
+const NO_IMAGES = "This run has no images: the top view shows what was found.";
+
+export class RunPlayer extends Part {
+  /** Called with the second that is shown, on the run's clock. @type {(time: number) => void} */
+  moved = () => {};
+
+  #picture = new FramePicture();
+  #top = new TopView();
+  #stage = h("div.player-stage", this.#picture, this.#top);
+  #play = button([], () => this.#setPlaying(!this.#playing), { class: "button icon-button" });
+  #slider = input("range", "player-frame", {
+    min: 0,
+    max: 0,
+    step: 1,
+    value: 0,
+    "aria-label": "Position in the run",
+  });
+  #place = h("output.figure.position");
+  #rate = select({ id: "player-rate", "aria-label": "Speed of playback" }, RATES);
+  #controls = h("div.player-controls", this.#play, this.#slider, this.#place, this.#rate);
+  #note = h("p.hint", { role: "status" });
+  /** @type {Run | null} */
+  #run = null;
+  /** @type {RunFrames | null} */
+  #frames = null;
+  /** @type {FrameImages | null} */
+  #images = null;
+  /** Why there are no images. */
+  #trouble = "";
+  #at = 0;
+  /** Of the image that is shown. */
+  #drawn = -1;
+  #playing = false;
+  /** Second of the run, and of the page, that the playing began with. */
+  #began = { time: 0, now: 0 };
+  /** Number of images that are waited for. */
+  #waiting = 0;
+  #asked = 0;
+
+  build() {
+    setAttribute(this, "role", "group");
+    setAttribute(this, "aria-label", "Recorded frames");
+    this.#rate.value = "1";
+    this.append(this.#stage, this.#controls, this.#note);
+    this.#slider.addEventListener("input", () => this.#stop(this.#slider.valueAsNumber));
+    this.#rate.addEventListener("change", () => this.#begin());
+    this.addEventListener("keydown", (event) => this.#pressed(event));
+    this.#renderPlay();
+    this.#empty("");
+  }
+
+  /** Position of the frame that is shown. */
+  get position() {
+    return this.#at;
+  }
+
+  /** @param {Run | null} run null: another view is shown */
+  show(run) {
+    const before = this.#run;
+    this.#run = run;
+    if (!run) return this.#setPlaying(false);
+    if (run.id !== before?.id) this.#at = 0;
+    if (before === null || keyOf(run) !== keyOf(before)) void this.#load(run);
+  }
+
+  /** Show the frame at a second of the run, as somebody points at it. @param {number} time */
+  seek(time) {
+    if (this.#frames) this.#stop(frameAt(this.#frames.frames, time), false);
+  }
+
+  /** @param {Run} run */
+  async #load(run) {
+    const asked = ++this.#asked;
+    this.#setPlaying(false);
+    this.#images?.close();
+    this.#images = null;
+    if (run.state === "running")
+      return this.#empty("Its frames can be seen when the run has ended.");
+    if (run.record === null)
+      return this.#empty("This run was not recorded: it has no frames to show.");
+    this.#empty("Reading the frames from the recording…", true);
+    this.#without(isPictured(run) ? "" : NO_IMAGES);
+    if (isPictured(run)) {
+      this.#images = new FrameImages(run.id, Math.max(1, run.frames));
+      void this.#showFirst(this.#images);
+    }
+    try {
+      /** @type {RunFrames} */
+      const frames = await request("GET", `/runs/${encodeURIComponent(run.id)}/frames`);
+      if (asked !== this.#asked) return;
+      this.#take(frames);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      if (asked === this.#asked) this.#empty(error.message);
+    }
+  }
+
+  /**
+   * Show an image before it is known what was found in it.
+   *
+   * @param {FrameImages} images
+   */
+  async #showFirst(images) {
+    const bitmap = await images.at(this.#at);
+    if (images !== this.#images || this.#frames) return bitmap?.close();
+    if (!bitmap) return this.#without(images.trouble || NO_IMAGES);
+    this.#picture.show(bitmap, null, { width: bitmap.width, height: bitmap.height });
+  }
+
+  /**
+   * @param {string} words why there is nothing to see
+   * @param {boolean} [soon] there will be: its place is kept
+   */
+  #empty(words, soon = false) {
+    this.#frames = null;
+    setText(this.#note, words);
+    this.#stage.hidden = this.#controls.hidden = !soon;
+    for (const control of this.#controls.querySelectorAll("button, input, select"))
+      control.toggleAttribute("disabled", true);
+    setText(this.#place, "–");
+    this.#picture.show(null, null, { width: 1, height: 1 });
+    this.#top.take([]);
+  }
+
+  /** @param {RunFrames} frames */
+  #take(frames) {
+    const count = frames.frames.length;
+    if (count === 0) return this.#empty("No frame of this run was recorded.");
+    this.#frames = frames;
+    this.#stage.hidden = this.#controls.hidden = false;
+    for (const control of this.#controls.querySelectorAll("button, input, select"))
+      control.toggleAttribute("disabled", false);
+    setAttribute(this.#slider, "max", String(count - 1));
+    this.#top.take(frames.frames);
+    this.#drawn = -1;
+    setText(this.#note, this.#trouble);
+    this.#goTo(Math.min(this.#at, count - 1));
+  }
+
+  /** @param {string} words why there are no images; empty: there are */
+  #without(words) {
+    if (words) this.#images = null;
+    this.#trouble = words;
+    this.#picture.hidden = words !== "";
+    this.#stage.toggleAttribute("data-alone", words !== "");
+    if (this.#frames) setText(this.#note, words);
+  }
+
+  /** Stop at a frame. @param {number} position @param {boolean} [tell] */
+  #stop(position, tell = true) {
+    this.#setPlaying(false);
+    this.#goTo(position, tell);
+  }
+
+  /**
+   * @param {number} position
+   * @param {boolean} [tell] false: whoever wants it knows
+   */
+  #goTo(position, tell = true) {
+    const entry = this.#frames?.frames[position];
+    if (!entry || !this.#frames) return;
+    this.#at = position;
+    const count = this.#frames.frames.length;
+    const words = `${fixed(entry.plan.time, 2)} s`;
+    if (this.#slider.valueAsNumber !== position) this.#slider.value = String(position);
+    setAttribute(this.#slider, "aria-valuetext", `${words}, frame ${position + 1} of ${count}`);
+    setText(this.#place, `${words} · frame ${position + 1} / ${count}`);
+    this.#top.show(position);
+    void this.#showImage(position);
+    if (tell) this.moved(entry.plan.time);
+  }
+
+  /** @param {number} position */
+  async #showImage(position) {
+    const images = this.#images;
+    // While it plays, what would have to wait is left out.
+    if (!images || (this.#playing && this.#waiting >= AT_ONCE)) return;
+    this.#waiting += 1;
+    const bitmap = await images.at(position).finally(() => (this.#waiting -= 1));
+    const entry = this.#frames?.frames[position];
+    const wanted = position === this.#at || (this.#playing && position > this.#drawn);
+    if (images !== this.#images || !entry || !this.#frames || !wanted) return bitmap?.close();
+    if (!bitmap && images.trouble) return this.#without(images.trouble);
+    this.#drawn = position;
+    this.#picture.show(bitmap, entry, this.#frames);
+  }
+
+  /** @param {boolean} playing */
+  #setPlaying(playing) {
+    const frames = this.#frames?.frames;
+    if (playing === this.#playing || (playing && !frames)) return;
+    this.#playing = playing;
+    this.#renderPlay();
+    if (!playing || !frames) return;
+    // At its end it begins again.
+    if (this.#at >= frames.length - 1) this.#goTo(0);
+    this.#drawn = this.#at;
+    this.#begin();
+    requestAnimationFrame(() => this.#tick());
+  }
+
+  #begin() {
+    const time = this.#frames?.frames[this.#at]?.plan.time ?? 0;
+    this.#began = { time, now: performance.now() };
+  }
+
+  #tick() {
+    const frames = this.#frames?.frames;
+    if (!this.#playing || !frames || !this.isConnected) return;
+    const passed = (performance.now() - this.#began.now) / 1000;
+    const at = frameAt(frames, this.#began.time + passed * Number(this.#rate.value));
+    if (at !== this.#at) this.#goTo(at);
+    if (at >= frames.length - 1) return this.#setPlaying(false);
+    requestAnimationFrame(() => this.#tick());
+  }
+
+  #renderPlay() {
+    const words = this.#playing ? "Pause" : "Play";
+    setAttribute(this.#play, "aria-label", words);
+    setAttribute(this.#play, "title", words);
+    this.#play.replaceChildren(icon(this.#playing ? "pause" : "play"));
+  }
+
+  /** Arrows step from every control here; the slider has them anyway. @param {KeyboardEvent} event */
+  #pressed(event) {
+    if (event.ctrlKey || event.altKey || event.metaKey || event.target === this.#rate) return;
+    const count = this.#frames?.frames.length ?? 0;
+    /** @type {Record<string, number>} */
+    const places = {
+      ArrowLeft: this.#at - 1,
+      ArrowRight: this.#at + 1,
+      Home: 0,
+      End: count - 1,
+    };
+    const place = places[event.key];
+    if (place === undefined || count === 0) return;
+    event.preventDefault();
+    this.#stop(Math.min(count - 1, Math.max(0, place)));
+  }
+}
+
+/** Say whether its frames have images: a re-run has those of the run that it is of. @param {Run} run */
+function isPictured({ record, rerun_of }) {
+  return record !== null && (record !== "none" || rerun_of !== null);
+}
+
+/** What its frames and what is known of them depend on. @param {Run} run */
+function keyOf({ id, state, aligned, truth_id }) {
+  return [id, state, aligned, truth_id].join(" ");
+}
+
+customElements.define("observer-run-player", RunPlayer);
