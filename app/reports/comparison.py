@@ -19,6 +19,7 @@ from app.reports.pairing import pair_with_truth
 from app.reports.run_times import RunTimes
 from observer.errors import InputError, TruthError
 from observer.evaluation.speed_errors import TrueMotion
+from observer.intervals import half_95
 from observer.recording.payloads import MatchedBody, MatchedTruth
 from observer.recording.reader import Recording
 from observer.truth.alignment.aligned import DEFAULT_SIZE, AlignedTruth
@@ -78,7 +79,7 @@ def recorded_capture(recording: Recording) -> Capture:
     capture = recording.capture()
     if capture is None:
         raise TruthError(
-            "no motion capture was recorded with this run; upload a truth file and name it"
+            "no motion capture was recorded with this run; upload a ground-truth file and name it"
         )
     return capture
 
@@ -116,7 +117,7 @@ class Comparison:
             kept, told = plain["alignment"], plain["truth"]
             truth = None if told is None else TruthFile(**{**told, "path": Path(told["path"])})
         except (KeyError, TypeError) as error:
-            raise TruthError(f"this is no comparison as align writes it ({error})") from None
+            raise TruthError(f"this is not a comparison written by align ({error})") from None
         return Comparison(None if kept is None else Alignment.of_dict(kept), truth)
 
     @staticmethod
@@ -132,22 +133,22 @@ class Comparison:
         except (OSError, ValueError, RecursionError) as error:
             raise InputError(f"{path} cannot be read: {error}") from None
         if not isinstance(plain, dict):
-            raise TruthError(f"{path} is no comparison as align writes it")
+            raise TruthError(f"{path} is not a comparison written by align")
         return Comparison.of_dict(plain)
 
     @property
     def words(self) -> str:
         """Describe in one sentence the source of the truth and the quality of its fit."""
-        live = "motion capture as it was received live"
+        live = "motion capture received live"
         what = live if self.truth is None else self.truth.name
         if self.alignment is None:
-            return f"Truth is {what}, which is on the run's own clock."
+            return f"Ground truth: {what}, on the run's own clock."
         time = self.alignment.time
         drift = f", drift {time.drift_ppm:+.0f} ppm" if time.drift_sigma_ppm is not None else ""
         return (
-            f"Truth is {what}, aligned with the run: {1e3 * time.offset_s:+.1f} ms on its clock "
-            f"(one sigma {1e3 * time.sigma_s:.1f} ms{drift}), correlation {time.correlation:.2f} "
-            f"over {time.overlap_s:.0f} s."
+            f"Ground truth: {what}, aligned with the run: time offset {1e3 * time.offset_s:+.1f} ± "
+            f"{1e3 * half_95(time.sigma_s):.1f} ms (95 % interval{drift}), correlation "
+            f"{time.correlation:.2f} over {time.overlap_s:.0f} s."
         )
 
 

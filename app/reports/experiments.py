@@ -100,9 +100,8 @@ def with_experiments(report: Report, found: tuple[Judged, ...]) -> Report:
         "figure17_experiments",
         "17",
         "Speed of the dynamic obstacle by both methods",
-        "As the run observed it, and the same frames observed once more by the method as "
-        "published (preset paper, affine). A speed that is off the chart is still in the table "
-        "and in the data.",
+        "As estimated in the run, and the same frames re-run with the published method (preset "
+        "paper, affine). Speeds off the chart are still included in the table and in the data.",
         speed_figure(charts, 2.0 * highest if highest > 0 else None),
         "chart",
     )

@@ -79,7 +79,7 @@ def gather(
     """
     matched = tuple(recording.matched_truth()) if lines is None else ()
     lines = tuple(recording.lines() if lines is None else lines)
-    words = "Truth was recorded with the run."
+    words = "Ground truth was recorded with the run."
     if not matched:
         truth, alignment, words = _truth(recording, lines, alignment)
         matched = () if truth is None else pair_with_truth(lines, truth)
@@ -116,16 +116,16 @@ def _truth(
 ) -> tuple[Truth | None, Alignment | None, str]:
     sampled = recording.truth()
     if sampled is not None:
-        return sampled, None, "Truth was recorded with the run."
+        return sampled, None, "Ground truth was recorded with the run."
     capture = recording.capture()
     if capture is None:
-        return None, None, "The recording holds no truth, so nothing is compared with it."
+        return None, None, "The recording contains no ground truth to compare with."
     if alignment is None:
         try:
             alignment = align(ObservedRun.of_lines(lines), capture)
         except DynamicObserverError as error:
-            return None, None, f"Motion capture was recorded, but it is not yet aligned: {error}."
-    words = "Truth is motion capture as it was received live, aligned with the run."
+            return None, None, f"Motion capture was recorded, but it is not aligned yet: {error}."
+    words = "Ground truth: motion capture received live, aligned with the run."
     return AlignedTruth(capture, alignment), alignment, words
 
 

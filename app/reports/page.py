@@ -8,13 +8,14 @@ from datetime import UTC, datetime
 from html import escape
 from importlib.resources import files
 
-from app.reports.drawing import figure_bytes, themed_svg
 from app.reports.report import Report
 from app.reports.report_figure import ReportFigure
 from observer.evaluation.speed_errors import SpeedErrors
+from observer.figures import figure_bytes, themed_svg
 from observer.guard.parameters import AllParameters
+from observer.intervals import half_95
 
-_HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % band", "seen")
+_HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % interval", "seen")
 _GROUPS = {
     "all": "", "direction": "moving: ", "way": "driving: ", "body": "body ", "track": "track ",
 }  # fmt: skip
@@ -29,8 +30,8 @@ def report_html(report: Report) -> str:
         (
             f"<header><h1>{escape(facts.name or facts.id)}</h1>{_summary(report)}</header>",
             _section("Figures", "figures", "".join(map(_figure, report.figures))),
-            _section("Errors of speed", "errors", _errors(report)),
-            _section("Truth and alignment", "truth", _truth(report)),
+            _section("Speed errors", "errors", _errors(report)),
+            _section("Ground truth and alignment", "truth", _truth(report)),
             _section("Segments and frames", "segments", _segments(report)),
             _section("Incidents", "incidents", _incidents(report)),
             _section("Parameters", "parameters", _parameters(report)),
@@ -60,7 +61,12 @@ def _summary(report: Report) -> str:
         *sorted(facts.notes.items()),
     ]
     if report.unfinished:
-        rows.append(("recording", "cut off: it has no end; what came before is shown here"))
+        rows.append(
+            (
+                "recording",
+                "cut off: the recording has no end; everything up to that point is shown here",
+            )
+        )
     cells = "".join(f"<dt>{escape(k)}</dt><dd>{escape(str(v))}</dd>" for k, v in rows)
     return f"<dl>{cells}</dl>"
 
@@ -68,7 +74,7 @@ def _summary(report: Report) -> str:
 def _length(duration_s: float | None) -> str:
     """Return the length as the dashboard words it."""
     if duration_s is None:
-        return "nothing was observed"
+        return "no frames"
     tenths = round(10 * duration_s)
     minutes, rest = divmod(tenths, 600)
     hours, minutes = divmod(minutes, 60)
@@ -98,14 +104,14 @@ def _figure(each: ReportFigure) -> str:
 
 def _errors(report: Report) -> str:
     if not report.errors:
-        return f"<p>No errors can be told. {escape(report.gathered.truth_words)}</p>"
+        return f"<p>Errors cannot be computed. {escape(report.gathered.truth_words)}</p>"
     table = _table(_HEADER, [_error_row(each) for each in report.errors]) + _compared(report)
     changes = "; ".join(f"{escape(body)}: {n}" for body, n in report.changes.items()) or "none"
     return (
-        f"{table}<p>Changes of identity: {changes}. An error is the speed of the observer less "
-        f"the true one at the instant to which it belongs; truth is interpolated only between "
-        f"its own neighbouring samples. <em>Seen</em> is the share of the time in which the body "
-        f"moved in sight and was measured.</p>"
+        f"{table}<p>Identity switches: {changes}. An error is the estimated speed minus the true "
+        "speed at the same instant; ground truth is interpolated only between neighbouring "
+        "samples. <em>Seen</em> is the share of the time in which the body moved in view and was "
+        "measured.</p>"
     )
 
 
@@ -143,14 +149,17 @@ def _truth(report: Report) -> str:
         return said
     time = alignment.time
     rows = [
-        ("offset of truth's clock", f"{time.offset_s:.4f} s (sigma {time.sigma_s:.4f} s)"),
+        (
+            "time offset of the ground truth",
+            f"{time.offset_s:.4f} ± {half_95(time.sigma_s):.4f} s (95 % interval)",
+        ),
         ("drift", f"{time.drift_ppm:.1f} ppm"),
         ("correlation", f"{time.correlation:.3f}"),
         ("overlap", f"{time.overlap_s:.1f} s"),
-        ("residual of speed", f"{time.residual_mps:.3f} m/s"),
+        ("speed residual", f"{time.residual_mps:.3f} m/s"),
         (
-            "residual of place",
-            "not known"
+            "position residual",
+            "unknown"
             if alignment.frame_residual_m is None
             else f"{alignment.frame_residual_m:.3f} m",
         ),
@@ -163,7 +172,7 @@ def _truth(report: Report) -> str:
 def _segments(report: Report) -> str:
     segments = [(str(n), f"{time:.2f}") for n, time in report.segments.items()]
     statuses = [(status, str(n)) for status, n in sorted(report.statuses.items())]
-    return _table(("segment", "begins at, s"), segments) + _table(("status", "frames"), statuses)
+    return _table(("segment", "starts at, s"), segments) + _table(("status", "frames"), statuses)
 
 
 def _incidents(report: Report) -> str:
@@ -171,18 +180,18 @@ def _incidents(report: Report) -> str:
         return "<p>None were recorded.</p>"
     begin = report.facts.anchor.monotonic
     rows = [(f"{i.received - begin:.2f}", i.kind, i.sentence) for i in report.incidents]
-    return _table(("s after the beginning", "what", ""), rows)
+    return _table(("s after the start", "what", ""), rows)
 
 
 def _parameters(report: Report) -> str:
     if not report.revisions:
-        return "<p>None were recorded; the defaults are assumed.</p>"
+        return "<p>None were recorded; default values are assumed.</p>"
     first, *later = report.revisions
     default = AllParameters().flat()
     rows = [(name, _word(v), _word(default.get(name))) for name, v in sorted(first.values.items())]
     changed = [row for row in rows if row[1] != row[2]]
-    said = _table(("differs from its default", "value", "default"), changed) if changed else (
-        "<p>All began as their defaults.</p>"
+    said = _table(("changed from default", "value", "default"), changed) if changed else (
+        "<p>All started at their default values.</p>"
     )  # fmt: skip
     if later:
         changes = [
@@ -191,7 +200,7 @@ def _parameters(report: Report) -> str:
             for name, value in sorted(r.difference.items())
         ]
         said += _table(("revision", "from frame", "changed", "to"), changes)
-    whole = _table(("parameter", "at the beginning"), [row[:2] for row in rows])
+    whole = _table(("parameter", "at the start"), [row[:2] for row in rows])
     return f"{said}<details><summary>All {len(rows)} parameters</summary>{whole}</details>"
 
 

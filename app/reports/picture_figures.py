@@ -12,19 +12,21 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 from numpy.typing import NDArray
 
-from app.reports.drawing import (
-    GREEN,
+from app.reports.moments import CORNERS, Moment, is_moving, moving_px
+from observer.camera import as_gray
+from observer.exporting.clouds import Cloud
+from observer.figures import (
     INK,
     RED,
     SKY,
     YELLOW,
+    darkened,
     picture_axes,
     plain_axes,
+    show_flow,
     show_image,
+    show_stars,
 )
-from app.reports.moments import CORNERS, Moment, is_moving, moving_px
-from observer.camera import as_gray
-from observer.exporting.clouds import Cloud
 from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.vision.stereo import disparity_map, point_cloud
@@ -64,13 +66,11 @@ def flow_figure(shown: Sequence[tuple[Moment, str]]) -> Figure:
 
 
 def _flow(axes: Axes, moment: Moment) -> None:
-    show_image(axes, _darkened(moment.trace["previous_left"]))
+    show_image(axes, darkened(moment.trace["previous_left"]))
     start, end = np.asarray(moment.trace["flow_px"]), np.asarray(moment.trace["flow_observed_px"])
     dynamic = np.asarray(moment.trace["dynamic"])
-    for chosen, color, size in ((~dynamic, SKY, 3), (dynamic, RED, 5)):
-        segments = np.stack([start[chosen], end[chosen]], axis=1)
-        axes.add_collection(LineCollection(list(segments), colors=color, linewidths=1.2))
-        axes.plot(*start[chosen].T, "o", color=color, markersize=size / 2, linestyle="none")
+    for chosen, color, size in ((~dynamic, SKY, 1.5), (dynamic, RED, 2.5)):
+        show_flow(axes, start[chosen], end[chosen], color, size)
 
 
 def detection_figure(moment: Moment) -> Figure:
@@ -80,7 +80,7 @@ def detection_figure(moment: Moment) -> Figure:
     """
     figure, (axes,) = picture_axes((_title(moment),), _size(moment), 6.4)
     show_image(axes, moment.trace["left"])
-    _stars(axes, moving_px(moment))
+    show_stars(axes, moving_px(moment))
     _boxes(axes, moment.line)
     return figure
 
@@ -94,7 +94,7 @@ def false_points_figure(published: Moment, own: Moment) -> Figure:
     figure, axes = picture_axes(titles, _size(own), 4.8)
     for each, moment in zip(axes, (published, own), strict=True):
         show_image(each, moment.trace["previous_left"])
-        _stars(each, np.asarray(moment.trace["flow_px"])[np.asarray(moment.trace["dynamic"])])
+        show_stars(each, np.asarray(moment.trace["flow_px"])[np.asarray(moment.trace["dynamic"])])
         false = moment.false_px
         each.plot(*false.T, "o", color=RED, markersize=7, fillstyle="none", markeredgewidth=1.3)
     return figure
@@ -172,11 +172,6 @@ def box_corners(line: Mapping[str, Any], obstacle: Mapping[str, Any]) -> Float64
     return T_camera_world.apply(corners)
 
 
-def _stars(axes: Axes, px: Float64Array) -> None:
-    axes.plot(*np.asarray(px).T, "*", color=GREEN, markersize=5, markeredgewidth=0.4,
-              markeredgecolor="#0b5d0b", linestyle="none")  # fmt: skip
-
-
 def _boxes(axes: Axes, line: Mapping[str, Any], color: str = YELLOW) -> None:
     for entry in line["obstacles"]:
         if not is_moving(entry):
@@ -194,10 +189,6 @@ def _boxes(axes: Axes, line: Mapping[str, Any], color: str = YELLOW) -> None:
 
 def _title(moment: Moment) -> str:
     return f"frame {moment.line['frame']}, t = {moment.line['time']:.2f} s, {moment.model}"
-
-
-def _darkened(image: Any) -> Any:
-    return (np.asarray(image) * 0.55).astype(np.uint8)
 
 
 def _size(moment: Moment) -> tuple[int, int]:

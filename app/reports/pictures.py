@@ -39,16 +39,15 @@ _TITLES = {
     "12": "Stereo vision principle",
     "13": "Dynamic obstacle detected in simulation",
     "14": "Dynamic obstacle detected in real-time application",
-    "15": "Points that do not move, taken for moving",
+    "15": "Static points classified as moving",
     "16": "Detected obstacle in the 3D point cloud",
 }
 # Figures that the paper has once of a simulated and once of a real environment.
 _TWINS = (("9", "10"), ("13", "14"))
 _STEPS = 5
-_NOT_OBSERVED = "The images of the chosen frame could not be observed once more."
+_NOT_OBSERVED = "The images of the chosen frame could not be processed again."
 _ONE_CAMERA = (
-    "The run was observed by the left camera alone (ego_motion.model is monocular), and this "
-    "figure needs both."
+    "The run used only the left camera (ego_motion.model is monocular), and this figure needs both."
 )
 
 _Made = tuple[str, Figure | None, str]
@@ -60,7 +59,7 @@ def pictures(
     """Return figures 9 to 16 in their order; each that is missing has the reason."""
     made = _made(path, gathered, progress)
     simulated = str(facts.info.get("kind")) in _SIMULATED
-    kind = "a simulator" if simulated else "no simulator"
+    kind = "a simulator" if simulated else "not a simulator"
     for pair in _TWINS:
         shown, other = pair if simulated else pair[::-1]
         if made[shown][1] is not None:
@@ -82,7 +81,7 @@ def _made(path: Path, gathered: Gathered, progress: Step) -> dict[str, _Made]:
         moments = Moments(source, gathered)
         position = moments.most_significant()
         if position is None:
-            return _all_missing("No obstacle was seen to move in this run.")
+            return _all_missing("No moving obstacle was detected in this run.")
         progress(1, _STEPS)
         own = moments.own(position)
         progress(2, _STEPS)
@@ -116,16 +115,16 @@ def _transformation(own: Moment | None, published: Moment | None) -> _Made:
     if own is None or moment is None or "warped_left" not in moment.trace:
         return "", None, _NOT_OBSERVED
     dt_ms = 1e3 * (moment.trace["time"] - moment.trace["previous_time"])
-    by = f"by the {moment.model} map of this run"
+    by = f"using the {moment.model} transformation of this run"
     if moment is not own:
         by = (
-            f"by the affine map of the method as published (preset paper), by which these two "
-            f"frames were observed once more: the {own.model} method of this run transforms no "
-            f"image"
+            "using the affine transformation of the published method (preset paper), with which "
+            f"these two frames were re-run: the {own.model} method of this run does not warp the "
+            "image"
         )
     return (
-        f"{_chosen(moment)} The image at t+dt, {dt_ms:.0f} ms later, is transformed into the "
-        f"frame of the image at t {by}. Black is where it does not reach.",
+        f"{_chosen(moment)} The image at t+dt, {dt_ms:.0f} ms later, is warped onto the image at "
+        f"t {by}. Black marks areas without data.",
         transformation_figure(moment), "",
     )  # fmt: skip
 
@@ -140,13 +139,12 @@ def _flow(own: Moment | None, published: Moment | None) -> _Made:
         return "", None, _NOT_OBSERVED
     more = ""
     if not own.is_planar:
-        more = " The method as published (preset paper) observed the same two frames once more."
+        more = " The same two frames were re-run with the published method (preset paper)."
     if not own.has_flow:
-        more += f" The {own.model} method of this run has no such picture."
+        more += f" The {own.model} method of this run has no such image."
     return (
-        f"{_chosen(own)} From each feature of the image at t to its place at t+dt once the "
-        f"camera's own motion is taken out: blue ones count as standing, red ones as "
-        f"moving.{more}",
+        f"{_chosen(own)} From each feature of the image at t to its position at t+dt after "
+        f"compensating the camera's own motion: blue counts as static, red as moving.{more}",
         flow_figure(shown), "",
     )  # fmt: skip
 
@@ -171,10 +169,10 @@ def _stereo_caption(own: Moment, obstacle: Mapping[str, Any], found: Triangulate
         centre = f", and the run reported the obstacle's centre {found.centre[1]:.2f} m ahead."
     return (
         f"{_chosen(own)} Stars are points of obstacle {obstacle['id']} in both images, on the same "
-        f"row; the one with the lines has the disparity d = {found.disparity:.2f} px between "
-        f"them. With the focal length f = {found.focal_px:.1f} px and the baseline "
-        f"b = {1e3 * found.baseline_m:.1f} mm, it is Z = f b / d = {found.depth_m:.2f} m "
-        f"ahead{centre} From above, x is stretched."
+        f"row; the one with the lines has the disparity d = {found.disparity:.2f} px between them. "
+        f"With the focal length f = {found.focal_px:.1f} px and the baseline b = "
+        f"{1e3 * found.baseline_m:.1f} mm, it is Z = f b / d = {found.depth_m:.2f} m ahead{centre} "
+        "In the top view, x is stretched."
     )
 
 
@@ -197,10 +195,10 @@ def _false_points(published: Moment | None, own: Moment | None) -> _Made:
         return "", None, reason
     return (
         f"Frame {published.line['frame']}, t = {published.line['time']:.2f} s: of up to "
-        f"{CANDIDATES} frames spread over those in which something moving was seen, the one with "
-        f"most false points by the method as published. Green stars count as moving; red circles "
-        f"are those on nothing that {moving}. Left the affine model of the preset paper, right "
-        f"the same frame by the {own.model} model of this run.",
+        f"{CANDIDATES} frames spread over those with a moving obstacle, the one with most false "
+        "points by the published method. Green stars count as moving; red circles mark those on "
+        f"nothing that {moving}. Left: the affine model of the preset paper; right: the same "
+        f"frame by the {own.model} model of this run.",
         false_points_figure(published, own), "",
     )  # fmt: skip
 
@@ -238,13 +236,17 @@ def _recorded_cloud(path: Path, reason: str) -> _Made:
             if obstacle["position"] is not None:
                 found.append((float(obstacle["significance"]), cloud, line, obstacle))
     if not found:
-        return "", None, f"{reason}, and no cloud of a frame in which something moved."
+        return (
+            "",
+            None,
+            f"{reason}, and no point cloud of a frame with a moving obstacle was recorded.",
+        )
     _, cloud, seen, moving = max(found, key=lambda each: each[0])
     return (
-        f"Frame {seen['frame']}, t = {seen['time']:.2f} s, of those whose cloud was recorded the "
-        f"one with the most significant detection. The stereo camera is at the origin (triangle); "
+        f"Frame {seen['frame']}, t = {seen['time']:.2f} s, the most significant detection among "
+        "the frames with a recorded point cloud. The stereo camera is at the origin (triangle); "
         f"the red box is obstacle {moving['id']}, {moving['range']:.2f} m away. (a), the image, "
-        f"was not recorded.",
+        "was not recorded.",
         recorded_cloud_figure(cloud, seen, moving), "",
     )  # fmt: skip
 
@@ -263,12 +265,12 @@ def _of_obstacle(
     if obstacle is None:
         return "", None, _NOT_OBSERVED
     if placed and (own.line["pose"] is None or obstacle["position"] is None):
-        return "", None, "The camera's pose was not known in this frame."
+        return "", None, "The camera pose was unknown in this frame."
     return draw(obstacle)
 
 
 def _chosen(moment: Moment) -> str:
     return (
-        f"Frame {moment.line['frame']}, t = {moment.line['time']:.2f} s, the one with the most "
-        f"significant detection."
+        f"Frame {moment.line['frame']}, t = {moment.line['time']:.2f} s, the frame with the most "
+        "significant detection."
     )

@@ -12,13 +12,13 @@ from pathlib import Path
 from typing import Any
 
 from app.reports.comparison import Comparison, gather_compared
-from app.reports.drawing import FORMATS, figure_bytes
 from app.reports.gathering import Gathered
 from app.reports.pictures import pictures
 from app.reports.report_figure import ReportFigure, Step
 from app.reports.speed_figure import speed_figure
 from app.reports.whole_files import write_file
 from observer.evaluation.speed_errors import SpeedErrors, identity_changes, speed_errors
+from observer.figures import FORMATS, figure_bytes
 from observer.recording.payloads import Incident, ParameterRevision, RunFacts
 from observer.recording.reader import Recording
 
@@ -179,7 +179,9 @@ def _cell(value: float) -> str:
 def _speeds(facts: RunFacts, gathered: Gathered) -> ReportFigure:
     place = ("figure17", "17", "Speed of the dynamic obstacle")
     if not (gathered.seen or gathered.unmatched or gathered.true):
-        missing = "Nothing was seen to move, and no truth is known, so there is no speed to draw."
+        missing = (
+            "No motion was detected and there is no ground truth, so there is no speed to plot."
+        )
         return ReportFigure(*place, "", None, "chart", missing)
     unknown = [
         word
@@ -190,10 +192,10 @@ def _speeds(facts: RunFacts, gathered: Gathered) -> ReportFigure:
         )
         if not known
     ]
-    without = f" The recording holds no {', no '.join(unknown)}." if unknown else ""
+    without = f" The recording contains no {', no '.join(unknown)}." if unknown else ""
     caption = (
-        f"Each track with its 95 % interval; a dot and the number "
-        f"(segment:track) mark where a track begins. Lines break at gaps.{without}"
+        "Each track with its 95 % interval; a dot and the number (segment:track) mark the start of "
+        f"a track. Lines are interrupted at gaps.{without}"
     )
     figure = speed_figure([(facts.name or facts.id, gathered)])
     return ReportFigure(*place, caption, figure, "chart")

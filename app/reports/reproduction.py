@@ -146,8 +146,8 @@ class _Attempts:
         self.tell(f"attempt {len(self.reasons)} of {self._most}: {error}")
         if len(self.reasons) == self._most:
             raise ReproductionError(
-                f"the robots were stopped in each of {self._most} attempts, at last because "
-                f"{error}; try again when this machine has less else to do"
+                f"the robots were stopped in each of {self._most} attempts, most recently because "
+                f"{error}; try again when this computer is less busy"
             )
 
 

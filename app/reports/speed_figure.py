@@ -8,10 +8,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from app.reports.drawing import BLUE, INK, ORANGE, PURPLE, TEAL, plain_axes
 from app.reports.gaps import broken
 from app.reports.gathering import Curve, Gathered
-from observer.evaluation.speed_errors import BAND_95, SeenMotion
+from observer.evaluation.speed_errors import SeenMotion
+from observer.figures import BLUE, INK, ORANGE, PURPLE, TEAL, plain_axes
+from observer.intervals import SIGMAS_95
 
 # Tracks with fewer samples are drawn without their number.
 _NAMED_FROM = 5
@@ -52,6 +53,7 @@ def _chart(axes: Axes, gathered: Gathered) -> int:
     for motions, color, label in groups:
         for number, motion in enumerate(motions):
             _seen(axes, motion, color, None if number else label)
+    _name_starts(axes, [*gathered.seen, *gathered.unmatched])
     for true in gathered.true:
         _line(axes, Curve(f"{true.body}, ground truth", true.times, true.speeds), "true")
     for curve in gathered.commanded:
@@ -75,9 +77,9 @@ def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None
     times, speeds, stds = broken(motion.times, motion.speeds, motion.stds)
     axes.plot(times, speeds, color=color, linewidth=1.5, label=label, zorder=4)
     known = np.isfinite(stds)
-    low = np.maximum(speeds - BAND_95 * stds, 0.0)
+    low = np.maximum(speeds - SIGMAS_95 * stds, 0.0)
     axes.fill_between(
-        times, low, speeds + BAND_95 * stds, where=list(known), color=color, alpha=0.18,
+        times, low, speeds + SIGMAS_95 * stds, where=list(known), color=color, alpha=0.18,
         linewidth=0, label=None if label is None else "95 % interval", zorder=2,
     )  # fmt: skip
     if len(motion.times) >= _NAMED_FROM:
@@ -87,6 +89,12 @@ def _seen(axes: Axes, motion: SeenMotion, color: str, label: str | None) -> None
             motion.track, (motion.times[0], motion.speeds[0]), xytext=(3, 4),
             textcoords="offset points", fontsize=7, color=color, annotation_clip=True,
         )  # fmt: skip
+
+
+def _name_starts(axes: Axes, motions: Sequence[SeenMotion]) -> None:
+    """Name in the legend the dots at which tracks start, where there are any."""
+    if any(len(motion.times) >= _NAMED_FROM for motion in motions):
+        axes.plot([], [], "o", color=INK, markersize=3.5, label="start of a track, segment:number")
 
 
 def _line(axes: Axes, curve: Curve, kind: str) -> None:

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from app.reports.drawing import BLUE, GREEN, INK, ORANGE, RED, plain_axes, show_image
 from app.reports.moments import Moment, moving_px
 from observer.camera import as_gray
+from observer.figures import BLUE, GREEN, INK, ORANGE, RED, plain_axes, show_image, show_stars
 from observer.geometry import Float64Array
 from observer.jsonl import line_pose
 from observer.vision.stereo import disparity_map
@@ -106,8 +106,7 @@ def stereo_figure(moment: Moment, found: Triangulated) -> Figure:
         axes.set_xlim(begin, end)
         axes.set_ylim(bottom, top)
         axes.axhline(v, color=ORANGE, linewidth=1.0)
-        axes.plot(*points.T, "*", color=GREEN, markersize=5, markeredgewidth=0.4,
-                  markeredgecolor="#0b5d0b", linestyle="none")  # fmt: skip
+        show_stars(axes, points)
         axes.axvline(u, color=BLUE, linewidth=1.0, linestyle="-" if axes is left else "--")
         axes.set_xticks([])
         axes.set_yticks([])
@@ -151,7 +150,7 @@ def _plan(axes: Axes, moment: Moment, found: Triangulated, u: float) -> None:
     axes.plot(x, depth, "*", color=GREEN, markersize=11, markeredgecolor="#0b5d0b", label="point")
     if found.centre is not None:
         axes.plot(*found.centre, "s", color=INK, markersize=5, fillstyle="none",
-                  label="centre as reported")  # fmt: skip
+                  label="reported centre")  # fmt: skip
     farthest = depth if found.centre is None else max(depth, found.centre[1])
     axes.set_ylim(-0.06 * farthest, _BEYOND * farthest)
     axes.margins(x=0.18)

@@ -21,5 +21,5 @@ def write_file(path: Path, content: bytes) -> None:
         os.replace(part, path)
     except OSError as error:
         raise InputError(
-            f"cannot write {path}: {error.strerror}; name a file in a folder that may be written"
+            f"cannot write {path}: {error.strerror}; name a file in a writable folder"
         ) from None

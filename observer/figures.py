@@ -12,14 +12,18 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from numpy.typing import NDArray
 
+from observer.geometry import Float64Array
 from observer.types import Image
 
 INK = "#1b1d21"
 GRID = "#dfe2e6"
+# The same for a dark ground.
+_LIGHT_INK, _DARK_GRID = "#e5efeb", "#33413d"
 GREEN, YELLOW, RED, GREY = "#2bd42b", "#ffd800", "#e5261f", "#9aa0a6"
 # After Okabe and Ito: distinguishable with colour-blind eyes, and on a dark background.
 BLUE, ORANGE, PURPLE, TEAL, SKY = "#1f7fc4", "#D55E00", "#CC79A7", "#009E73", "#56B4E9"
@@ -29,23 +33,30 @@ _STYLE: Any = {"svg.fonttype": "none", "font.family": "sans-serif"}
 
 
 def picture_axes(
-    titles: tuple[str, ...], size: tuple[int, int], width: float
+    titles: tuple[str, ...], size: tuple[int, int], width: float, columns: int | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """Make a row of axes for pictures of this width and height, pixels, without ticks.
+    """Make axes for pictures of this width and height, pixels, without ticks.
 
     Args:
-        width: of each on paper, inches.
+        width: of each on paper, inches. columns: of a grid that the titles fill; None: one row.
     """
-    figsize = (width * len(titles), width * size[1] / size[0] + 0.34)
+    columns = columns or len(titles)
+    rows = -(-len(titles) // columns)
+    figsize = (width * columns, rows * (width * size[1] / size[0] + 0.34))
     figure = Figure(figsize=figsize, layout="constrained", facecolor="white")
-    found = list(figure.subplots(1, len(titles), squeeze=False).flat)
+    found = list(figure.subplots(rows, columns, squeeze=False).flat)
     for axes, title in zip(found, titles, strict=True):
-        axes.set_title(title, fontsize=9, color=INK)
-        axes.set_xticks([])
-        axes.set_yticks([])
-        for spine in axes.spines.values():
-            spine.set_visible(False)
+        bare_axes(axes, title)
     return figure, found
+
+
+def bare_axes(axes: Axes, title: str) -> None:
+    """Give axes that show a picture their title, and neither ticks nor frame."""
+    axes.set_title(title, fontsize=9, color=INK)
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
 
 
 def show_image(axes: Axes, image: Image) -> None:
@@ -56,6 +67,26 @@ def show_image(axes: Axes, image: Image) -> None:
     axes.imshow(rgb, interpolation="nearest")
     axes.set_xlim(-0.5, image.shape[1] - 0.5)
     axes.set_ylim(image.shape[0] - 0.5, -0.5)
+
+
+def show_stars(axes: Axes, px: Float64Array) -> None:
+    """Mark pixels (N, 2) by green stars, as the paper does."""
+    axes.plot(*np.asarray(px).T, "*", color=GREEN, markersize=5, markeredgewidth=0.4,
+              markeredgecolor="#0b5d0b", linestyle="none")  # fmt: skip
+
+
+def show_flow(
+    axes: Axes, start: NDArray[Any], end: NDArray[Any], color: str, marker_size: float = 1.5
+) -> None:
+    """Draw the ways of points (N, 2), pixels, each from a dot at its start."""
+    segments = np.stack([start, end], axis=1)
+    axes.add_collection(LineCollection(list(segments), colors=color, linewidths=1.2))
+    axes.plot(*np.asarray(start).T, "o", color=color, markersize=marker_size, linestyle="none")
+
+
+def darkened(image: Image) -> Image:
+    """Return a picture on which marks stand out."""
+    return np.asarray(np.asarray(image) * 0.55, dtype=np.uint8)
 
 
 def plain_axes(axes: Axes) -> None:
@@ -90,10 +121,22 @@ def figure_bytes(figure: Figure, name: str, format_: str) -> bytes:
 
 def themed_svg(figure: Figure, name: str) -> str:
     """Return an SVG element that takes ink and grid from the surrounding page."""
+    text = _transparent_svg(figure, name)
+    text = text[text.index("<svg") :]
+    return text.replace(INK, "currentColor").replace(GRID, "var(--grid)")
+
+
+def dark_svg(figure: Figure, name: str) -> bytes:
+    """Return the file of an SVG for a dark ground, which shows through."""
+    return (
+        _transparent_svg(figure, name).replace(INK, _LIGHT_INK).replace(GRID, _DARK_GRID).encode()
+    )
+
+
+def _transparent_svg(figure: Figure, name: str) -> str:
     figure.patch.set_alpha(0.0)
     for axes in figure.axes:
         axes.patch.set_alpha(0.0)
     text = figure_bytes(figure, name, "svg").decode()
     figure.patch.set_alpha(1.0)
-    text = text[text.index("<svg") :]
-    return text.replace(INK, "currentColor").replace(GRID, "var(--grid)")
+    return text

@@ -1,0 +1,104 @@
+"""The paper's method step by step, on one frozen pair of frames."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path, Query, Request, Response
+
+from app.contract.steps import MethodSteps, StepFormat
+from app.http.api.common import TheServer
+from app.http.api.refusals import refusals
+from app.http.api.values import MOST_CHANGES, Name
+from app.http.cancel_on_disconnect import while_there
+from app.http.gate.headers import REPORT_POLICY
+from app.server.errors import FieldError
+from app.server.steps.manager import PairChoice
+from observer.parameters import typed_value
+
+router = APIRouter(prefix="/steps", tags=["steps"])
+
+_LAST_FRAME = 1_000_000_000
+# Before the name of a parameter in an address.
+_PREFIX = "p."
+_KINDS: dict[StepFormat, str] = {
+    "png": "image/png",
+    "svg": "image/svg+xml",
+    "pdf": "application/pdf",
+    "csv": "text/csv; charset=utf-8",
+}
+
+
+def _choice(
+    request: Request,
+    source: Annotated[
+        str | None,
+        Query(
+            min_length=1,
+            max_length=1000,
+            description="simulated:SCENARIO, run:ID or what was opened before; none: the open one.",
+        ),
+    ] = None,
+    frame: Annotated[
+        int | None,
+        Query(
+            ge=0,
+            le=_LAST_FRAME,
+            description="Position of the image of t+dt, from 0; none: one worth looking at.",
+        ),
+    ] = None,
+    preset: Annotated[Name, Query(description="With a planar method.")] = "paper",
+) -> PairChoice:
+    """A parameter is given as ``p.NAME=VALUE``, as in ``p.flow.residual_threshold_px=2``."""
+    changes = {
+        name.removeprefix(_PREFIX): typed_value(value)
+        for name, value in request.query_params.multi_items()
+        if name.startswith(_PREFIX)
+    }
+    if len(changes) > MOST_CHANGES:
+        raise FieldError(("query",), f"at most {MOST_CHANGES} parameters can be changed")
+    return PairChoice(source, frame, preset, changes)
+
+
+Choice = Annotated[PairChoice, Depends(_choice)]
+
+
+@router.get(
+    "", summary="The nine steps of the method on one pair", responses=refusals(409, 422, 503)
+)
+async def get_steps(choice: Choice, server: TheServer, request: Request) -> MethodSteps:
+    """Title, formula and numbers of each; any parameter is changed by ``p.NAME=VALUE``.
+
+    Nothing that is open and no parameter in force changes.
+    """
+    return await while_there(request, server.steps.steps(choice))
+
+
+@router.get(
+    "/{number}.{format}",
+    summary="Picture or data of one step",
+    response_class=Response,
+    responses={
+        200: {"content": {kind.partition(";")[0]: {} for kind in _KINDS.values()}},
+        **refusals(409, 422, 503),
+    },
+)
+async def get_step(
+    number: Annotated[int, Path(ge=1, le=9)],
+    format: StepFormat,
+    choice: Choice,
+    server: TheServer,
+    request: Request,
+    labelled: Annotated[
+        bool, Query(description="With title, formula and meaning, to stand alone.")
+    ] = True,
+    dark: Annotated[bool, Query(description="SVG for a dark ground.")] = False,
+) -> Response:
+    """The pair is chosen as for all steps together."""
+    work = server.steps.file(choice, number, format, dark=dark, labelled=labelled)
+    content = await while_there(request, work)
+    headers = {"content-disposition": f'inline; filename="step-{number}.{format}"'}
+    if format == "svg":
+        # A drawing uses style attributes; it has no script and loads nothing.
+        headers["content-security-policy"] = REPORT_POLICY
+    return Response(content, media_type=_KINDS[format], headers=headers)

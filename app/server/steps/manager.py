@@ -1,0 +1,298 @@
+"""Steps of the method on one pair, observed in a process of its own and kept for a while."""
+
+from __future__ import annotations
+
+import asyncio
+from collections import OrderedDict
+from collections.abc import Callable, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, cast
+
+from app.contract.steps import MethodSteps, StepFormat
+from app.contract.values import filled
+from app.runtime.worker import LastingWorker
+from app.server.errors import Conflict, FieldError, NotAvailable
+from app.server.parameters.manager import ParameterManager
+from app.server.source.manager import SourceManager
+from app.server.source.opening import RUN, Opening, make_opening
+from app.storage import Storage
+from app.workers.steps.messages import DrawStep, Look, Steps, StepsAnswer
+from app.workers.steps.process import steps_worker
+from observer.errors import ParameterError
+from observer.opening import exclusive_world, live_devices, shown_spec
+from observer.parameters import Parameters, without_effect
+from observer.parameters.fields import PLANAR
+
+_USUAL = "simulated:lab"
+_SIMULATED = "simulated:"
+_PAPER = "paper"
+# Of answers that are kept; a picture has some hundred kilobytes.
+_MOST_BYTES = 32 << 20
+# The process keeps images of a source that may be deleted, and memory.
+_IDLE_S = 60.0
+
+
+@dataclass(frozen=True)
+class PairChoice:
+    """Pair that a request names.
+
+    Attributes:
+        source: None for the open one, or what comes nearest to it. frame: None for one that is
+            worth looking at. preset: that the values come from. changes: dotted name -> value.
+    """
+
+    source: str | None
+    frame: int | None
+    preset: str
+    changes: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A choice with its source found: as it is told, and what the worker has to know."""
+
+    source: str
+    look: Look
+    preset_values: Mapping[str, Any]
+    values: Mapping[str, Any]
+
+
+class MethodStepsManager:
+    """Maker of the steps' facts and files; used in the event loop.
+
+    Args:
+        held: returns whether nothing may be computed now, because a robot is armed.
+        worker: makes the process, which is started when it is needed.
+    """
+
+    def __init__(
+        self,
+        storage: Storage,
+        source: SourceManager,
+        parameters: ParameterManager,
+        held: Callable[[], bool],
+        worker: Callable[[], LastingWorker] = steps_worker,
+    ) -> None:
+        self._storage = storage
+        self._source = source
+        self._parameters = parameters
+        self._held = held
+        self._make_worker = worker
+        self._worker: LastingWorker | None = None
+        # Gives the worker one job at a time; what nobody waits for any more is not begun.
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="method steps")
+        self._resting: asyncio.TimerHandle | None = None
+        self._kept: OrderedDict[str, Steps | bytes] = OrderedDict()
+
+    async def steps(self, choice: PairChoice) -> MethodSteps:
+        """Return what each step found.
+
+        Raises:
+            FieldError, ParameterError: the choice is refused. Conflict: a robot is armed.
+            NotAvailable: it cannot be computed at the moment.
+        """
+        found = await self._find(choice)
+        steps = cast(Steps, await self._answered(DrawStep(found.look)))
+        return filled(
+            MethodSteps,
+            steps,
+            source=found.source,
+            preset=choice.preset,
+            preset_values=found.preset_values,
+            values=found.values,
+            models=PLANAR,
+        )
+
+    async def file(
+        self,
+        choice: PairChoice,
+        number: int,
+        format_: StepFormat,
+        *,
+        dark: bool,
+        labelled: bool,
+    ) -> bytes:
+        """Return the picture or the data of one step.
+
+        Args:
+            number: from 1 to 9. dark: for a page with a dark ground. labelled: with title, formula
+                and meaning.
+
+        Raises:
+            FieldError, ParameterError, Conflict, NotAvailable: as ``steps``.
+        """
+        found = await self._find(choice)
+        job = DrawStep(found.look, number, format_, dark, labelled)
+        return cast(bytes, await self._answered(job))
+
+    async def close(self) -> None:
+        """End the process; safe to call twice."""
+        if self._resting is not None:
+            self._resting.cancel()
+        if self._worker is not None:
+            self._worker.end()
+        await asyncio.to_thread(self._thread.shutdown, cancel_futures=True)
+        if self._worker is not None:
+            await asyncio.to_thread(self._worker.close)
+
+    # --- what is asked for -------------------------------------------------------------------
+
+    async def _find(self, choice: PairChoice) -> _Found:
+        before = self._parameters.compose(choice.preset, {}, {}).values.flat()
+        after = self._parameters.compose(choice.preset, {}, choice.changes).values.flat()
+        _check_effect(choice, after)
+        opening = await self._opening(choice.source)
+        own = set(Parameters().flat())
+        spec = opening.source
+        calibration = opening.calibration
+        look = Look(
+            source=spec,
+            state=await asyncio.to_thread(_state, spec),
+            frame=choice.frame,
+            parameters=Parameters().difference(Parameters().changed(_of(after, own))),
+            calibration_yaml=None if calibration is None else calibration.text,
+        )
+        named = self._named(opening)
+        return _Found(named, look, _of(before, own), _of(after, own))
+
+    async def _opening(self, source: str | None) -> Opening:
+        """Return the source to look at, which the server may open anyway.
+
+        Raises:
+            FieldError: it is live, or nobody has opened it here.
+        """
+        wanted = self._source.wanted
+        if source is None:
+            source = await self._usual()
+        if live_devices(source) or exclusive_world(source) is not None:
+            raise FieldError(
+                ("query", "source"),
+                "a live source shows every frame only once; record a run of it and choose that "
+                "run's recording",
+            )
+        if source in (wanted.source, self._named(wanted)):
+            return wanted
+        known = source.startswith((_SIMULATED, RUN)) or source in self._source.recent.specs
+        if not known:
+            raise FieldError(
+                ("query", "source"),
+                f"{shown_spec(source)[:80]!r} was not opened here before; open it once as the "
+                f"source, or choose simulated:SCENARIO or run:ID",
+            )
+        return await asyncio.to_thread(make_opening, self._storage, source, None)
+
+    async def _usual(self) -> str:
+        """Return the open source, or where it is live the newest recording of a run."""
+        wanted = self._source.wanted.source
+        if not live_devices(wanted) and exclusive_world(wanted) is None:
+            return wanted
+        runs = await asyncio.to_thread(self._storage.list_runs, limit=50)
+        for run in runs:
+            images = run.record not in (None, "none")
+            if images and run.state != "running" and run.frames > 1:
+                return f"{RUN}{run.id}"
+        return _USUAL
+
+    def _named(self, opening: Opening) -> str:
+        """Return the text that names a source: a run's recording by the run, not by its path."""
+        return (
+            opening.source if opening.name is None else f"{RUN}{Path(opening.source).parent.name}"
+        )
+
+    # --- the work ----------------------------------------------------------------------------
+
+    async def _answered(self, job: DrawStep) -> Steps | bytes:
+        key = _key(job)
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        if self._held():
+            raise Conflict(
+                "a robot is armed, and this takes computing time that driving needs; disarm it "
+                "first"
+            )
+        result = await self._done(job)
+        self._keep(key, result)
+        if isinstance(result, Steps) and job.look.frame is None:
+            # The page goes on with the frame that it was told.
+            self._keep(_key(replace(job, look=replace(job.look, frame=result.frame))), result)
+        return result
+
+    async def _done(self, job: DrawStep) -> Steps | bytes:
+        if self._worker is None:
+            self._worker = self._make_worker()
+        worker, loop = self._worker, asyncio.get_running_loop()
+        if self._resting is not None:
+            self._resting.cancel()
+        try:
+            answer = await loop.run_in_executor(self._thread, worker.do, job, StepsAnswer)
+        finally:
+            self._resting = loop.call_later(_IDLE_S, self._rest)
+        if answer is None:
+            raise NotAvailable(
+                "the steps could not be computed in time; try again, or choose a frame nearer to "
+                "the source's beginning"
+            )
+        if answer.result is None:
+            raise FieldError(("query", answer.place), answer.refused)
+        return answer.result
+
+    def _rest(self) -> None:
+        """End the process, which nobody has needed for a while; the next request starts another."""
+        worker, self._worker = self._worker, None
+        if worker is not None:
+            self._thread.submit(worker.close)
+
+    def _keep(self, key: str, result: Steps | bytes) -> None:
+        self._kept[key] = result
+        while sum(map(_size, self._kept.values())) > _MOST_BYTES:
+            self._kept.popitem(last=False)
+
+
+def _check_effect(choice: PairChoice, values: Mapping[str, Any]) -> None:
+    """Refuse a method without these steps, and values that do nothing.
+
+    Raises:
+        FieldError: it is no planar method. ParameterError: names each value without effect.
+    """
+    model = str(values["ego_motion.model"])
+    if model not in PLANAR:
+        by_preset = "ego_motion.model" not in choice.changes
+        what = f"the preset {choice.preset} uses" if by_preset else "this is"
+        raise FieldError(
+            ("query", "preset" if by_preset else "ego_motion.model"),
+            f"{what} the {model} method, and the nine steps are those of the paper's; choose the "
+            f"preset {_PAPER}, or {' or '.join(PLANAR)} as the method",
+        )
+    own = Parameters().flat()
+    idle = without_effect(choice.changes, model) | {
+        name: "has no effect on what is observed" for name in choice.changes if name not in own
+    }
+    if idle:
+        raise ParameterError(idle)
+
+
+def _of(values: Mapping[str, Any], names: set[str]) -> dict[str, Any]:
+    return {name: value for name, value in values.items() if name in names}
+
+
+def _state(spec: str) -> str:
+    """Return a text that changes with the files of a source."""
+    if spec.startswith(_SIMULATED):
+        return ""
+    try:
+        found = Path(spec).stat()
+    except OSError:
+        return "gone"
+    return f"{found.st_mtime_ns} {found.st_size}"
+
+
+def _key(job: DrawStep) -> str:
+    # Parameters stand in the order of their declaration.
+    return repr(job)
+
+
+def _size(result: Steps | bytes) -> int:
+    return len(result) if isinstance(result, bytes) else len(repr(result))

@@ -1,0 +1,77 @@
+/** The picture of a step: the old one stays until the new one is there. */
+
+import { h, setAttribute } from "../elements/dom.js";
+import { requestImage } from "../shell/api.js";
+import { Newest } from "../sources/newest.js";
+
+// Of pictures that are kept; one has some hundred kilobytes.
+const MOST_KEPT = 14;
+
+export class StepPicture {
+  #image = h("img", { alt: "", hidden: true });
+  element = h("div.step-picture", this.#image);
+  #newest = new Newest();
+  #kept = new KeptPictures();
+  #waiting = new AbortController();
+
+  /** Called when another picture is seen. @type {(url: string, alt: string) => void} */
+  shown = () => {};
+
+  /**
+   * @param {string} path below /api
+   * @param {string} alt
+   * @returns {Promise<boolean>} whether it is seen; false where another was asked for meanwhile
+   * @throws {ApiError}
+   */
+  async show(path, alt) {
+    this.#waiting.abort();
+    this.#waiting = new AbortController();
+    const { signal } = this.#waiting;
+    setAttribute(this.element, "aria-busy", "true");
+    try {
+      const url = await this.#newest.answer(() => this.#kept.get(path, signal));
+      if (url === undefined) return false;
+      this.#image.src = url;
+      this.#image.alt = alt;
+      this.#image.hidden = false;
+      await this.#image.decode().catch(() => {});
+      this.shown(url, alt);
+      return true;
+    } finally {
+      if (!signal.aborted) setAttribute(this.element, "aria-busy", null);
+    }
+  }
+
+  /** Have a picture ready that is probably wanted next. @param {string} path */
+  prepare(path) {
+    void this.#kept.get(path, this.#waiting.signal).catch(() => {});
+  }
+}
+
+class KeptPictures {
+  /** Addresses of pictures in memory by the path they came from. @type {Map<string, string>} */
+  #urls = new Map();
+
+  /** @param {string} path @param {AbortSignal} signal @returns {Promise<string>} */
+  async get(path, signal) {
+    const kept = this.#urls.get(path);
+    if (kept !== undefined) {
+      this.#urls.delete(path);
+      this.#urls.set(path, kept);
+      return kept;
+    }
+    const { blob } = await requestImage(path, signal);
+    const url = URL.createObjectURL(blob);
+    // Nothing of it is seen yet, so that the one before stays while this one is read.
+    const image = new Image();
+    image.src = url;
+    await image.decode().catch(() => {});
+    this.#urls.set(path, url);
+    for (const [old, address] of this.#urls) {
+      if (this.#urls.size <= MOST_KEPT) break;
+      this.#urls.delete(old);
+      URL.revokeObjectURL(address);
+    }
+    return url;
+  }
+}

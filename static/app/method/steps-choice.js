@@ -1,0 +1,128 @@
+/** What the steps are shown of: source, frame and preset. */
+
+import { field, h, input, offer, setAttribute } from "../elements/dom.js";
+import { Part } from "../elements/part.js";
+import { request } from "../shell/api.js";
+import { refuse } from "../shell/notice.js";
+import { choiceOfEntry, choicesOfRuns, merged } from "../sources/choices.js";
+import { storeOf } from "../parameters/parameter-store.js";
+
+/** @import { History, MethodSteps, SourceEntry } from "../contract" */
+/** @import { StepsPlace } from "./steps-address.js" */
+
+const MOST_RUNS = 20;
+const MODEL = "ego_motion.model";
+
+/** Values of the place that can be chosen here. @typedef {Partial<Omit<StepsPlace, "step">>} Choice */
+
+export class StepsChoice extends Part {
+  #source = h("select", { id: "steps-source" });
+  #preset = h("select", { id: "steps-preset" });
+  #slider = h("input", { type: "range", "aria-label": "Frame, slider", min: 1, step: 1 });
+  #frame = input("number", "steps-frame", { min: 1, step: 1 });
+  #error = h("p.field-error", { id: "steps-error", role: "alert" });
+  /** Text that names a source, and words. @type {[string, string][]} */
+  #sources = [];
+  /** @type {MethodSteps | null} */
+  #told = null;
+
+  /** Called with what was chosen, and whether more of it follows at once. @type {(choice: Choice, moving: boolean) => void} */
+  chosen = () => {};
+
+  build() {
+    for (const each of [this.#source, this.#preset, this.#frame])
+      setAttribute(each, "aria-describedby", this.#error.id);
+    this.append(
+      h(
+        "div.steps-choice",
+        field("Source", this.#source),
+        field("Preset", this.#preset),
+        h(
+          "div.field",
+          h("label", { for: "steps-frame" }, "Frame"),
+          h("div.frame-choice", this.#slider, this.#frame),
+        ),
+      ),
+      this.#error,
+    );
+    this.#source.addEventListener("change", () =>
+      // Another source has other frames.
+      this.chosen({ source: this.#source.value, frame: null }, false),
+    );
+    this.#preset.addEventListener("change", () =>
+      this.chosen({ preset: this.#preset.value, changes: {} }, false),
+    );
+    this.#slider.addEventListener("input", () => this.#moved(this.#slider.valueAsNumber, true));
+    this.#frame.addEventListener("change", () => this.#moved(this.#frame.valueAsNumber, false));
+    storeOf(this.hub).addEventListener("loaded", () => this.#offerPresets());
+  }
+
+  /** Read what there is to choose from. */
+  async load() {
+    const [entries, history] = await Promise.all([
+      /** @type {Promise<SourceEntry[]>} */ (request("GET", "/sources")).catch(() => []),
+      /** @type {Promise<History | null>} */ (request("GET", `/history?limit=${MOST_RUNS}`)).catch(
+        () => null,
+      ),
+    ]);
+    const listed = entries.filter(
+      ({ template, board, group }) => !template && !board && group !== "cameras",
+    );
+    const choices = merged([...listed.map(choiceOfEntry), ...choicesOfRuns(history?.runs ?? [])]);
+    this.#sources = choices.map(({ spec, title }) => [spec, title]);
+    this.#offerSources();
+  }
+
+  /** @param {MethodSteps} told */
+  show(told) {
+    this.#told = told;
+    this.#offerSources();
+    this.#offerPresets();
+    const last = told.frame_count === null ? null : told.frame_count - 1;
+    this.#slider.hidden = last === null;
+    for (const each of [this.#slider, this.#frame]) {
+      setAttribute(each, "max", last === null ? null : String(last));
+      if (each !== document.activeElement) each.value = String(told.frame);
+    }
+    refuse(this.#error, "");
+  }
+
+  /** @param {string} sentence */
+  fail(sentence) {
+    refuse(this.#error, sentence);
+  }
+
+  /** @param {number} frame @param {boolean} moving */
+  #moved(frame, moving) {
+    if (!Number.isInteger(frame) || frame < 0)
+      return this.fail("Enter a frame number, for example 40.");
+    for (const each of [this.#slider, this.#frame]) each.value = String(frame);
+    this.chosen({ frame }, moving);
+  }
+
+  #offerSources() {
+    const source = this.#told?.source;
+    const there = source === undefined || this.#sources.some(([spec]) => spec === source);
+    offer(
+      this.#source,
+      there ? this.#sources : [[source, source], ...this.#sources],
+      source ?? this.#source.value,
+    );
+  }
+
+  #offerPresets() {
+    if (!this.#told) return;
+    const { models, preset } = this.#told;
+    const names = storeOf(this.hub)
+      .presets.filter(({ values }) => models.includes(String(values[MODEL])))
+      .map(({ name }) => name);
+    if (!names.includes(preset)) names.unshift(preset);
+    offer(
+      this.#preset,
+      names.map((name) => [name, name]),
+      preset,
+    );
+  }
+}
+
+customElements.define("observer-steps-choice", StepsChoice);

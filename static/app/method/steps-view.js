@@ -1,0 +1,377 @@
+/** The paper's method step by step, on one frozen pair of frames. */
+
+import { button, download, h, setAttribute, setText, table, tableRow } from "../elements/dom.js";
+import { KeptList } from "../elements/focus-place.js";
+import { Part } from "../elements/part.js";
+import { fixed, sentence } from "../elements/words.js";
+import { declareKeys, writesText } from "../elements/keys.js";
+import { ParameterField } from "../parameters/parameter-field.js";
+import { storeOf } from "../parameters/parameter-store.js";
+import { groupTitle } from "../parameters/value-words.js";
+import { ExportMenu } from "../runs/export-menu.js";
+import { ApiError, request, requestImage } from "../shell/api.js";
+import { attempt } from "../shell/notice.js";
+import { Newest } from "../sources/newest.js";
+import { formulaParts } from "./step-formula.js";
+import { StepPicture } from "./step-picture.js";
+import { StepPresentation } from "./step-presentation.js";
+import { addressOf, placeOfAddress, queryOf, stepByKey, STEPS } from "./steps-address.js";
+import { StepsChoice } from "./steps-choice.js";
+
+/** @import { MethodStep, MethodSteps } from "../contract" */
+/** @import { Values } from "../parameters/parameter-store.js" */
+/** @import { StepsPlace } from "./steps-address.js" */
+
+declareKeys(
+  "Method steps",
+  ["← →", "Previous and next step"],
+  ["1 2 3 4 5 6 7 8 9", "Go to this step"],
+  ["F P", "Present, or leave the presentation"],
+);
+
+// After the last movement of a slider.
+const PAUSE_MS = 150;
+// The next step's picture is made once this one is seen.
+const PREPARE_MS = 400;
+const MODEL = "ego_motion.model";
+// What arrows and letters do there is their own.
+const OWN_KEYS =
+  'input, select, textarea, [role="tab"], [role="listbox"], [role="menu"], [role="separator"], dialog, .uplot';
+const FORMATS = /** @type {const} */ ([
+  ["png", "PNG", "image, 150 dpi"],
+  ["svg", "SVG", "vector graphics"],
+  ["pdf", "PDF", "vector graphics, for print"],
+  ["csv", "CSV", "the data behind the picture"],
+]);
+
+export class StepsView extends Part {
+  #choice = new StepsChoice();
+  #strip = h("ol.steps-strip");
+  #title = h("h3");
+  #text = h("p");
+  #picture = new StepPicture();
+  #caption = h("figcaption");
+  #formula = h("div.step-formula");
+  #error = h("p.field-error", { role: "alert" });
+  #status = h("p.visually-hidden", { role: "status" });
+  #numbers = h("div");
+  #fields = h("div.step-parameters");
+  #noFields = h("p.hint", "No parameter acts here.");
+  #export = new ExportMenu(() => [{ title: "This step", items: this.#exports() }]);
+  /** @type {StepPresentation | null} */
+  #presentation = null;
+  #newest = new Newest();
+  /** @type {Map<string, ParameterField>} */
+  #made = new Map();
+  #arranged = new KeptList(
+    this.#fields,
+    (/** @type {string} */ name) => this.#field(name),
+    () => null,
+  );
+  /** What is looked at; null: another page is shown. @type {StepsPlace | null} */
+  #place = null;
+  /** @type {MethodSteps | null} */
+  #told = null;
+  #timer = 0;
+  #preparing = 0;
+  /** Of a field: values that reset goes to. @type {Values} */
+  defaults = {};
+
+  build() {
+    for (let step = 1; step <= STEPS; step += 1) {
+      const go = button([h("b", String(step)), h("span")], () => this.#go(step), {
+        class: "steps-button",
+      });
+      this.#strip.append(h("li", go));
+    }
+    const present = button("Present", () => this.#present(), {
+      title: "Full screen (F or P)",
+    });
+    this.append(
+      this.#choice,
+      h("nav", { "aria-label": "Steps of the method" }, this.#strip),
+      h(
+        "div.steps-body",
+        h(
+          "section.steps-main",
+          h("div.steps-head", this.#title, h("div.row", present, this.#export)),
+          this.#text,
+          this.#error,
+          h("figure", this.#picture.element, this.#caption),
+          this.#formula,
+        ),
+        h(
+          "section.steps-side",
+          h("h3", "Parameters of this step"),
+          this.#noFields,
+          this.#fields,
+          h("h3", "Numbers"),
+          this.#numbers,
+        ),
+      ),
+      this.#status,
+    );
+    this.#choice.attach(this.hub);
+    this.#choice.chosen = (choice, moving) => this.#change(choice, moving);
+    this.#picture.shown = (url, alt) => this.#presentation?.show(url, alt);
+    storeOf(this.hub).addEventListener("loaded", () => this.#render());
+    this.hear("themechange", () => this.#draw(), window);
+    this.hear("change", () => this.#draw(), matchMedia("(prefers-color-scheme: dark)"));
+    document.addEventListener("keydown", (event) => this.#pressed(event));
+  }
+
+  /** @param {string | null} hash the page's address; null: another page is shown */
+  show(hash) {
+    this.hidden = hash === null;
+    if (hash === null) {
+      this.#place = null;
+      this.#presentation?.close();
+      return;
+    }
+    const first = this.#place === null;
+    const place = placeOfAddress(hash);
+    const same = this.#place !== null && addressOf(this.#place) === addressOf(place);
+    this.#place = place;
+    if (first) void this.#choice.load();
+    if (!same) void this.#load();
+  }
+
+  // --- what is looked at ---------------------------------------------------------------------
+
+  /** @param {number} step */
+  #go(step) {
+    if (!this.#place || step === this.#place.step) return;
+    this.#place = { ...this.#place, step };
+    history.pushState(null, "", addressOf(this.#place));
+    this.#render();
+    this.#draw();
+  }
+
+  /**
+   * @param {Partial<StepsPlace>} choice
+   * @param {boolean} moving more of it follows at once
+   */
+  #change(choice, moving) {
+    if (!this.#place) return;
+    this.#place = { ...this.#place, ...choice };
+    const address = addressOf(this.#place);
+    // Every place of a slider would be a page to go back through.
+    if (choice.source || choice.preset) history.pushState(null, "", address);
+    else history.replaceState(null, "", address);
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => void this.#load(), moving ? PAUSE_MS : 0);
+  }
+
+  /** A field's value is being moved. @param {Values} values */
+  async change(values) {
+    this.#takeValues(values, true);
+  }
+
+  /** And has been chosen. @param {Values} values */
+  async changeUndoably(values) {
+    this.#takeValues(values, false);
+  }
+
+  /** @param {Values} values @param {boolean} moving */
+  #takeValues(values, moving) {
+    if (!this.#place) return;
+    const changes = { ...this.#place.changes };
+    for (const [name, value] of Object.entries(values)) {
+      if (value === this.defaults[name]) delete changes[name];
+      else changes[name] = String(value);
+    }
+    this.#change({ changes }, moving);
+  }
+
+  // --- asking the server ---------------------------------------------------------------------
+
+  async #load() {
+    const place = this.#place;
+    if (!place) return;
+    clearTimeout(this.#timer);
+    this.#render();
+    setAttribute(this, "aria-busy", "true");
+    /** @type {Promise<MethodSteps | undefined>} */
+    const asked = this.#newest.answer(() => request("GET", `/steps?${queryOf(place)}`));
+    // A frame that the server chooses is known only from its answer.
+    const drawing = place.frame === null ? null : this.#draw();
+    try {
+      const told = await asked;
+      if (told === undefined || this.#place === null) return;
+      this.#take(told);
+      if (drawing === null) this.#draw();
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      this.#refused(error);
+    }
+    setAttribute(this, "aria-busy", null);
+  }
+
+  /** @param {MethodSteps} told */
+  #take(told) {
+    const place = /** @type {StepsPlace} */ (this.#place);
+    this.#told = told;
+    this.defaults = /** @type {Values} */ (told.preset_values);
+    this.#place = { ...place, source: told.source, frame: told.frame };
+    history.replaceState(null, "", addressOf(this.#place));
+    this.#choice.show(told);
+    setText(this.#error, "");
+    this.#render();
+  }
+
+  /** What was shown stays. @param {ApiError} error */
+  #refused({ fields, message }) {
+    const { changes } = /** @type {StepsPlace} */ (this.#place);
+    const refused = Object.keys(fields).filter((name) => name in changes);
+    for (const name of refused) this.#made.get(name)?.fail(fields[name] ?? "");
+    const unseen = refused.filter((name) => !this.#made.get(name)?.isConnected);
+    if (refused.length > 0 && unseen.length === 0) {
+      for (const name of refused) delete changes[name];
+      history.replaceState(null, "", addressOf(/** @type {StepsPlace} */ (this.#place)));
+    } else this.#choice.fail(message);
+  }
+
+  /** Show the picture of the present step. */
+  async #draw() {
+    const place = this.#place;
+    if (!place) return;
+    clearTimeout(this.#preparing);
+    const step = this.#step;
+    try {
+      const alt = step ? `Step ${step.number}, ${step.title}. ${step.caption}` : "";
+      if (!(await this.#picture.show(picturePath(place), alt))) return;
+      setText(this.#error, "");
+      const next = { ...place, step: (place.step % STEPS) + 1 };
+      this.#preparing = setTimeout(() => this.#picture.prepare(picturePath(next)), PREPARE_MS);
+    } catch (error) {
+      if (!(error instanceof ApiError)) throw error;
+      // What is wrong with the choice is said where it was made.
+      if (error.status !== 422) setText(this.#error, error.message);
+    }
+  }
+
+  #exports() {
+    return FORMATS.map(([format, words, help]) => ({
+      words,
+      help,
+      take: () =>
+        attempt(async () => {
+          const place = this.#place;
+          const step = this.#step;
+          if (!place || !step) return;
+          const { blob } = await requestImage(`/steps/${step.number}.${format}?${queryOf(place)}`);
+          download(blob, `step-${step.number}-${step.key}-frame-${place.frame}.${format}`);
+        }),
+    }));
+  }
+
+  // --- what is seen --------------------------------------------------------------------------
+
+  /** @returns {MethodStep | undefined} */
+  get #step() {
+    const number = this.#place?.step;
+    return this.#told?.steps.find((step) => step.number === number);
+  }
+
+  #render() {
+    const number = this.#place?.step;
+    for (const [at, item] of [...this.#strip.children].entries()) {
+      const go = /** @type {HTMLElement} */ (item.firstElementChild);
+      setAttribute(go, "aria-current", at + 1 === number ? "step" : null);
+      const step = this.#told?.steps[at];
+      const words = go.querySelector("span");
+      if (step && words) setText(words, groupTitle(step.key));
+    }
+    const step = this.#step;
+    if (!step || !this.#told) return;
+    setText(this.#title, `${step.number}. ${step.title}`);
+    setText(this.#text, step.text);
+    setText(this.#caption, step.caption);
+    setText(this.#status, `Step ${step.number}, ${step.title}`);
+    this.#formula.replaceChildren(...formulaParts(step));
+    const rows = step.numbers.map(({ name, value, unit, digits }) =>
+      tableRow(name, `${fixed(value, digits)}${unit && value !== null ? ` ${unit}` : ""}`),
+    );
+    this.#numbers.replaceChildren(
+      step.missing ? h("p.hint", sentence(step.missing)) : "",
+      table("step-numbers", [], rows),
+    );
+    this.#presentation?.tell(step);
+    this.#showFields(step, /** @type {Values} */ (this.#told.values));
+  }
+
+  /** @param {MethodStep} step @param {Values} values */
+  #showFields({ parameters }, values) {
+    const known = storeOf(this.hub).schema.map(({ name }) => name);
+    const shown = parameters.filter((name) => known.includes(name));
+    this.#arranged.show(shown, (name) => name);
+    this.#noFields.hidden = shown.length > 0;
+    const model = String(values[MODEL]);
+    for (const name of shown) {
+      const value = values[name];
+      if (value !== undefined) this.#made.get(name)?.show(value, model);
+    }
+  }
+
+  /** @param {string} name */
+  #field(name) {
+    const made = this.#made.get(name);
+    if (made) return made;
+    const field = new ParameterField();
+    const entry = storeOf(this.hub).schema.find((each) => each.name === name);
+    if (!entry) return field;
+    const choices = name === MODEL ? (this.#told?.models ?? []) : entry.choices;
+    field.build({ ...entry, choices }, this, "step");
+    this.#made.set(name, field);
+    return field;
+  }
+
+  // --- keys and presenting -------------------------------------------------------------------
+
+  #present() {
+    if (!this.#presentation) {
+      this.#presentation = new StepPresentation(this.hub);
+      this.#presentation.stepped = (by) => this.#go(clamped((this.#place?.step ?? 1) + by));
+    }
+    if (this.#step) this.#presentation.tell(this.#step);
+    this.#presentation.open();
+    void this.#draw();
+  }
+
+  /** @param {KeyboardEvent} event */
+  #pressed(event) {
+    const place = this.#place;
+    if (!place || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey) return;
+    const target = event.target instanceof HTMLElement ? event.target : document.body;
+    const presents = this.#presentation?.isOpen === true;
+    if (!presents && (writesText(target) || target.closest(OWN_KEYS))) return;
+    // Somebody may be driving by the arrow keys.
+    if (!presents && this.hub.driver.hindrance === "") return;
+    if (/^[fp]$/i.test(event.key)) {
+      event.preventDefault();
+      if (presents) this.#presentation?.close();
+      else this.#present();
+      return;
+    }
+    const step = stepByKey(event.key, place.step, presents);
+    if (step === null) return;
+    event.preventDefault();
+    this.#go(step);
+  }
+}
+
+/** @param {StepsPlace} place */
+function picturePath(place) {
+  const look = document.documentElement.dataset.theme;
+  const dark =
+    look === "dark" || (look !== "light" && matchMedia("(prefers-color-scheme: dark)").matches);
+  const query = queryOf(place, { labelled: "false", ...(dark ? { dark: "true" } : {}) });
+  return `/steps/${place.step}.svg?${query}`;
+}
+
+/** @param {number} step */
+function clamped(step) {
+  return Math.min(STEPS, Math.max(1, step));
+}
+
+customElements.define("observer-steps", StepsView);
