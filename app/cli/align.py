@@ -33,42 +33,43 @@ if TYPE_CHECKING:
 
 def align(
     run: RunArgument,
-    output: Annotated[Path, typer.Option(help="What report and chart take with --compared; JSON.")],
+    output: Annotated[
+        Path, typer.Option(help="Output for report and chart, option --compared; JSON.")
+    ],
     truth: Annotated[
         Path | None,
         typer.Option(
             help=f"Motion capture ({names_in_words()}), or the recording of a run with live motion "
-            "capture. Left out: what this run heard live."
+            "capture. Default: the motion capture received live with this run."
         ),
     ] = None,
-    name: Annotated[str | None, typer.Option(help="Of the truth, for people.")] = None,
+    name: Annotated[str | None, typer.Option(help="Label of the ground truth.")] = None,
     observer: ObserverOption = None,
     ignore: IgnoreOption = None,
     match: Annotated[
         list[str] | None,
         typer.Option(
             metavar="TRACK=BODY",
-            help="Which body a track is, as in 0:3=cart, or that it is none, as in 0:3=; may be "
-            "given more than once.",
+            help="Assign a track to a body, as in 0:3=cart, or to none, as in 0:3=; repeatable.",
         ),
     ] = None,
     expect: Annotated[
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help=f"What is to be added to truth's times, to within {_ROUGHLY_S:g} s; for a motion "
-            f"that repeats itself.",
+            help="Approximate time offset to add to the times of the ground truth, within "
+            f"{_ROUGHLY_S:g} s; for periodic motion.",
         ),
     ] = None,
     camera_on_body: CameraOnBodyOption = None,
     rate: RateOption = None,
     angles: AnglesOption = None,
     speeds: Annotated[
-        Path | None, typer.Option(help="Also the true speeds at the run's frames; JSON.")
+        Path | None, typer.Option(help="Also write the true speeds at the frames of the run; JSON.")
     ] = None,
     data: DataOption = None,
 ) -> None:
-    """Align motion capture with a run: clocks, room and which track is which body."""
+    """Align motion capture with a run: time offset, room frame and matching of tracks to bodies."""
     from app.contract.values import plain
     from app.reports.comparison import (
         ComparedRecording,
@@ -128,7 +129,7 @@ def _choices(
     for text in matches:
         track, equals, body = text.partition("=")
         if not equals:
-            raise InputError(f"a match is given as TRACK=BODY, as in 0:3=cart, not {text[:60]}")
+            raise InputError(f"give a match as TRACK=BODY, for example 0:3=cart, not {text[:60]}")
         found[TrackKey.parse(track)] = body or None
     more: dict[str, Any] = {"T_body_camera": T_body_camera}
     if expected_s is not None:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 
 from observer.errors import InputError
-from observer.parameters import Parameters, ParameterValue, effective, preset
+from observer.parameters import Parameters, ParameterValue, effective, preset, typed_value
 
 
 def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameters:
@@ -22,17 +21,8 @@ def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameter
         name, equals, value = text.partition("=")
         if not equals:
             raise InputError(
-                f"--set takes NAME=VALUE, as in --set ego_motion.model=affine, not {text[:80]!r}"
+                "--set takes NAME=VALUE, for example --set ego_motion.model=affine, not "
+                f"{text[:80]!r}"
             )
-        changes[name.strip()] = _typed(value.strip())
+        changes[name.strip()] = typed_value(value.strip())
     return effective(preset(preset_name), changes)
-
-
-def _typed(text: str) -> ParameterValue:
-    """Convert numbers and true/false to their types; keep everything else as text."""
-    try:
-        value = json.loads(text)
-    except (ValueError, RecursionError):
-        # No JSON, or more digits or brackets than any value has.
-        return text
-    return value if isinstance(value, int | float | bool) else text

@@ -12,15 +12,17 @@ from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 
 def backup(
-    file: Annotated[Path, typer.Argument(help="What to write, FILE.zip or FILE.tar.")],
+    file: Annotated[Path, typer.Argument(help="Output file, FILE.zip or FILE.tar.")],
     data: DataOption = None,
     database: DatabaseOption = None,
     recordings: Annotated[
         bool,
-        typer.Option("--recordings", help="Also recordings and saved rings, which may be large."),
+        typer.Option(
+            "--recordings", help="Include recordings and saved clips, which may be large."
+        ),
     ] = False,
 ) -> None:
-    """Write runs, speeds, parameters, presets, calibrations, rig, programmes and truths."""
+    """Back up runs, speeds, parameters, presets, calibrations, rig, programmes and ground truth."""
     from app.storage.backup import write_backup
     from observer.version import library_version
 
@@ -35,5 +37,5 @@ def backup(
             progress=progress,
         )
     size = sum(entry.size for entry in manifest.files.values())
-    without = "" if recordings else ", without recordings (--recordings brings them)"
+    without = "" if recordings else ", without recordings (--recordings includes them)"
     typer.echo(f"{len(manifest.files)} files, {size / 1e6:.1f} MB, in {file}{without}", err=True)

@@ -32,61 +32,59 @@ FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 def benchmark(
     source: Annotated[
         str | None,
-        typer.Argument(help="A source of your own; all benchmark scenarios if left out."),
+        typer.Argument(help="A source of your own; default: all benchmark scenarios."),
     ] = None,
     as_json: JsonOption = False,
     seeds: Annotated[
         int, typer.Option(min=1, max=100, help="Seeds of each scenario, drawn at run time.")
     ] = 1,
     seed: Annotated[
-        list[int] | None, typer.Option(help="A certain seed in place of drawn ones.")
+        list[int] | None, typer.Option(help="Use this seed instead of random ones.")
     ] = None,
     frames: Annotated[
-        int, typer.Option(min=5, help="Most frames of each source.")
+        int, typer.Option(min=5, help="Maximum number of frames per source.")
     ] = DEFAULT_MAX_FRAMES,
     road: Annotated[
         bool,
         typer.Option(
             "--road",
-            help=f"Match truth within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m, and classes "
-            f"of range and speed for roads.",
+            help=f"For roads: match ground truth within {ROAD.gate_m:g} m instead of "
+            f"{LAB.gate_m:g} m, with matching range and speed classes.",
         ),
     ] = False,
     output: Annotated[
         Path | None,
-        typer.Option(help="A folder for benchmark.json, benchmark.md and benchmark.png."),
+        typer.Option(help="Output folder for benchmark.json, benchmark.md and benchmark.png."),
     ] = None,
     figure: Annotated[
-        Path | None, typer.Option(help="Draw the comparison into this .png, .svg or .pdf.")
+        Path | None, typer.Option(help="Plot the comparison to this .png, .svg or .pdf file.")
     ] = None,
     jobs: Annotated[
         int,
         typer.Option(
             min=1,
             max=64,
-            help="Spread the sources over so many processes: the same accuracy sooner, but the "
-            "cost of observe is then not measured.",
+            help="Number of parallel processes: the same accuracy sooner, but the processing time "
+            "is then not measured.",
         ),
     ] = 1,
     calibration: Annotated[
         bool,
         typer.Option(
             "--calibration",
-            help="Calibrate simulated cameras with a board, once for each seed, in place of all "
-            "else: about 10 s each.",
+            help="Only calibrate simulated cameras with a board, once per seed: about 10 s each.",
         ),
     ] = False,
 ) -> None:
-    """Compare the presets over scenarios and seeds, and time the loop.
+    """Compare the presets over scenarios and seeds, and measure the processing time.
 
-    Calibration is measured only where it is asked for, and then alone.
+    Calibration is measured only on request, and then nothing else is.
     """
     drawn = seed or random.SystemRandom().sample(range(1, 10_000), seeds)
     if calibration:
         if source is not None or figure is not None:
             raise InputError(
-                "--calibration brings its own cameras and draws no figure; leave SOURCE and "
-                "--figure out"
+                "--calibration uses its own cameras and draws no figure; omit SOURCE and --figure"
             )
         tell_measured(
             "calibration",
@@ -133,7 +131,7 @@ def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
     for path in paths:
         if path.suffix.lower() not in FIGURE_SUFFIXES:
             raise InputError(
-                f"a figure's name must end in {', '.join(FIGURE_SUFFIXES)}, unlike {path.name}"
+                f"the name of a figure must end in {', '.join(FIGURE_SUFFIXES)}, unlike {path.name}"
             )
         if not path.parent.is_dir():
             raise InputError(f"cannot write {path}: the folder {path.parent} does not exist")

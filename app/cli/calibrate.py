@@ -19,6 +19,7 @@ from observer.calibration.report import fit_report
 from observer.calibration.stereo_fit import StereoFit
 from observer.calibration.verdict import Verdict, judge, length_words
 from observer.errors import InputError
+from observer.intervals import half_95
 
 # Detection uses both cores; the fit takes roughly the remaining share of the steps.
 _WORKERS = 2
@@ -27,37 +28,38 @@ _STEPS, _LOOKING = 1000, 600
 
 def calibrate(
     left: Annotated[
-        str, typer.Argument(help="Pattern of the left images, quoted, as 'left/*.png'.")
+        str, typer.Argument(help="Quoted pattern of the left images, for example 'left/*.png'.")
     ],
     right: Annotated[str, typer.Argument(help="Pattern of the right images.")],
     board: Annotated[
-        str, typer.Option(help="Columns and rows of inner corners of the board, as in 9x6.")
+        str, typer.Option(help="Columns and rows of inner corners of the board, for example 9x6.")
     ],
     square_mm: Annotated[
-        float, typer.Option(help="Side of a square in millimetres, as measured on the print.")
+        float, typer.Option(help="Side of a square in millimetres, measured on the print.")
     ],
-    output: Annotated[Path, typer.Option(help="File for the calibration (OpenCV YAML).")],
+    output: Annotated[Path, typer.Option(help="Output file for the calibration (OpenCV YAML).")],
     charuco: Annotated[
         bool, typer.Option("--charuco", help="The board is a ChArUco board (DICT_4X4_250).")
     ] = False,
     fisheye: Annotated[
-        bool, typer.Option("--fisheye", help="Fit the model of fisheye lenses (equidistant).")
+        bool, typer.Option("--fisheye", help="Use the fisheye lens model (equidistant).")
     ] = False,
     frame_rate: Annotated[
-        float, typer.Option(min=0.1, max=1000, help="Of the cameras, for the delays told.")
+        float,
+        typer.Option(min=0.1, max=1000, help="Frame rate of the cameras, for the stated delays."),
     ] = 30.0,
     as_json: Annotated[
-        bool, typer.Option("--json", help="Print the result as JSON instead of words.")
+        bool, typer.Option("--json", help="Print the result as JSON instead of text.")
     ] = False,
 ) -> None:
-    """Calibrate a pair of cameras by images of a board, and say what the rig can do."""
+    """Calibrate a stereo camera from images of a board, and state what it can detect."""
     columns, rows = parse_board_size(board)
     shown = Board("charuco" if charuco else "chessboard", columns, rows, square_mm / 1e3)
     pairs, unpaired = read_board_pairs(left, right)
     # Checked before seconds of work, not after.
     if not output.parent.is_dir():
-        raise InputError(f"cannot write {output}: name a file in a folder that exists")
-    with progress_bar(f"calibrating by {len(pairs)} pairs") as advance:
+        raise InputError(f"cannot write {output}: name a file in an existing folder")
+    with progress_bar(f"calibrating with {len(pairs)} pairs") as advance:
 
         def part(begin: int, length: int) -> Callable[[str, float], None]:
             return lambda _words, share: advance(begin + round(share * length), _STEPS)
@@ -73,7 +75,7 @@ def calibrate(
         )
         verdict = judge(fit, frame_rate)
     for refused in (*unpaired, *found.refused):
-        typer.echo(f"refused {refused.name}: {refused.reason}", err=True)
+        typer.echo(f"rejected {refused.name}: {refused.reason}", err=True)
     _tell_views(found, fit)
     with whole_file(output) as file:
         file.write(calibration_text(fit.calibration))
@@ -93,23 +95,23 @@ def _tell_views(found: FoundBoards, fit: StereoFit) -> None:
     by_one = 0
     for view, error in zip(found.views, fit.views, strict=True):
         if not error.used:
-            typer.echo(f"refused view {error.name}: {error.reason}", err=True)
+            typer.echo(f"rejected view {error.name}: {error.reason}", err=True)
             continue
         if view.left is None or view.right is None:
             by_one += 1
             missing = "left" if view.left is None else "right"
             typer.echo(
-                f"view {error.name}: not found in the {missing} image, serves the other camera "
-                f"alone",
+                f"view {error.name}: not found in the {missing} image, used for the other camera "
+                "only",
                 err=True,
             )
         if error.strays:
             typer.echo(
                 f"view {error.name}: {error.strays} wrongly detected "
-                f"corner{'' if error.strays == 1 else 's'} left out",
+                f"corner{'' if error.strays == 1 else 's'} excluded",
                 err=True,
             )
-    alone = f" and {by_one} of one camera" if by_one else ""
+    alone = f" and {by_one} single images" if by_one else ""
     typer.echo(f"used {fit.pairs} pairs{alone} of {len(fit.views)} views", err=True)
 
 
@@ -117,32 +119,31 @@ def _words(fit: StereoFit, verdict: Verdict) -> list[str]:
     c, half = fit.calibration, fit.interval_95
     across, down = fit.field_of_view_deg
     lines = [
-        f"corners fit to  {fit.rms_left:.2f} px left, {fit.rms_right:.2f} px right, "
-        f"{fit.rms_stereo:.2f} px both (root mean square)",
-        "rows agree to   "
+        f"reprojection    {fit.rms_left:.2f} px left, {fit.rms_right:.2f} px right, "
+        f"{fit.rms_stereo:.2f} px both (RMS)",
+        "epipolar error  "
         + (
-            "not measured: too few pairs to leave some out"
+            "not measured: too few pairs to hold some out"
             if fit.held_out is None
-            else f"{fit.held_out.median_px:.2f} px in the median, {fit.held_out.p95_px:.2f} px for "
-            f"95 % of {fit.held_out.count} corners on views that were left out"
+            else f"{fit.held_out.median_px:.2f} px median, {fit.held_out.p95_px:.2f} px at most "
+            f"for 95 % of {fit.held_out.count} corners of held-out views"
         ),
-        f"baseline        {1e3 * c.baseline:.1f} mm (95 % within +- "
-        f"{1e3 * half.baseline_m:.2f} mm)",
-        f"focal length    {c.K1[0, 0]:.1f} and {c.K2[0, 0]:.1f} px (95 % within +- "
-        f"{half.focal_left_px:.1f} and {half.focal_right_px:.1f} px)",
+        f"baseline        {1e3 * c.baseline:.1f} ± {1e3 * half.baseline_m:.2f} mm (95 % interval)",
+        f"focal length    {c.K1[0, 0]:.1f} ± {half.focal_left_px:.1f} px left, {c.K2[0, 0]:.1f} ± "
+        f"{half.focal_right_px:.1f} px right (95 % intervals)",
         f"field of view   {across:.1f} x {down:.1f} degrees",
         "",
         verdict.sentence,
         "",
-        f"{'at':>5}  {'depth to':>16}  {'slowest sideways':>22}  {'slowest towards you':>22}",
+        f"{'range':>5}  {'depth, 95 %':>18}  {'slowest sideways':>22}  {'slowest towards you':>22}",
     ]
     for row in verdict.rows:
         motions = (
             "none within 1 s" if m is None else f"{m.speed_mps:g} m/s in {m.delay_s:.1f} s"
             for m in (row.across, row.towards)
         )
-        depth = f"{length_words(row.depth_m)} ({100 * row.depth_share:.1f} %)"
+        depth = f"± {length_words(half_95(row.depth_m))} ({100 * half_95(row.depth_share):.1f} %)"
         lines.append(
-            f"{row.distance_m:>3g} m  {depth:>16}  " + "  ".join(f"{m:>22}" for m in motions)
+            f"{row.distance_m:>3g} m  {depth:>18}  " + "  ".join(f"{m:>22}" for m in motions)
         )
     return [*lines, *(f"warning: {text}" for text in verdict.warnings)]

@@ -20,18 +20,25 @@ _ENDINGS = (".csv", ".json", *_FIGURES)
 def chart(
     run: RunArgument,
     output: Annotated[
-        Path, typer.Option(help=f"What to write; its ending decides: {', '.join(_ENDINGS)}.")
+        Path,
+        typer.Option(help=f"Output file; the extension decides the format: {', '.join(_ENDINGS)}."),
     ],
     begin: Annotated[
-        float | None, typer.Option(help="Seconds on the source's clock; else the run's beginning.")
+        float | None,
+        typer.Option(help="Seconds on the source's clock; default: the start of the run."),
     ] = None,
-    end: Annotated[float | None, typer.Option(help="As begin; else the run's end.")] = None,
-    title: Annotated[str | None, typer.Option(help="Of a figure; else the run's name.")] = None,
+    end: Annotated[
+        float | None,
+        typer.Option(help="Seconds on the source's clock; default: the end of the run."),
+    ] = None,
+    title: Annotated[
+        str | None, typer.Option(help="Title of the figure; default: the name of the run.")
+    ] = None,
     compared: ComparedOption = None,
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Draw the speed by the observer, by truth, as commanded and by encoders over time."""
+    """Plot estimated, true, commanded and wheel-encoder speeds over time."""
     from app.contract.values import plain
     from app.reports.comparison import gather_compared
     from app.reports.run_chart import chart_csv, chart_values
@@ -41,9 +48,9 @@ def chart(
 
     ending = output.suffix.lower()
     if ending not in _ENDINGS:
-        raise InputError(f"the ending of {output.name} says nothing; use {', '.join(_ENDINGS)}")
+        raise InputError(f"unknown extension in {output.name}; use {', '.join(_ENDINGS)}")
     if begin is not None and end is not None and begin >= end:
-        raise InputError(f"the end must lie behind the beginning, not at {end:g} s")
+        raise InputError(f"the end must be after the start, not at {end:g} s")
     path, comparison = chosen_run(run, compared, data, database)
     gathered = gather_compared(path, comparison)
     if begin is not None or end is not None:
@@ -55,8 +62,8 @@ def chart(
             with Recording(path) as recording:
                 title = recording.facts.name or recording.facts.id
         # The plotting code takes as long to import as everything else.
-        from app.reports.drawing import figure_bytes
         from app.reports.speed_figure import speed_figure
+        from observer.figures import figure_bytes
 
         figure = speed_figure([(title, gathered)])
         if begin is not None or end is not None:
@@ -68,4 +75,4 @@ def chart(
     else:
         content = json.dumps(plain(chart_values(gathered)), allow_nan=False).encode()
     write_file(output, content)
-    typer.echo(f"{output} is written", err=True)
+    typer.echo(f"wrote {output}", err=True)

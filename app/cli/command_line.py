@@ -25,35 +25,40 @@ EXIT_INTERRUPTED = 130
 
 # Shown by ``--help``: the first sentence of each command's own help.
 COMMANDS: Mapping[str, str] = {
-    "serve": "Serve the panel; prints the link to open.",
-    "observe": "Observe a source from its first frame to its last and write one JSON line per "
+    "serve": "Serve the web page and print the link to open.",
+    "link": "Print the links that sign a browser in to the running server, and a QR code.",
+    "observe": "Process a source from its first to its last frame and write one JSON line per "
     "frame.",
-    "evaluate": "Compare tracks with truth: recall, false obstacles, errors of position and "
-    "velocity.",
-    "export": "Write a run's tracks, truth, video, point cloud or ROS 2 bag.",
-    "chart": "Draw the speed by the observer, by truth, as commanded and by encoders over time.",
-    "align": "Align motion capture with a run: clocks, room and which track is which body.",
-    "truth": "Say what a file of motion capture holds: its bodies, rate, units, angles and gaps.",
-    "purge": "Delete runs and truths for good that were deleted in the history, with their "
-    "recordings.",
-    "report": "Write one self-contained page: figures 9-17, errors, parameters, calibration.",
-    "reproduce": "Drive both experiments of figure 17 in the simulated lab and redo the paper's "
+    "evaluate": "Compare tracks with ground truth: recall, false obstacles, position and velocity "
+    "errors.",
+    "export": "Export the tracks, ground truth, video, point cloud or ROS 2 bag of a run.",
+    "chart": "Plot estimated, true, commanded and wheel-encoder speeds over time.",
+    "frames": "Write each frame's boxes, speeds and counts against ground truth as JSON.",
+    "align": "Align motion capture with a run: time offset, room frame and matching of tracks to "
+    "bodies.",
+    "truth": "Describe a motion-capture file: its bodies, frame rate, units, angles and gaps.",
+    "purge": "Permanently remove deleted runs and ground truth, with their recordings.",
+    "report": "Write a self-contained report of a run: figures 9-17, errors, parameters, "
+    "calibration.",
+    "reproduce": "Run both experiments of figure 17 in the simulated lab and reproduce the paper's "
     "figures.",
-    "simulate": "Write left/, right/, times.txt, calibration.yaml and truth.csv of a scenario.",
-    "calibrate": "Calibrate a pair of cameras by images of a board, and say what the rig can do.",
+    "simulate": "Render a scenario into left/, right/, times.txt, calibration.yaml and truth.csv.",
+    "calibrate": "Calibrate a stereo camera from images of a board, and state what it can detect.",
     "coppelia-scene": "Build two P3-DX, stereo cameras on one, walls and textured boxes in "
     "CoppeliaSim.",
-    "parameters": "List the parameters that --set, the panel and REST take.",
-    "drive": "Drive the robots of a running server by a programme, while this command runs.",
-    "programmes": "List the programmes that come with the project; a server may keep more.",
-    "benchmark": "Compare the presets over scenarios and seeds, and time the loop.",
-    "sweep": "Evaluate every combination of parameters over every source, and rank them.",
-    "emulate": "Emulate a robot on an empty floor until Ctrl-C, and print the port to connect it "
-    "by.",
-    "backup": "Write runs, speeds, parameters, presets, calibrations, rig, programmes and truths.",
-    "restore": "Put a backup in place, checked as a whole before anything is touched.",
-    "doctor": "List cameras, ports, data folder and what to do about each problem; 1 if one "
-    "hinders.",
+    "parameters": "List the parameters that --set, the web page and REST accept.",
+    "drive": "Run a programme on the robots of a running server, as long as this command runs.",
+    "programmes": "List the built-in programmes; a server may have more.",
+    "benchmark": "Compare the presets over scenarios and seeds, and measure the processing time.",
+    "sweep": "Evaluate every combination of parameters on every source, and rank them.",
+    "emulate": "Emulate a robot on an empty floor until Ctrl-C, and print the port to connect to.",
+    "backup": "Back up runs, speeds, parameters, presets, calibrations, rig, programmes and ground "
+    "truth.",
+    "restore": "Restore a backup; it is checked completely before anything is changed.",
+    "systemd-unit": "Print a unit of systemd that starts this installation's server with the "
+    "computer.",
+    "doctor": "Check cameras, ports and the data folder; exit code 1 if a problem prevents the "
+    "start.",
 }
 # Each command lives in the module of its name, with this one exception.
 _MODULES = {"programmes": "drive"}
@@ -93,7 +98,7 @@ def _empty() -> typer.Typer:
     return typer.Typer(
         name="dynamic-observer",
         cls=_Commands,
-        help="Sees moving obstacles from a moving robot with two cheap cameras.",
+        help="Detects moving obstacles from a moving robot with a low-cost stereo camera.",
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
@@ -122,7 +127,8 @@ def run(cli: typer.Typer, arguments: Sequence[str] | None = None) -> NoReturn:
     except DynamicObserverError as error:
         _leave(str(error), EXIT_FAILED)
     except TyperException as error:
-        _leave(f"{error.format_message().rstrip('.')} (see --help)", EXIT_INPUT)
+        said = error.format_message().rstrip(".").replace("Input should", "must")
+        _leave(f"{said} (see --help)", EXIT_INPUT)
     except (KeyboardInterrupt, typer.Abort):
         _leave("interrupted", EXIT_INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)

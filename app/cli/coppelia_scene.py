@@ -9,7 +9,7 @@ import typer
 
 def coppelia_scene(
     address: Annotated[
-        str, typer.Argument(metavar="[HOST:PORT]", help="Where the simulator listens.")
+        str, typer.Argument(metavar="[HOST:PORT]", help="Address of the simulator.")
     ] = "127.0.0.1:23000",
 ) -> None:
     """Build two P3-DX, stereo cameras on one, walls and textured boxes in CoppeliaSim."""

@@ -18,18 +18,23 @@ _EXIT_HINDERED = 1
 def doctor(
     data: DataOption = None,
     database: DatabaseOption = None,
+    host: Annotated[str | None, typer.Option(help="Address to examine, as serve takes it.")] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(help="Port to examine: whether it is free, who has it, where it is reached."),
+    ] = None,
     as_json: Annotated[
         bool, typer.Option("--json", help="One JSON object in place of words.")
     ] = False,
 ) -> None:
-    """List cameras, ports, data folder and what to do about each problem; 1 if one hinders."""
+    """Check cameras, ports and the data folder; exit code 1 if a problem prevents the start."""
     from app.doctor.examination import examine
     from app.doctor.telling import tell
     from observer.machine import Machine
 
     settings: Settings | str
     try:
-        settings = chosen_settings(data=data, database=database)
+        settings = chosen_settings(data=data, database=database, host=host, port=port)
     except InputError as error:
         settings = str(error)
     examination = examine(settings, Machine())

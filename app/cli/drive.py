@@ -24,45 +24,49 @@ Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 def drive(
     programme: Annotated[
         str | None,
-        typer.Argument(help="Name of a programme, or a YAML file, which the server then keeps."),
+        typer.Argument(help="Name of a programme, or a YAML file, which the server then stores."),
     ] = None,
-    server: Annotated[str, typer.Option(help="The running server.")] = _DEFAULT_SERVER,
+    server: Annotated[str, typer.Option(help="Address of the running server.")] = _DEFAULT_SERVER,
     token: Annotated[
         str | None,
-        typer.Option(help="Its token; others on this machine can read it in the process list."),
+        typer.Option(
+            help="Token of the server; other users of this computer can see it in the process list."
+        ),
     ] = None,
     token_file: Annotated[
-        Path | None, typer.Option(help="File that holds its token, as serve --token-file.")
+        Path | None, typer.Option(help="File with the token, as given to serve --token-file.")
     ] = None,
-    repeat: Annotated[int, typer.Option(help="How many times.")] = 1,
+    repeat: Annotated[int, typer.Option(help="Number of repetitions.")] = 1,
     reverse: Annotated[
-        bool, typer.Option("--reverse", help="Drive the way back, to where it would begin.")
+        bool,
+        typer.Option("--reverse", help="Drive the path in reverse, back to its starting point."),
     ] = False,
     takeover: Annotated[
-        bool, typer.Option("--takeover", help="Take the robots from who drives them.")
+        bool, typer.Option("--takeover", help="Take control even if somebody else has it.")
     ] = False,
     stop: Annotated[
         bool, typer.Option("--stop", help="Stop all robots and do nothing else.")
     ] = False,
     as_json: Annotated[
-        bool, typer.Option("--json", help="What was driven, as one JSON object on stdout.")
+        bool, typer.Option("--json", help="Print what was driven as one JSON object on stdout.")
     ] = False,
 ) -> None:
-    """Drive the robots of a running server by a programme, while this command runs.
+    """Run a programme on the robots of a running server, as long as this command runs.
 
-    It takes and arms the robots that the programme moves, and says ten times a second that you
-    are there: Ctrl-C, a closed terminal or a lost connection stop the robots within 300 ms. This
-    is a software stop; keep the robots' own switch in reach.
+    It takes control of the robots that the programme moves, arms them, and confirms ten times a
+    second that you are present: Ctrl-C, a closed terminal or a lost connection stop the robots
+    within 300 ms. This is a software stop, not a substitute for an emergency stop: keep the
+    robots' own switch within reach.
     """
     from app.client.server_api import ServerApi, read_token
 
     if stop == (programme is not None):
-        raise InputError("name a programme to drive, or give --stop alone")
+        raise InputError("name a programme to run, or give only --stop")
     api = ServerApi(server, read_token(token, token_file))
     try:
         if stop:
             api.post("robots", "stop")
-            typer.echo("all robots are stopped; they need a reset before they drive", err=True)
+            typer.echo("all robots are stopped; reset the stop before they can drive", err=True)
             return
         assert programme is not None
         with _ended_by_signals():
@@ -73,13 +77,14 @@ def drive(
 
 def programmes(
     name: Annotated[
-        str | None, typer.Argument(help="Print this one's YAML, to begin one's own with.")
+        str | None,
+        typer.Argument(help="Print the YAML of this programme, as a starting point for your own."),
     ] = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON list in place of words.")
+        bool, typer.Option("--json", help="Print one JSON list instead of text.")
     ] = False,
 ) -> None:
-    """List the programmes that come with the project; a server may keep more."""
+    """List the built-in programmes; a server may have more."""
     from observer.motion_profiles.library import library_text, load_profile, profile_names
     from observer.motion_profiles.playing import duration_s
 
@@ -128,7 +133,7 @@ def _play(
             if as_json:
                 ended = {"finished": sentence is None, "reason": sentence}
                 typer.echo(json.dumps({**played.summary(), **ended}, allow_nan=False))
-    typer.echo(f"{chosen.name} is driven; the robots are disarmed", err=True)
+    typer.echo(f"{chosen.name} is finished; the robots are disarmed", err=True)
 
 
 def _chosen(api: Any, programme: str) -> Any:

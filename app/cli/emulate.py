@@ -19,23 +19,28 @@ def emulate(
     tcp: Annotated[
         int | None,
         typer.Option(
-            min=0, max=65535, help="TCP port of this machine; 0, as without it: a free one."
+            min=0, max=65535, help="TCP port on this computer; 0 or omitted: any free port."
         ),
     ] = None,
-    pty: Annotated[bool, typer.Option("--pty", help="A pseudo terminal instead.")] = False,
+    pty: Annotated[bool, typer.Option("--pty", help="Use a pseudo terminal instead.")] = False,
     watchdog: Annotated[
         float,
-        typer.Option(min=0.1, max=60, help="Seconds without a command after which it stops."),
+        typer.Option(
+            min=0.1, max=60, help="Seconds without a command after which the robot stops."
+        ),
     ] = WATCHDOG_S,
 ) -> None:
-    """Emulate a robot on an empty floor until Ctrl-C, and print the port to connect it by."""
+    """Emulate a robot on an empty floor until Ctrl-C, and print the port to connect to."""
     if pty and tcp is not None:
-        raise InputError("a robot has one port: name --tcp or --pty, not both")
+        raise InputError("a robot has only one port: give --tcp or --pty, not both")
     robot = EmulatedRobot(model, now=time.monotonic(), watchdog_s=watchdog, seed=0)
     with serve_pty(robot) if pty else serve_tcp(robot, tcp or 0) as serving:
         typer.echo(serving.port)
-        typer.echo(f"an emulated {robot.spec.title} waits at this port; Ctrl-C ends it", err=True)
+        typer.echo(
+            f"an emulated {robot.spec.title} is listening on this port; press Ctrl-C to stop it",
+            err=True,
+        )
         try:
             threading.Event().wait()
         except KeyboardInterrupt:
-            typer.echo(f"it took {robot.log.count} commands", err=True)
+            typer.echo(f"it received {robot.log.count} commands", err=True)

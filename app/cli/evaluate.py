@@ -23,6 +23,7 @@ from observer.evaluation.evaluate import summarise
 from observer.evaluation.lines import read_both
 from observer.evaluation.results import listed
 from observer.evaluation.tally import tally
+from observer.intervals import half_95
 from observer.truth.alignment.choices import AlignmentChoices
 from observer.truth.alignment.result import Alignment
 from observer.truth.files.known import names_in_words
@@ -38,13 +39,15 @@ def evaluate(
             f"{names_in_words()}."
         ),
     ],
-    as_json: Annotated[bool, typer.Option("--json", help="Figures as JSON on stdout.")] = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print the figures as JSON on stdout.")
+    ] = False,
     road: Annotated[
         bool,
         typer.Option(
             "--road",
-            help=f"Match within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m, and classes of "
-            f"range and speed for roads.",
+            help=f"For roads: match within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m, with "
+            "matching range and speed classes.",
         ),
     ] = False,
     observer: ObserverOption = None,
@@ -53,7 +56,7 @@ def evaluate(
     rate: RateOption = None,
     angles: AnglesOption = None,
 ) -> None:
-    """Compare tracks with truth: recall, false obstacles, errors of position and velocity."""
+    """Compare tracks with ground truth: recall, false obstacles, position and velocity errors."""
     scale = ROAD if road else LAB
     lines, plain = read_both(tracks)
     choices = AlignmentChoices(
@@ -82,7 +85,7 @@ def _sentences(opened: OpenedTruth) -> list[str]:
     if opened.capture is None or opened.alignment is None:
         return []
     return [
-        f"truth: {opened.capture.format}",
+        f"ground truth: {opened.capture.format}",
         *opened.capture.notes,
         _clocks(opened.alignment),
         *opened.alignment.notes,
@@ -93,6 +96,6 @@ def _clocks(alignment: Alignment) -> str:
     time = alignment.time
     drift = f", drift {time.drift_ppm:+.0f} ppm" if time.drift_sigma_ppm is not None else ""
     return (
-        f"clocks: {1000 * time.offset_s:+.1f} ms (one sigma {1000 * time.sigma_s:.1f} ms{drift}), "
-        f"correlation {time.correlation:.2f} over {time.overlap_s:.0f} s"
+        f"time offset: {1000 * time.offset_s:+.1f} ± {1000 * half_95(time.sigma_s):.1f} ms (95 % "
+        f"interval{drift}), correlation {time.correlation:.2f} over {time.overlap_s:.0f} s"
     )

@@ -26,38 +26,37 @@ def export(
     output: Annotated[
         Path,
         typer.Option(
-            help="What to write; its ending decides: .csv or .parquet a table, .tum the camera's "
-            "trajectory, .mp4 the left image with what was found, .ply the point cloud of a frame, "
-            ".zip all of it with a README of the columns. With --ros2 a folder."
+            help="Output file; the extension decides: .csv or .parquet a table, .tum the camera "
+            "trajectory, .mp4 the left image with overlays, .ply the point cloud of a frame, "
+            ".zip everything with a README of the columns. With --ros2 a folder."
         ),
     ],
     table: Annotated[
         str,
         typer.Option(
-            help="Of .csv and .parquet: obstacles, frames, truth, matched_truth, odometry, robots "
-            "or parameters."
+            help="Table for .csv and .parquet: obstacles, frames, odometry, robots, parameters, or "
+            "ground truth as truth or matched_truth."
         ),
     ] = "obstacles",
     track: Annotated[
-        int | None, typer.Option(help="Of .tum: an obstacle's trajectory instead of the camera's.")
+        int | None,
+        typer.Option(help="For .tum: the trajectory of this obstacle instead of the camera's."),
     ] = None,
-    tables: Annotated[_Tables, typer.Option(help="Format of the tables in a .zip.")] = "csv",
+    tables: Annotated[_Tables, typer.Option(help="Format of the tables in a .zip file.")] = "csv",
     frame: Annotated[
-        int, typer.Option(min=0, help="Of .ply and .zip: which recorded frame, from 0.")
+        int, typer.Option(min=0, help="For .ply and .zip: index of the recorded frame, from 0.")
     ] = 0,
     cloud_frame: Annotated[
-        _CloudFrame, typer.Option(help="What the cloud's points are given in.")
+        _CloudFrame, typer.Option(help="Coordinate frame of the points of the cloud.")
     ] = "world",
-    ros2: Annotated[
-        bool, typer.Option("--ros2", help="Write a bag that ros2 bag play takes.")
-    ] = False,
-    storage: Annotated[_Storage, typer.Option(help="Of the bag's messages.")] = "sqlite3",
+    ros2: Annotated[bool, typer.Option("--ros2", help="Write a bag for ros2 bag play.")] = False,
+    storage: Annotated[_Storage, typer.Option(help="For the messages of the bag.")] = "sqlite3",
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Replace the output where it exists.")
+        bool, typer.Option("--overwrite", help="Replace an existing output.")
     ] = False,
     data: DataOption = None,
 ) -> None:
-    """Write a run's tracks, truth, video, point cloud or ROS 2 bag."""
+    """Export the tracks, ground truth, video, point cloud or ROS 2 bag of a run."""
     from observer.exporting.output import whole_output
     from observer.recording.reader import Recording
     from observer.recording.run_folder import find_recording
@@ -65,7 +64,7 @@ def export(
     ending = output.suffix.lower()
     if not ros2 and ending not in _ENDINGS:
         raise InputError(
-            f"the ending of {output.name} says nothing; use {', '.join(_ENDINGS)}, or --ros2"
+            f"unknown extension in {output.name}; use {', '.join(_ENDINGS)}, or --ros2"
         )
     path = find_recording(run, chosen_settings(data=data).data)
     with (
@@ -85,7 +84,7 @@ def export(
             told = _cloud(recording, part, frame, cloud_frame)
         else:
             told = _archive(recording, part, tables, frame, cloud_frame, progress)
-    unfinished = " (of a recording that was never finished)" if recording.unfinished else ""
+    unfinished = " (from an incomplete recording)" if recording.unfinished else ""
     typer.echo(f"{output}: {told}{unfinished}", err=True)
 
 
@@ -116,7 +115,7 @@ def _trajectory(recording: Recording, part: Path, track: int | None) -> str:
 
     with part.open("w", encoding="utf-8") as text:
         written = write_tum(recording, text, track)
-    others = f"; {written.others} of other segments are left out" if written.others else ""
+    others = f"; {written.others} of other segments are not included" if written.others else ""
     return f"{written.poses} poses in the world of segment {written.segment}{others}"
 
 

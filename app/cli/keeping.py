@@ -52,7 +52,7 @@ class Keeper:
     def video_told(self) -> str:
         """Describe the length and encoding of the video."""
         assert self._video is not None
-        return f"{self._video.pictures} pictures as {self._video.codec}"
+        return f"{self._video.pictures} frames as {self._video.codec}"
 
     def frame(self, frame: StereoFrame) -> None:
         """Take a frame that is about to be observed."""
@@ -127,9 +127,7 @@ def _whole(path: Path) -> Iterator[Path]:
     An interrupt is the normal end of observing a live source, so the file so far is the result.
     """
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK) or path.is_dir():
-        raise InputError(
-            f"cannot write {path}; name a file in a folder that exists and may be written"
-        )
+        raise InputError(f"cannot write {path}; name a file in an existing, writable folder")
     part = path.with_name(f"{path.name}.part")
     try:
         yield part

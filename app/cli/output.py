@@ -26,8 +26,7 @@ def whole_file(path: Path) -> Iterator[IO[str]]:
         file = part.open("w", encoding="utf-8")
     except OSError as error:
         raise InputError(
-            f"cannot write {path}: {error.strerror}; name a file in a folder that exists and "
-            f"may be written"
+            f"cannot write {path}: {error.strerror}; name a file in an existing, writable folder"
         ) from None
     with file:
         yield file

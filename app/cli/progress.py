@@ -27,23 +27,44 @@ def drawn_progress(*columns: ProgressColumn) -> Progress:
     """
     console = Console(stderr=True)
     return Progress(
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         *columns,
         TimeRemainingColumn(),
         console=console,
         disable=not console.is_terminal,
         transient=True,
+        # Data on stdout goes where it was sent, whatever is drawn on stderr.
+        redirect_stdout=False,
     )
 
 
+class ProgressBar:
+    """A bar that is being shown; call it with (done, total), total None if unknown."""
+
+    def __init__(self, progress: Progress, title: str) -> None:
+        self._progress = progress
+        self._task = progress.add_task(title, total=None)
+
+    def __call__(self, done: int, total: int | None) -> None:
+        self._progress.update(self._task, completed=done, total=total)
+
+    def begin(self, title: str) -> None:
+        """Show what is done from now on."""
+        self._progress.update(self._task, description=title)
+
+    def end(self) -> None:
+        """Take the bar away before the block ends: what follows is written to the terminal."""
+        self._progress.stop()
+
+
 @contextmanager
-def progress_bar(title: str) -> Iterator[ProgressCallback]:
-    """Show a bar on stderr while the block runs; drawn only on a terminal."""
+def progress_bar(title: str) -> Iterator[ProgressBar]:
+    """Show a bar on stderr while the block runs; drawn only on a terminal.
+
+    It is drawn at once: start it before imports that take a second.
+    """
     with drawn_progress(MofNCompleteColumn()) as progress:
-        task = progress.add_task(title, total=None)
-
-        def advance(done: int, total: int | None) -> None:
-            progress.update(task, completed=done, total=total)
-
-        yield advance
+        bar = ProgressBar(progress, title)
+        progress.refresh()
+        yield bar

@@ -14,13 +14,15 @@ def purge(
     days: Annotated[
         float | None,
         typer.Option(
-            min=0, max=36500, help="Only what was deleted at least so many days ago; 0: all of it."
+            min=0,
+            max=36500,
+            help="Only what was deleted at least this many days ago; 0: everything.",
         ),
     ] = None,
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Delete runs and truths for good that were deleted in the history, with their recordings."""
+    """Permanently remove deleted runs and ground truth, with their recordings."""
     from app.storage import UNDO, Storage
 
     settings = chosen_settings(data=data, database=database)
@@ -28,4 +30,4 @@ def purge(
         before = storage.folder.free_bytes()
         gone = storage.purge(UNDO if days is None else timedelta(days=days))
         freed = max(0, storage.folder.free_bytes() - before)
-    typer.echo(f"{len(gone)} runs are gone, {freed / 1e6:.0f} MB are free again", err=True)
+    typer.echo(f"{len(gone)} runs removed, {freed / 1e6:.0f} MB freed", err=True)

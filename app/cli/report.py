@@ -14,28 +14,26 @@ from app.cli.storage_options import DatabaseOption, DataOption
 
 def report(
     run: RunArgument,
-    output: Annotated[Path, typer.Option(help="The page to write, F.html.")],
+    output: Annotated[Path, typer.Option(help="Output page, F.html.")],
     figures: Annotated[
         Path | None,
-        typer.Option(help="Folder for each figure as PNG, SVG and PDF, and the data as CSV."),
+        typer.Option(help="Folder for every figure as PNG, SVG and PDF, and the data as CSV."),
     ] = None,
     published: Annotated[
         bool,
         typer.Option(
             "--published",
-            help="Observe all frames once more by the method as published, and show both beside "
-            "each other.",
+            help="Re-run all frames with the published method, and show both side by side.",
         ),
     ] = False,
     compared: ComparedOption = None,
     data: DataOption = None,
     database: DatabaseOption = None,
 ) -> None:
-    """Write one self-contained page: figures 9-17, errors, parameters, calibration.
+    """Write a self-contained report of a run: figures 9-17, errors, parameters, calibration.
 
-    Figures 9 to 16 are of single frames of the run. One that the recording does not allow is named
-    in its place, with the reason. Figures 9 and 13 are of a simulated source, 10 and 14 of any
-    other.
+    Figures 9 to 16 show single frames of the run. For a figure that the recording does not allow,
+    the report states the reason. Figures 9 and 13 need a simulated source, 10 and 14 any other.
     """
     path, comparison = chosen_run(run, compared, data, database)
     # Imported late, so that a missing run is reported before the plotting code is loaded.
@@ -46,7 +44,7 @@ def report(
 
     with progress_bar("report") as progress:
         made = make_report(path, progress, comparison=comparison)
-    with progress_bar("observing as published") as progress:
+    with progress_bar("re-running with the published method") as progress:
         if published:
             made = beside_published(made, path, progress, comparison)
     write_file(output, report_html(made).encode())
@@ -54,5 +52,5 @@ def report(
         written = write_figures(made, figures)
         typer.echo(f"{len(written)} files in {figures}", err=True)
     missing = [f"figure {each.number}" for each in made.figures if each.figure is None]
-    without = f", without {', '.join(missing)}: the page says why" if missing else ""
-    typer.echo(f"{output} is written{without}", err=True)
+    without = f", without {', '.join(missing)}: the report states why" if missing else ""
+    typer.echo(f"wrote {output}{without}", err=True)

@@ -17,13 +17,13 @@ PROGRAMMES = ("figure17_a", "figure17_b")
 
 
 def reproduce(
-    output: Annotated[Path, typer.Option(help="Folder to write everything into.")],
+    output: Annotated[Path, typer.Option(help="Output folder.")],
 ) -> None:
-    """Drive both experiments of figure 17 in the simulated lab and redo the paper's figures.
+    """Run both experiments of figure 17 in the simulated lab and reproduce the paper's figures.
 
-    A server of its own drives and records them, which takes about a minute; then the same frames
-    are observed once more by the method as published. The robots are stopped where frames come too
-    late, as on a machine that does much else: then both are driven anew, some times at most.
+    A separate server drives and records them, which takes about a minute; then the same frames are
+    re-run with the published method. The robots are stopped when frames come too late, as on a busy
+    computer: then both experiments are repeated, a limited number of times.
     """
     from app.reports.experiments import observed_as_published
     from app.reports.page import report_html
@@ -40,7 +40,7 @@ def reproduce(
         [load_profile(name) for name in PROGRAMMES],
         tell=lambda sentence: typer.echo(sentence, err=True),
     )
-    with progress_bar("observing as published") as progress:
+    with progress_bar("re-running with the published method") as progress:
         published = observed_as_published(played.recording, progress)
     with progress_bar("figures") as progress:
         report = reproduction_report(played, published, progress)
@@ -63,7 +63,7 @@ def _tell_errors(report: Report) -> None:
     for each in report.judged:
         whole = each.errors[0]
         said = (
-            "nothing was seen of what is known"
+            "no matching detection"
             if whole.rmse_mps is None or whole.bias_mps is None
             else f"RMSE {whole.rmse_mps:.3f} m/s, bias {whole.bias_mps:+.3f} m/s over "
             f"{whole.samples} samples"

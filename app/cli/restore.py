@@ -12,15 +12,15 @@ from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 
 def restore(
-    file: Annotated[Path, typer.Argument(help="What dynamic-observer backup wrote.")],
+    file: Annotated[Path, typer.Argument(help="File written by dynamic-observer backup.")],
     data: DataOption = None,
     database: DatabaseOption = None,
     replace: Annotated[
         bool,
-        typer.Option("--replace", help="Also where something is kept already; that stays beside."),
+        typer.Option("--replace", help="Replace existing data, which is kept beside it."),
     ] = False,
 ) -> None:
-    """Put a backup in place, checked as a whole before anything is touched."""
+    """Restore a backup; it is checked completely before anything is changed."""
     from app.storage.restore import restore_backup
 
     settings = chosen_settings(data=data, database=database)
@@ -28,7 +28,10 @@ def restore(
         done = restore_backup(
             file, settings.data, settings.database_location, replace=replace, progress=progress
         )
-    told = f"the backup of {done.manifest.made_at[:19].replace('T', ' ')} UTC is in {settings.data}"
+    told = (
+        f"the backup of {done.manifest.made_at[:19].replace('T', ' ')} UTC is restored in "
+        f"{settings.data}"
+    )
     if done.kept:
-        told += f"; what was there is kept as {', '.join(map(str, done.kept))}"
+        told += f"; the previous data is kept as {', '.join(map(str, done.kept))}"
     typer.echo(told, err=True)

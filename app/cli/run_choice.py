@@ -15,11 +15,13 @@ if TYPE_CHECKING:
 
 RunArgument = Annotated[
     str,
-    typer.Argument(help="Id of a run or its beginning, its folder, or a recording's file."),
+    typer.Argument(help="Id of a run (or its first characters), its folder, or a recording file."),
 ]
 ComparedOption = Annotated[
     Path | None,
-    typer.Option(help="Truth laid over the run, as align writes it; else what is kept with it."),
+    typer.Option(
+        help="Ground truth for the run, as written by align; default: the one stored with it."
+    ),
 ]
 
 

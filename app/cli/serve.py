@@ -33,6 +33,14 @@ def serve(
     ] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Certificate chain, PEM.")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
+    no_browser: Annotated[
+        bool,
+        typer.Option(
+            "--no-browser",
+            help="Do not open the page in a browser. By default it opens if the server is started "
+            "from a terminal on a desktop, never over SSH.",
+        ),
+    ] = False,
     strict: Annotated[
         bool,
         typer.Option(
@@ -42,7 +50,8 @@ def serve(
         ),
     ] = False,
 ) -> None:
-    """Serve the panel; prints the link to open."""
+    """Serve the web page and print the link to open."""
+    from app.http.own_browser import at_desktop
     from app.http.run_server import run
 
     settings = chosen_settings(
@@ -58,4 +67,4 @@ def serve(
         tls_key=tls_key,
         strict=strict or None,
     )
-    raise typer.Exit(run(settings))
+    raise typer.Exit(run(settings, browser=not no_browser and at_desktop()))

@@ -11,13 +11,14 @@ from pydantic_core import ErrorDetails
 
 from app.settings import Settings
 from observer.errors import InputError
+from observer.validation import validation_words, with_name
 
 DataOption = Annotated[Path | None, typer.Option(help="Folder for runs and settings.")]
 DatabaseOption = Annotated[
     str | None,
     typer.Option(
-        help="Another database, as postgresql://user:password@host/name; a file in the data "
-        "folder if left out."
+        help="Another database, such as postgresql://user:password@host/name; default: a file in "
+        "the data folder."
     ),
 ]
 
@@ -37,4 +38,4 @@ def chosen_settings(**given: Any) -> Settings:
 def _problem(error: ErrorDetails) -> str:
     option = ".".join(map(str, error["loc"])).replace("_", "-")
     # What concerns several options has no place.
-    return f"--{option}: {error['msg']}" if option else error["msg"]
+    return with_name(f"--{option}" if option else "", validation_words(error))

@@ -41,50 +41,51 @@ def sweep(
     ],
     output: Annotated[
         Path,
-        typer.Option(help="Folder for results and finished tasks; a second call goes on in it."),
+        typer.Option(help="Folder for results and finished tasks; calling again continues there."),
     ],
     frames: Annotated[
-        int | None, typer.Option(min=5, help="Most frames of each source; all if left out.")
+        int | None, typer.Option(min=5, help="Maximum number of frames per source; default: all.")
     ] = None,
     limit: Annotated[
-        int | None, typer.Option(min=1, help="Only the first so many combinations.")
+        int | None, typer.Option(min=1, help="Only this many combinations, from the first.")
     ] = None,
     drawn: Annotated[
-        int | None, typer.Option("--random", min=1, help="Only so many combinations, by lot.")
+        int | None,
+        typer.Option("--random", min=1, help="Only this many combinations, chosen at random."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the lot.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random choice.")] = 0,
     rank_by: Annotated[
-        RankedBy, typer.Option(help="The figure whose mean over the sources is to be best.")
+        RankedBy, typer.Option(help="Metric to rank by (mean over the sources).")
     ] = "mota",
     road: Annotated[
         bool,
         typer.Option(
             "--road",
-            help=f"Match truth within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m.",
+            help=f"Match ground truth within {ROAD.gate_m:g} m instead of {LAB.gate_m:g} m.",
         ),
     ] = False,
     jobs: Annotated[
         int | None,
-        typer.Option(min=1, max=1024, help="Processes to work in; one for each core if left out."),
+        typer.Option(min=1, max=1024, help="Number of processes; default: one per core."),
     ] = None,
     scheduler: Annotated[
         str | None,
-        typer.Option(metavar="tcp://HOST:PORT", help="A dask cluster to work on instead."),
+        typer.Option(metavar="tcp://HOST:PORT", help="Use this dask cluster instead."),
     ] = None,
     cache_mb: Annotated[
-        int, typer.Option(min=0, help="Frames that each process keeps in memory, MB.")
+        int, typer.Option(min=0, help="Memory per process for cached frames, MB.")
     ] = 600,
 ) -> None:
-    """Evaluate every combination of parameters over every source, and rank them.
+    """Evaluate every combination of parameters on every source, and rank them.
 
-    Sources need truth. Finished tasks are kept at once, so that an ended sweep goes on when it is
-    called again.
+    Sources need ground truth. Finished tasks are saved at once, so that an interrupted sweep
+    continues when it is called again.
     """
     missing = cluster_missing()
     if missing is not None:
         raise InputError(missing)
     if scheduler is not None and jobs is not None:
-        raise InputError("--jobs is for processes of this machine; leave it out with --scheduler")
+        raise InputError("--jobs is for processes on this computer; omit it with --scheduler")
     read = read_grid(grid)
     combinations = read.chosen(limit=limit, drawn=drawn, seed=seed)
     store = TaskStore(output)
@@ -107,8 +108,8 @@ def sweep(
             run.run(cluster, cache_bytes=cache_mb * 1_000_000, progress=progress)
     except KeyboardInterrupt:
         typer.echo(
-            f"interrupted before {run.result.left} of {plan.count} tasks; what is finished is "
-            f"kept, and the same call goes on with it",
+            f"interrupted with {run.result.left} of {plan.count} tasks left; finished tasks are "
+            "kept, and the same call continues",
             err=True,
         )
         raise
@@ -119,16 +120,15 @@ def sweep(
     typer.echo(text.rstrip())
     if run.use is not None:
         typer.echo(
-            f"{run.use.tasks} tasks in {run.use.elapsed_s:.1f} s; of it the "
-            f"{cluster.workers} processes worked on them {run.use.at_work:.0%} and had a core "
-            f"{run.use.computing:.0%}",
+            f"{run.use.tasks} tasks in {run.use.elapsed_s:.1f} s; the {cluster.workers} processes "
+            f"were busy {run.use.at_work:.0%} of the time and had a core {run.use.computing:.0%}",
             err=True,
         )
     if result.failed:
         first = result.failed[0]
         assert first.outcome is not None
         raise TasksFailed(
-            f"{len(result.failed)} of {plan.count} tasks failed, the first of them combination "
+            f"{len(result.failed)} of {plan.count} tasks failed, first combination "
             f"{first.combination.number} over {first.source.name}: {first.outcome.error}"
         )
 

@@ -20,10 +20,10 @@ def truth(
     rate: RateOption = None,
     angles: AnglesOption = None,
     output: Annotated[
-        Path | None, typer.Option(help="Write what was understood there, as JSON.")
+        Path | None, typer.Option(help="Write the description to this file, as JSON.")
     ] = None,
 ) -> None:
-    """Say what a file of motion capture holds: its bodies, rate, units, angles and gaps."""
+    """Describe a motion-capture file: its bodies, frame rate, units, angles and gaps."""
     from app.reports.whole_files import write_file
     from observer.truth.files.angles import AnglesUnclear
 
@@ -62,5 +62,5 @@ def _understood(file: Path, rate: float | None, angles: AngleReading | None) -> 
         "rate_hz": None,
         "duration_s": None,
         "bodies": [],
-        "notes": ["it is on the run's own clock and in its world, so it needs no alignment"],
+        "notes": ["it is on the run's own clock and in its world frame, so it needs no alignment"],
     }

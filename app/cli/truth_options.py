@@ -17,26 +17,26 @@ if TYPE_CHECKING:
 AngleReading = Literal["helical", "euler_xyz"]
 RateOption = Annotated[
     float | None,
-    typer.Option(help="Samples per second of a file that does not tell (Tracker 3.5)."),
+    typer.Option(help="Frame rate of a file that does not state it (Tracker 3.5)."),
 ]
 AnglesOption = Annotated[
     AngleReading | None,
-    typer.Option(help="How Vicon's three angles are meant, where that cannot be found out."),
+    typer.Option(help="Meaning of Vicon's three angles, if it cannot be detected."),
 ]
 ObserverOption = Annotated[
     str | None,
-    typer.Option(metavar="BODY", help="The body that carries the cameras; else found out."),
+    typer.Option(metavar="BODY", help="The body that carries the cameras; default: detected."),
 ]
 IgnoreOption = Annotated[
     list[str] | None,
-    typer.Option(metavar="BODY", help="A body to leave out; may be given more than once."),
+    typer.Option(metavar="BODY", help="A body to ignore; repeatable."),
 ]
 CameraOnBodyOption = Annotated[
     str | None,
     typer.Option(
         metavar="X,Y,Z,PAN,TILT,ROLL",
-        help="Where the left camera sits on the observer's body, metres and degrees in the "
-        "body's axes, as in 0.12,0.06,0.25,0,10,0; else found out, or as the rig says.",
+        help="Position of the left camera on the observer's body, metres and degrees in the axes "
+        "of the body, for example 0.12,0.06,0.25,0,10,0; default: estimated, or from the rig.",
     ),
 ]
 

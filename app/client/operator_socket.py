@@ -62,7 +62,8 @@ class OperatorSocket:
             except queue.Empty:
                 if time.monotonic() > deadline:
                     raise DrivingFailed(
-                        f"the server did not give the {role} within {_ANSWER_WITHIN_S:g} s"
+                        f"the server did not grant control of the {role} within "
+                        f"{_ANSWER_WITHIN_S:g} s"
                     ) from None
                 continue
             if answer.get("role") != role:
@@ -71,8 +72,8 @@ class OperatorSocket:
                 return str(answer["lease"])
             raise DrivingFailed(
                 answer.get("sentence")
-                or f"{answer.get('holder') or 'somebody else'} drives the {role}; --takeover "
-                f"takes it over"
+                or f"{answer.get('holder') or 'somebody else'} controls the {role}; use "
+                "--takeover to take control"
             )
 
     def check(self) -> None:
@@ -148,7 +149,7 @@ class OperatorSocket:
             message = json.loads(text)
             kind = message["type"]
         except (ValueError, KeyError, TypeError):
-            raise DrivingFailed("the server said something that is no message") from None
+            raise DrivingFailed("the server sent an invalid message") from None
         if kind == "ping":
             now_ms = 1000 * time.monotonic()
             self._send({"type": "pong", "id": message.get("id"), "time": now_ms})
@@ -167,7 +168,7 @@ class OperatorSocket:
                 held = self._sequence.pop(role, None) is not None
             if held:
                 who = message.get("holder") or "somebody else"
-                self._end(message.get("sentence") or f"{who} took the {role} over")
+                self._end(message.get("sentence") or f"{who} took control of the {role}")
             return
         self._leases.put(message)
 
@@ -196,9 +197,9 @@ def _connected(api: ServerApi) -> ClientConnection:
         status = error.response.status_code
         if status in (401, 403):
             raise InputError(
-                f"{api.address} does not take this token; copy it from the link that the server "
-                f"printed at its start"
+                f"{api.address} rejects this token; copy it from the link that the server printed "
+                "at start"
             ) from None
-        raise DrivingFailed(f"{address} was answered {status}") from None
+        raise DrivingFailed(f"{address} answered with status {status}") from None
     except (OSError, WebSocketException) as error:
         raise api.unanswered(why(error)) from None

@@ -42,11 +42,11 @@ class ServerApi:
             port = -1
         if parts.scheme not in ("http", "https") or not parts.hostname or port == -1:
             raise InputError(
-                f"{server[:80]!r} is no server's address; give one such as http://127.0.0.1:8080"
+                f"{server[:80]!r} is not a server address; give one such as http://127.0.0.1:8080"
             )
         if parts.path.strip("/") or parts.query or parts.username:
             raise InputError(
-                f"give the server's address alone, such as {parts.scheme}://{parts.hostname}"
+                f"give only the address of the server, such as {parts.scheme}://{parts.hostname}"
             )
         self._tls = parts.scheme == "https"
         self._host, self._port = parts.hostname, port or (443 if self._tls else 80)
@@ -118,7 +118,9 @@ class ServerApi:
             self.close()
         if answer.status < 300:
             return self._decoded(content) if content else None
-        sentence = self._sentence(content, f"{method} {target} was answered {answer.status}")
+        sentence = self._sentence(
+            content, f"{method} {target} was answered with status {answer.status}"
+        )
         unknown = answer.status == 404 and path[0] == "programmes"
         raise (InputError if unknown or answer.status in _WRONG_INPUT else DrivingFailed)(sentence)
 
@@ -145,7 +147,7 @@ class ServerApi:
             return json.loads(content)
         except ValueError:
             raise DrivingFailed(
-                f"{self.address} is no Dynamic Observer; name its address with --server"
+                f"{self.address} is not a Dynamic Observer server; give its address with --server"
             ) from None
 
     def _sentence(self, content: bytes, otherwise: str) -> str:
@@ -172,16 +174,15 @@ def read_token(token: str | None, file: Path | None) -> str:
             token = file.read_bytes()[: _LONGEST_TOKEN + 2].decode("ascii").strip()
         except (OSError, UnicodeDecodeError):
             raise InputError(
-                f"the token file {file} cannot be read; name the one that the server was "
-                f"started with"
+                f"the token file {file} cannot be read; name the one the server was started with"
             ) from None
     if token is None:
         raise InputError(
-            "a token is needed: --token-file FILE, as the server was started with, or --token and "
-            "what stands behind token= in the link that it printed"
+            "a token is needed: --token-file FILE, as given to the server, or --token with the "
+            "text after token= in the link it printed"
         )
     if not (0 < len(token) <= _LONGEST_TOKEN and token.isascii() and token.isprintable()):
-        raise InputError("this cannot be a server's token; copy it from the link that it printed")
+        raise InputError("this is not a valid token; copy it from the link that the server printed")
     return token
 
 

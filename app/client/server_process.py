@@ -74,7 +74,7 @@ class RunningServer:
                 return
             if time.monotonic() > deadline:
                 raise MeasurementError(
-                    f"the server observed no frame within {timeout_s:g} s: "
+                    f"the server processed no frame within {timeout_s:g} s: "
                     f"{status['engine']['reason'] or status['engine']['state']}"
                 )
             time.sleep(0.1)

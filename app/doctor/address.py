@@ -1,4 +1,4 @@
-"""Check that the panel's address is free."""
+"""Check that the panel's address is free, who has it otherwise, and where it is reached."""
 
 from __future__ import annotations
 
@@ -6,9 +6,13 @@ import errno
 import http.client
 import json
 import socket
+from collections.abc import Iterator
 
+from app.addresses import ServerAddress
+from app.client.announced import AnnouncedServer, find_server
 from app.doctor.finding import Finding, Section
 from app.settings import Settings, is_every_address
+from observer.errors import InputError
 
 _SECTION = Section("Address")
 _WAIT_S = 1.0
@@ -35,22 +39,66 @@ def examine_address(settings: Settings) -> Finding:
             probe.bind(address)
         except OSError as error:
             return _taken(where, settings, error)
-    return _SECTION.ok(f"{where} is free")
+    return _SECTION.ok(f"{where} is free", tuple(_reached(_address(settings))))
+
+
+def _address(settings: Settings) -> ServerAddress:
+    return ServerAddress(settings.host, settings.port, settings.tls, settings.allowed_hosts)
+
+
+def _reached(address: ServerAddress) -> Iterator[str]:
+    """Yield where a server at the address is reached."""
+    yield f"from this computer at {address.here}"
+    if address.elsewhere:
+        yield f"from other computers at {', '.join(address.elsewhere)}"
+    else:
+        yield "not reachable from other computers; --host 0.0.0.0 lets them in"
 
 
 def _taken(where: str, settings: Settings, error: OSError) -> Finding:
-    if error.errno == errno.EADDRINUSE:
-        if _is_ours(settings):
-            text = (
-                f"{where} is in use, as it seems by Dynamic Observer itself; end it before another "
-                f"start, or choose another port with --port"
-            )
-        else:
-            text = f"{where} is in use by another program; choose another port with --port"
-        return _SECTION.problem(text)
+    if error.errno != errno.EADDRINUSE:
+        return _SECTION.problem(
+            f"{where} cannot be used ({error.strerror}); choose another one with --host or --port"
+        )
+    listener = _listener(settings.port)
+    running = _running(settings)
+    if running is None and not _is_ours(settings):
+        other = listener or "another program"
+        return _SECTION.problem(f"{where} is in use by {other}; choose another port with --port")
     return _SECTION.problem(
-        f"{where} cannot be used ({error.strerror}); choose another one with --host or --port"
+        f"{where} is in use by Dynamic Observer itself{f' ({listener})' if listener else ''}; end "
+        f"it before another start, or choose another port with --port",
+        ()
+        if running is None
+        else (*_reached(running.address), "run dynamic-observer link to see its links"),
     )
+
+
+def _running(settings: Settings) -> AnnouncedServer | None:
+    """Return the server of this data folder if it is the one at the port."""
+    try:
+        found = find_server(settings.data)
+    except InputError:
+        return None
+    return found if found.port == settings.port else None
+
+
+def _listener(port: int) -> str | None:
+    """Return the program that listens at a port; None where it belongs to another user."""
+    import psutil
+
+    try:
+        connections = psutil.net_connections("tcp")
+    except (psutil.Error, OSError):
+        return None
+    listening = (each for each in connections if each.status == psutil.CONN_LISTEN)
+    pid = next((each.pid for each in listening if each.laddr and each.laddr.port == port), None)
+    if pid is None:
+        return None
+    try:
+        return f"{psutil.Process(pid).name()}, process {pid}"
+    except psutil.Error:
+        return f"process {pid}"
 
 
 def _is_ours(settings: Settings) -> bool:

@@ -14,7 +14,7 @@ from observer.sources.cameras.v4l2 import layout
 from observer.sources.cameras.v4l2.modes import CameraMode
 
 _SECTION = Section("Cameras")
-_CONTAINER = "in a container hand it in with --device /dev/video0 --group-add video"
+_CONTAINER = "in a container pass it with --device /dev/video0 --group-add video"
 _USB_VIDEO_CLASS = "0e"
 _SIZES_SHOWN = 4
 _SETTABLE = {
@@ -45,7 +45,7 @@ def _findings(machine: Machine, devices: Sequence[CameraDevice]) -> Iterator[Fin
             device.path + ("" if device.use == "unknown" else f" ({device.use})")
             for device in further
         )
-        yield _SECTION.ok(f"further nodes, which are no cameras: {listed}")
+        yield _SECTION.ok(f"other video nodes, which are not cameras: {listed}")
     hints = shared_bus_hints(devices)
     for hint in hints:
         yield _SECTION.warning(hint)
@@ -58,7 +58,7 @@ def _as_a_pair(left: CameraDevice, right: CameraDevice, *, compressed: bool) -> 
     both_can = all(any(m.pixel_format == "MJPG" for m in each.modes) for each in (left, right))
     settings = "?format=MJPG" if compressed and both_can else ""
     source = f"camera:{left.stable_path},{right.stable_path}{settings}"
-    return f"two of them as left and right: dynamic-observer serve '{source}'"
+    return f"to use two of them as left and right: dynamic-observer serve '{source}'"
 
 
 def _main_nodes(
@@ -108,7 +108,7 @@ def _camera(device: CameraDevice) -> Finding:
 
 def _details(device: CameraDevice) -> Iterator[str]:
     if device.by_path:
-        yield f"stays the same on this port: {device.by_path}"
+        yield f"persistent name for this port: {device.by_path}"
     if device.usb:
         speed = f", {device.usb.speed_mbit:g} Mbit/s" if device.usb.speed_mbit else ""
         yield f"USB bus {device.usb.bus}, port {device.usb.port}{speed}"
@@ -120,7 +120,7 @@ def _details(device: CameraDevice) -> Iterator[str]:
         if control.id in _SETTABLE
     ]
     if settable:
-        yield f"can be set: {', '.join(settable)}"
+        yield f"settable: {', '.join(settable)}"
 
 
 def _folded(modes: Sequence[CameraMode]) -> str:

@@ -59,7 +59,7 @@ def _folder(folder: Path) -> Iterator[Finding]:
     if present == folder:
         yield _SECTION.ok(f"runs and settings are kept in {folder}")
     else:
-        yield _SECTION.ok(f"runs and settings will be kept in {folder} (made at start)")
+        yield _SECTION.ok(f"runs and settings will be kept in {folder} (created at start)")
     yield _space(present, shutil.disk_usage(present).free)
 
 
@@ -67,12 +67,12 @@ def _not_writable(folder: Path, *, exists: bool) -> str:
     # Only this folder is named: its parent may belong to the system.
     if exists:
         return (
-            f"the folder {folder} may not be written by you; {_ELSEWHERE}, or become its owner: "
-            f"sudo chown $USER {folder}"
+            f"you have no permission to write to {folder}; {_ELSEWHERE}, or become its owner: sudo "
+            f"chown $USER {folder}"
         )
     return (
-        f"the folder {folder} may not be made by you; {_ELSEWHERE}, or have it made: "
-        f"sudo install -d -o $USER {folder}"
+        f"you have no permission to create {folder}; {_ELSEWHERE}, or create it with: sudo install "
+        f"-d -o $USER {folder}"
     )
 
 
@@ -101,11 +101,11 @@ def _size(count: int) -> str:
 
 def _sqlite(file: Path) -> Finding:
     if not os.path.lexists(file):
-        return _SECTION.ok("the database will be made at the first start")
+        return _SECTION.ok("the database will be created at the first start")
     if not os.access(file, os.R_OK | os.W_OK):
         return _SECTION.problem(
-            f"the database {file} may not be written by you; {_ELSEWHERE}, or become its owner: "
-            f"sudo chown $USER {file}"
+            f"you have no permission to write to the database {file}; {_ELSEWHERE}, or become its "
+            f"owner: sudo chown $USER {file}"
         )
     try:
         # Read-only: faults are reported here and repaired by serve, which keeps a copy.
@@ -149,8 +149,8 @@ def _unreadable(file: Path, error: sqlite3.Error) -> Finding:
 def _moved_aside(file: Path, reason: str) -> Finding:
     told = " ".join(reason.split())
     return _SECTION.warning(
-        f"the database {file} is damaged ({told}); the next start keeps it under another name and "
-        f"begins a new one: restore your copy before that, if you have one"
+        f"the database {file} is damaged ({told}); the next start renames it and creates a new "
+        "one: restore a backup before that, if you have one"
     )
 
 
@@ -167,8 +167,8 @@ def _revision(where: str, revision: str | None, has_tables: bool, remedy: str) -
             f"the database {where} was written by a newer version of dynamic-observer; upgrade"
             f"{remedy.replace(';', ', or', 1)}"
         )
-    later = "" if revision == script.get_current_head() else " (brought up to date at start)"
-    return _SECTION.ok(f"the database opens and is sound{later}")
+    later = "" if revision == script.get_current_head() else " (upgraded at start)"
+    return _SECTION.ok(f"the database is intact{later}")
 
 
 def _server(url: URL) -> Finding:
@@ -178,7 +178,7 @@ def _server(url: URL) -> Finding:
 
     from app.storage.engines import open_engine
 
-    other = "; name another one with --database, or leave it out to keep data in a file"
+    other = "; name another one with --database, or omit it to use a file"
     shown = url.render_as_string(hide_password=True)
     try:
         with open_engine(url, _WAIT_S) as engine, engine.connect() as connection:
@@ -187,8 +187,8 @@ def _server(url: URL) -> Finding:
     except SQLAlchemyError as error:
         why = " ".join(str(getattr(error, "orig", None) or error).split())
         return _SECTION.problem(
-            f"the database {shown} cannot be reached ({why}); see that its server runs, or leave "
-            f"out --database to keep data in a file"
+            f"the database {shown} cannot be reached ({why}); check that its server is running, or "
+            "omit --database to use a file"
         )
     found = _revision(shown, revision, bool(tables), other)
     if found.level != "ok":

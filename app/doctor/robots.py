@@ -57,32 +57,31 @@ def _rig(file: Path) -> Rig | Finding:
 def _priority(machine: Machine, *, driven: bool) -> Finding:
     permitted = permitted_priority(machine.root)
     if permitted == "realtime":
-        return _SECTION.ok("the drive loop may take real-time priority")
+        return _SECTION.ok("the drive loop may use real-time priority")
     if permitted is None:
         return _SECTION.ok(
-            "whether the drive loop may take real-time priority is not known on this system; "
-            "GET /api/robots tells which one it took"
+            "it is unknown on this system whether the drive loop may use real-time priority"
         )
     instead = (
-        "it goes before ordinary programs only"
+        "it only takes precedence over ordinary programs"
         if permitted == "raised"
-        else "it is late where the machine is busy"
+        else "it is late when the computer is busy"
     )
     finding = _SECTION.warning if driven else _SECTION.ok
-    return finding(f"the drive loop may not take real-time priority, so {instead}; {_ALLOW_IT}")
+    return finding(f"the drive loop may not use real-time priority, so {instead}; {_ALLOW_IT}")
 
 
 def _port(role: Role, port: str, machine: Machine) -> Finding:
     shown = shown_port(port)
     if not port.startswith(("/", ".")):
-        return _SECTION.ok(f"the {role} is reached at {shown} (not asked here)")
+        return _SECTION.ok(f"the {role} is connected via {shown} (not tested here)")
     file = machine.root / port.removeprefix("/") if port.startswith("/") else Path(port)
     if not file.exists():
         return _SECTION.warning(
-            f"the {role}'s port {shown} does not exist; plug its adapter in, or choose another "
-            f"port under Robots"
+            f"the {role}'s port {shown} does not exist; plug in its adapter, or choose another "
+            "port under Robots"
         )
     trouble = port_trouble(file, shown, machine)
     if trouble is None:
-        return _SECTION.ok(f"the {role}'s port {shown} is there")
+        return _SECTION.ok(f"the {role}'s port {shown} is present")
     return _SECTION.warning(f"the {role}'s port: {trouble}")

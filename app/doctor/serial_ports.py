@@ -17,8 +17,8 @@ def examine_serial_ports(machine: Machine) -> tuple[list[Finding], tuple[SerialP
     findings = [_finding(port) for port in ports]
     if not ports:
         text = (
-            "no serial port on USB, so no robot can be connected by one; "
-            "in a container hand it in with --device /dev/ttyUSB0 --group-add dialout"
+            "no USB serial port, so no robot can be connected by cable; in a container pass it "
+            "with --device /dev/ttyUSB0 --group-add dialout"
         )
         findings.append(_SECTION.ok(text if sys.platform == "linux" else "no serial port"))
     return findings, ports
@@ -26,7 +26,7 @@ def examine_serial_ports(machine: Machine) -> tuple[list[Finding], tuple[SerialP
 
 def _finding(port: SerialPort) -> Finding:
     name = f"{port.path} ({port.description})" if port.description else port.path
-    details = (f"stays the same on every port: {port.by_id}",) if port.by_id else ()
+    details = (f"persistent name: {port.by_id}",) if port.by_id else ()
     if port.trouble is None:
         return _SECTION.ok(name, details)
     return _SECTION.warning(port.trouble, details)

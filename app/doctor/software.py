@@ -44,8 +44,8 @@ def _packages(requirements: Collection[str]) -> Iterator[Finding]:
     """Check that the required packages are installed; ``requirements`` as in the metadata."""
     if not requirements:
         yield _SECTION.warning(
-            f"{_DISTRIBUTION} is not installed as a package, so its packages were not compared; "
-            f"make setup installs it"
+            f"{_DISTRIBUTION} is not installed as a package, so its dependencies were not checked; "
+            "make setup installs it"
         )
         return
     needed = [_name(each) for each in requirements if "extra ==" not in each]
@@ -59,8 +59,8 @@ def _packages(requirements: Collection[str]) -> Iterator[Finding]:
     several = [name for name in _OPENCV if _version(name)]
     if len(several) > 1:
         yield _SECTION.warning(
-            f"{' and '.join(several)} are installed beside each other and overwrite each other's "
-            f"files; uninstall all of them, then make setup"
+            f"{' and '.join(several)} are installed side by side and overwrite each other's files; "
+            "uninstall all of them, then run make setup"
         )
 
 
@@ -111,7 +111,7 @@ def _usable_cores() -> int:
 def _cores(number: int) -> Finding:
     if number < 2:
         return _SECTION.warning(
-            "one processor core; the method and the panel share it and frames will be left out: "
-            "two or more are better"
+            "only one processor core; the method and the web page share it and frames will be "
+            "dropped: two or more are recommended"
         )
     return _SECTION.ok(f"{number} processor cores")

@@ -42,7 +42,7 @@ def _verdict(examination: Examination) -> str:
     levels = [finding.level for finding in examination.findings]
     problems, warnings = levels.count("problem"), levels.count("warning")
     if problems:
-        return f"{problems} of these {'hinders' if problems == 1 else 'hinder'} the start."
+        return f"{problems} of these {'prevents' if problems == 1 else 'prevent'} the start."
     if warnings:
-        return f"Nothing hinders the start; {warnings} of these should be seen to."
-    return "Nothing hinders the start."
+        return f"Nothing prevents the start; {warnings} of these should be looked into."
+    return "Nothing prevents the start."

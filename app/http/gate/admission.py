@@ -1,4 +1,5 @@
 """Who may come in: scripts by the token itself, browsers by the session that they got for it.
+And as what: operators, or those who only watch (``app.http.gate.access``).
 
 The only place that reads the cookie, for requests, WebSockets and the viewer alike.
 """
@@ -10,15 +11,17 @@ from dataclasses import dataclass
 
 from starlette.types import Scope
 
+from app.http.gate.access import Access
 from app.http.gate.session_file import SessionFile
 from app.http.gate.sessions import Session, Sessions
 from app.http.gate.strangers import SIGNED_IN
-from app.http.gate.token import TokenGuard, Verdict
+from app.http.gate.token import ACCESS_BY_VERDICT, TokenGuard, Verdict
 
 COOKIE_NAME = "dynamic_observer_session"
 
-# Key of a request's state: its session, None where it came with the token.
+# Keys of a request's state: its session, None where it came with the token; what it may do.
 _SESSION = "session"
+_ACCESS = "access"
 # More than a browser sends in one cookie; one request must not try a list of tokens.
 _MOST_CANDIDATES = 4
 
@@ -30,7 +33,7 @@ _SESSION_ENDED = (
     "this session has ended; sign in again with the link that the server printed at its start"
 )
 _WRONG_TOKEN = (  # nosec B105
-    "this is not the server's token; open the link that it printed at its start"
+    "wrong token; open the link that the server printed at start"
 )
 _TOO_MANY = "too many wrong tokens from this address; wait a minute (the right token still works)"
 
@@ -64,13 +67,17 @@ class Admission:
     tls: bool
 
     def admit(self, scope: Scope) -> Refusal | None:
-        """Return why a request may not come in, or None if it may; ``session_of`` tells by what."""
+        """Return why a request may not come in, or None if it may.
+
+        ``session_of`` and ``access_of`` then tell by what, and as what.
+        """
         ids = _session_ids(scope)
         _, session = self._found(ids)
         if session is not None:
-            _note(scope, session)
+            _note(scope, session, session.access)
             return None
-        return self._check_token(scope, _bearer_tokens(scope), ended=bool(ids))
+        access = self._check_token(scope, _bearer_tokens(scope), ended=bool(ids))
+        return access if isinstance(access, Refusal) else None
 
     def is_signed_in(self, scope: Scope) -> bool:
         """Return whether the request comes from a browser with a session."""
@@ -79,16 +86,20 @@ class Admission:
     async def sign_in(self, scope: Scope, tokens: list[str]) -> str | Refusal:
         """Exchange a token for a session, and return its ``Set-Cookie``.
 
-        A browser that has a session keeps it: somebody may be driving in another of its tabs.
+        A browser that has a session keeps it: somebody may be driving in another of its tabs. Only
+        who watched becomes an operator by an operator's link.
         """
-        refusal = self._check_token(scope, tokens)
-        if refusal is not None:
-            return refusal
+        access = self._check_token(scope, tokens)
+        if isinstance(access, Refusal):
+            return access
         session_id, session = self._found(_session_ids(scope))
-        if session is not None:
+        if session is not None and session.access is Access.READ_ONLY is not access:
+            self.sessions.end(session)
+            session = None
+        if session is None:
+            session_id = self.sessions.start(access)
+        elif session.access is access:
             self.sessions.renew(session)
-        else:
-            session_id = self.sessions.start()
         await self.file.save()
         return self._cookie(session_id, int(self.sessions.lifetime_s))
 
@@ -111,12 +122,13 @@ class Admission:
 
     def _check_token(
         self, scope: Scope, tokens: list[str], *, ended: bool = False
-    ) -> Refusal | None:
+    ) -> Access | Refusal:
         client = scope.get("client")
         verdict = self.guard.check(client[0] if client else None, tokens[:_MOST_CANDIDATES])
-        if verdict is Verdict.RIGHT:
-            _note(scope, None)
-            return None
+        access = ACCESS_BY_VERDICT.get(verdict)
+        if access is not None:
+            _note(scope, None, access)
+            return access
         if verdict is Verdict.LIMITED:
             return Refusal(429, _TOO_MANY, ((b"retry-after", b"60"),))
         # An id of a session is no guess at the token: it may have ended, or be another server's.
@@ -138,13 +150,23 @@ def session_of(scope: Scope) -> Session | None:
     return session
 
 
+def access_of(scope: Scope) -> Access:
+    """Return what an admitted request may do.
+
+    One that nobody admitted may only watch.
+    """
+    access: Access = scope.get("state", {}).get(_ACCESS, Access.READ_ONLY)
+    return access
+
+
 def header_values(scope: Scope, name: bytes) -> list[str]:
     """Return the values of a header, by its name in lower case."""
     return [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
 
 
-def _note(scope: Scope, session: Session | None) -> None:
-    scope.setdefault("state", {}).update({SIGNED_IN: True, _SESSION: session})
+def _note(scope: Scope, session: Session | None, access: Access) -> None:
+    state = {SIGNED_IN: True, _SESSION: session, _ACCESS: access}
+    scope.setdefault("state", {}).update(state)
 
 
 def _bearer_tokens(scope: Scope) -> list[str]:

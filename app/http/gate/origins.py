@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ipaddress
 import re
 from dataclasses import dataclass
 from urllib.parse import urlsplit
@@ -41,10 +42,12 @@ class Names:
     """The names under which browsers may reach the server.
 
     DNS rebinding puts the attacker's name into ``Host``, so a list of names stops the attack (and
-    no other check of the request does).
+    no other check of the request does). A number, as in 192.168.1.5, is nobody's name: a page that
+    has it in its address came from there.
 
     Attributes:
         own: allowed on any port. with_port: names allowed with one port only.
+        numbers: whether the server answers to every number; so one that listens on every address.
         explicit: names given by ``--allowed-host``.
         tls: whether the server itself speaks https.
     """
@@ -53,10 +56,13 @@ class Names:
     with_port: frozenset[NetworkName]
     explicit: frozenset[str]
     tls: bool
+    numbers: bool = False
 
     def answers_to(self, host: NetworkName) -> bool:
         """Return whether a request for this ``Host`` is meant for this server."""
-        return host.name in self.own or host in self.with_port
+        if host.name in self.own or host in self.with_port:
+            return True
+        return self.numbers and _is_number(host.name)
 
     def accepts_origin(self, origin: str, host: NetworkName) -> bool:
         """Return whether a page of ``origin`` may call the server that it addressed as ``host``.
@@ -81,6 +87,13 @@ class Names:
         return on_default or NetworkName(page.name, port) in self.with_port
 
 
+def _is_number(name: str) -> bool:
+    try:
+        return not ipaddress.ip_address(name).is_unspecified
+    except ValueError:
+        return False
+
+
 def names_of(bound_to: str, allowed_hosts: tuple[str, ...], *, tls: bool) -> Names:
     """Return the names of a server that listens on ``bound_to``, with the given further ones."""
     own = set(_LOOPBACK)
@@ -98,4 +111,10 @@ def names_of(bound_to: str, allowed_hosts: tuple[str, ...], *, tls: bool) -> Nam
             explicit.add(host.name)
         else:
             with_port.add(host)
-    return Names(frozenset(own), frozenset(with_port), frozenset(explicit), tls)
+    return Names(
+        frozenset(own),
+        frozenset(with_port),
+        frozenset(explicit),
+        tls,
+        numbers=is_every_address(bound),
+    )

@@ -1,8 +1,8 @@
 """The gate in front of every route, mount and WebSocket, new ones included.
 
 Pure ASGI, because the framework's HTTP middleware never sees WebSockets and dependencies never see
-mounts. Checks run in this order: name (400), origin (403), token or session (401, 429), kind of
-body (415), size (413).
+mounts. Checks run in this order: name (400), origin (403), token or session (401, 429), what it
+allows (403), kind of body (415), size (413).
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from urllib.parse import parse_qsl
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.http.gate.admission import Admission, Refusal, header_values, session_of
+from app.http.gate.access import SAFE_METHODS, WATCHING_ONLY
+from app.http.gate.admission import Admission, Refusal, access_of, header_values, session_of
 from app.http.gate.bodies import LimitedBody, accepts_kind
 from app.http.gate.headers import RawHeaders, page_policy, secured
 from app.http.gate.origins import Names, NetworkName, parse_host
 from app.http.gate.sessions import run_in_session
 
 PUBLIC_PATHS = frozenset({"/healthz", "/readyz", "/sign-in"})
-_SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 # A multipart body adds boundaries and headers to the file.
 _UPLOAD_OVERHEAD = 16 * 1024
 _QUOTED = 80
@@ -98,6 +98,8 @@ class Gate:
             if refusal is not None and method == "GET" and wants_page(scope):
                 await _send_page(send, refusal, self._policy.sign_in_page)
                 return
+            if refusal is None and not access_of(scope).allows(method, path):
+                refusal = Refusal(403, WATCHING_ONLY)
         refusal = refusal or self._refuse_body(scope)
         if refusal is not None:
             await _refuse(scope, receive, send, refusal)
@@ -122,12 +124,12 @@ class Gate:
         hosts = header_values(scope, b"host")
         host = parse_host(hosts[0]) if len(hosts) == 1 else None
         if host is None:
-            return Refusal(400, "the request needs one Host header with the server's name")
+            return Refusal(400, "the request needs exactly one Host header with the server's name")
         if not names.answers_to(host):
             return Refusal(
                 400,
-                f"this server does not answer to the name {host.name[:_QUOTED]}; "
-                f"start it with --allowed-host {host.name[:_QUOTED]} if it should",
+                f"this server does not accept the name {host.name[:_QUOTED]}; start it with "
+                f"--allowed-host {host.name[:_QUOTED]} if it should",
             )
         return self._refuse_page(scope, host)
 
@@ -140,7 +142,7 @@ class Gate:
                     f"pages of {_printable(origin)} may not use this server; "
                     f"start it with --allowed-host NAME to serve it under that name",
                 )
-        acts = scope["type"] == "websocket" or scope["method"] not in _SAFE_METHODS
+        acts = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         # Browsers set this header themselves; it also covers requests that hide the origin.
         sites = header_values(scope, b"sec-fetch-site")
         if acts and not origins and any(site not in ("same-origin", "none") for site in sites):
@@ -152,7 +154,7 @@ class Gate:
         return None
 
     def _refuse_body(self, scope: Scope) -> Refusal | None:
-        if scope["method"] in _SAFE_METHODS:
+        if scope["method"] in SAFE_METHODS:
             return None
         kinds = header_values(scope, b"content-type")
         kind = kinds[0] if kinds else None
@@ -169,7 +171,7 @@ class Gate:
 
 
 def _too_large(most_bytes: int) -> Refusal:
-    return Refusal(413, f"the request's body is too large; at most {most_bytes} bytes are taken")
+    return Refusal(413, f"the request body is too large; at most {most_bytes} bytes are accepted")
 
 
 def _announced_bytes(scope: Scope) -> int:

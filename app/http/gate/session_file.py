@@ -10,6 +10,7 @@ from pathlib import Path
 import structlog
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from app.http.gate.access import Access
 from app.http.gate.sessions import SessionAge, Sessions
 from app.server.whole_files import write_whole
 from observer.errors import DynamicObserverError
@@ -33,6 +34,8 @@ class _Kept(BaseModel):
     digest: str = Field(pattern=r"^[0-9a-f]{64}$")
     started: float = Field(allow_inf_nan=False)
     used: float = Field(allow_inf_nan=False)
+    # Files of earlier versions, which knew operators only, do not tell.
+    access: Access = Access.OPERATOR
 
 
 class _Content(BaseModel):
@@ -75,7 +78,7 @@ class SessionFile:
             return
         now = self._wall_clock()
         ages = [
-            SessionAge(bytes.fromhex(each.digest), now - each.started, now - each.used)
+            SessionAge(bytes.fromhex(each.digest), now - each.started, now - each.used, each.access)
             for each in content.sessions
         ]
         self._in_file = {each.digest for each in ages}
@@ -88,7 +91,12 @@ class SessionFile:
         async with self._writing:
             now, ages = self._wall_clock(), self._sessions.ages()
             kept = [
-                _Kept(digest=a.digest.hex(), started=now - a.age_s, used=now - a.unused_s)
+                _Kept(
+                    digest=a.digest.hex(),
+                    started=now - a.age_s,
+                    used=now - a.unused_s,
+                    access=a.access,
+                )
                 for a in ages
             ]
             text = _Content(sessions=kept).model_dump_json()

@@ -19,6 +19,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
+from app.http.gate.access import Access
+
 _ID_BYTES = 32
 # Bounds the memory that repeated signing in can take.
 _MOST = 200
@@ -30,12 +32,14 @@ class Session:
 
     Attributes:
         digest: of its id. started, used: monotonic seconds of signing in and of the last use.
+        access: what it allows.
         over: whether it has ended. closers: each closes one of its open connections.
     """
 
     digest: bytes
     started: float
     used: float
+    access: Access = Access.OPERATOR
     over: bool = False
     closers: set[Callable[[], Any]] = field(default_factory=set)
 
@@ -51,11 +55,16 @@ class Session:
 
 @dataclass(frozen=True)
 class SessionAge:
-    """Session as it outlives the process: its digest, and seconds since its start and last use."""
+    """Session as it outlives the process: its digest, and seconds since its start and last use.
+
+    Attributes:
+        access: what it allows.
+    """
 
     digest: bytes
     age_s: float
     unused_s: float
+    access: Access = Access.OPERATOR
 
 
 class Sessions:
@@ -89,10 +98,10 @@ class Sessions:
         """Return the longest life of a session in seconds."""
         return self._lifetime_s
 
-    def start(self) -> str:
+    def start(self, access: Access = Access.OPERATOR) -> str:
         """Start a session and return its id."""
         session_id, now = secrets.token_urlsafe(_ID_BYTES), self._clock()
-        session = Session(self._digest(session_id), now, now)
+        session = Session(self._digest(session_id), now, now, access)
         self._sessions[session.digest] = session
         self._make_room(session)
         return session_id
@@ -141,7 +150,7 @@ class Sessions:
         """Return what a later process needs in order to go on with the sessions."""
         now = self._clock()
         return [
-            SessionAge(each.digest, now - each.started, now - each.used)
+            SessionAge(each.digest, now - each.started, now - each.used, each.access)
             for each in self._sessions.values()
         ]
 
@@ -151,7 +160,10 @@ class Sessions:
         for each in ages:
             # The wall clock, by which these ages were reckoned, may have been set back.
             session = Session(
-                each.digest, now - max(0.0, each.age_s), now - max(0.0, each.unused_s)
+                each.digest,
+                now - max(0.0, each.age_s),
+                now - max(0.0, each.unused_s),
+                each.access,
             )
             if not self._is_old(session, now):
                 self._sessions[session.digest] = session

@@ -1,7 +1,8 @@
-"""The token that opens the server, and the limit on guessing it."""
+"""The tokens that open the server, and the limit on guessing them."""
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import hmac
 import ipaddress
@@ -12,6 +13,7 @@ from collections.abc import Callable, Iterable
 from enum import Enum, auto
 from pathlib import Path
 
+from app.http.gate.access import Access
 from observer.errors import InputError
 
 _TOKEN_BYTES = 32
@@ -22,11 +24,22 @@ _WRONG_PER_WINDOW = 5
 _WINDOW_S = 60.0
 # Bounds the memory that many addresses can take; the oldest is forgotten first.
 _MOST_ADDRESSES = 4096
+# A browser that is opened by the server asks within seconds; a slow one within this time.
+_ONCE_S = 60.0
 
 
 def new_token() -> str:
     """Return 256 random bits as URL-safe text."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
+
+
+def read_only_token(token: str) -> str:
+    """Return the token of links that only let watch; the operators' token cannot be told from it.
+
+    It is made from that one, so that it lasts as long and needs no file of its own.
+    """
+    digest = hmac.digest(token.encode("utf-8", "surrogatepass"), b"read-only", hashlib.sha256)
+    return base64.urlsafe_b64encode(digest).rstrip(b"=").decode()
 
 
 def load_token(path: Path | None) -> str:
@@ -53,8 +66,8 @@ def _read_token(path: Path) -> str:
     plain = token.replace("-", "").replace("_", "").isalnum()
     if not plain or not _LEAST_CHARACTERS <= len(token) <= _MOST_CHARACTERS:
         raise InputError(
-            f"the token file {path} must hold {_LEAST_CHARACTERS} to {_MOST_CHARACTERS} letters, "
-            f"digits, - or _ and nothing else; delete it and a new token is made"
+            f"the token file {path} must contain {_LEAST_CHARACTERS} to {_MOST_CHARACTERS} "
+            "letters, digits, - or _ and nothing else; delete it to have a new token created"
         )
     return token
 
@@ -67,8 +80,7 @@ def _write_token(path: Path) -> str:
         descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except OSError as error:
         raise InputError(
-            f"the token file {path} cannot be written ({error.strerror}); choose a folder that "
-            f"you may write to"
+            f"the token file {path} cannot be written ({error.strerror}); choose a writable folder"
         ) from error
     with os.fdopen(descriptor, "w") as file:
         file.write(token + "\n")
@@ -78,10 +90,14 @@ def _write_token(path: Path) -> str:
 class Verdict(Enum):
     """Result of checking a request's tokens."""
 
-    RIGHT = auto()
+    OPERATOR = auto()
+    READ_ONLY = auto()
     MISSING = auto()
     WRONG = auto()
     LIMITED = auto()
+
+
+ACCESS_BY_VERDICT = {Verdict.OPERATOR: Access.OPERATOR, Verdict.READ_ONLY: Access.READ_ONLY}
 
 
 class TokenGuard:
@@ -90,16 +106,28 @@ class TokenGuard:
     The right token always works: nobody can lock the operator out by guessing.
 
     Args:
-        clock: monotonic seconds.
+        token: the operators'. clock: monotonic seconds.
     """
 
     def __init__(self, token: str, clock: Callable[[], float]) -> None:
-        self._digest = _digest(token)
+        self._operator = _digest(token)
+        self._read_only = _digest(read_only_token(token))
         self._clock = clock
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
+        self._once: tuple[bytes, float] | None = None
+
+    def once(self) -> str:
+        """Return a token for operators that works once and for a minute.
+
+        For the link with which this computer's browser is opened: other users see the arguments
+        of its process.
+        """
+        token = new_token()
+        self._once = (_digest(token), self._clock() + _ONCE_S)
+        return token
 
     def check(self, address: str | None, candidates: Iterable[str]) -> Verdict:
-        """Check whether one of the tokens is right.
+        """Check whether one of the tokens is right; the operators' counts first.
 
         Args:
             address: the client's network address; None if there is none.
@@ -107,11 +135,25 @@ class TokenGuard:
         """
         given = [_digest(candidate) for candidate in candidates]
         # Every candidate is compared, so that the time does not reveal which one was right.
-        if sum([hmac.compare_digest(digest, self._digest) for digest in given]):
-            return Verdict.RIGHT
+        operator = sum([hmac.compare_digest(digest, self._operator) for digest in given])
+        read_only = sum([hmac.compare_digest(digest, self._read_only) for digest in given])
+        if operator or self._is_once(given):
+            return Verdict.OPERATOR
+        if read_only:
+            return Verdict.READ_ONLY
         if not given:
             return Verdict.MISSING
         return Verdict.WRONG if self._count(_network(address)) else Verdict.LIMITED
+
+    def _is_once(self, given: list[bytes]) -> bool:
+        """Return whether one is the token that works once; from now on it does not."""
+        if self._once is None:
+            return False
+        digest, until = self._once
+        if not sum([hmac.compare_digest(each, digest) for each in given]):
+            return False
+        self._once = None
+        return self._clock() <= until
 
     def _count(self, network: str) -> bool:
         """Count one wrong token; return False if the network has used up its attempts."""

@@ -35,7 +35,7 @@ _LOST_S = 1.0
 # Time for which a command that came too late marks the link as slow.
 _LATE_SHOWN_S = 1.0
 _MOST_PINGS = 64
-TOO_SLOW = "stopped: link too slow"
+TOO_SLOW = "stopped: connection too slow"
 
 
 @dataclass(frozen=True)

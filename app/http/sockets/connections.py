@@ -34,7 +34,7 @@ async def receive_text(socket: WebSocket) -> str:
         raise WebSocketDisconnect(message.get("code", 1005))
     text = message.get("text")
     if not isinstance(text, str):
-        raise BadMessage("this socket takes text messages only")
+        raise BadMessage("this socket accepts only text messages")
     return text
 
 

@@ -22,6 +22,8 @@ from app.contract.sockets import (
     SentMessage,
 )
 from app.contract.values import filled, json_text
+from app.http.gate.access import WATCHING_ONLY, Access
+from app.http.gate.admission import access_of
 from app.http.sockets.command_age import TOO_SLOW, CommandAge
 from app.http.sockets.connections import GOING_AWAY, TRY_LATER, close, receive_text, until_one_ends
 from app.http.sockets.drive_messages import (
@@ -48,10 +50,11 @@ _REFUSALS = (Conflict, FieldError, NotAvailable)
 
 
 class DriveSocket:
-    """Socket of one operator."""
+    """Socket of one operator; of who only watches, it takes the stop alone."""
 
     def __init__(self, socket: WebSocket, server: Server, name: str | None) -> None:
         self._socket = socket
+        self._may_drive = access_of(socket.scope) is Access.OPERATOR
         self._driving = server.driving
         self._clock = server.clock
         self._command_age = CommandAge()
@@ -97,7 +100,7 @@ class DriveSocket:
                 async with asyncio.timeout(1.0):
                     await self._overrun.wait()
             if self._overrun.is_set():
-                await close(self._socket, TRY_LATER, "the messages are not taken in time")
+                await close(self._socket, TRY_LATER, "messages are not read in time")
                 return
             if self._clock() - self._heard > _SILENT_S:
                 await close(self._socket, GOING_AWAY, "no ping was answered for 10 s")
@@ -134,17 +137,27 @@ class DriveSocket:
             match message:
                 case Pong():
                     self._command_age.ponged(message.number, message.stamp, now)
+                case Stop():
+                    self._background.start(self._stop())
+                case _ if not self._may_drive:
+                    self._refuse_watcher(message)
                 case Command():
                     self._command(message, now)
                 case Unusable():
                     self._refuse(message.role, message.sequence, message.sentence)
-                case Stop():
-                    self._background.start(self._stop())
                 case Take() | Release():
                     self._background.start(self._change_lease(message))
 
     def _refuse(self, role: Role | None, sequence: int | None, sentence: str) -> None:
         self._say(RefusedMessage(role, sequence, sentence))
+
+    def _refuse_watcher(self, message: Take | Release | Command | Unusable) -> None:
+        if isinstance(message, Take):
+            holder = self._driving.operators.holder(message.role)
+            self._say(LeaseMessage(message.role, "refused", holder=holder, sentence=WATCHING_ONLY))
+            return
+        sequence = None if isinstance(message, Release) else message.sequence
+        self._refuse(message.role, sequence, WATCHING_ONLY)
 
     async def _stop(self) -> None:
         try:
@@ -172,15 +185,18 @@ class DriveSocket:
         lease = self._operator.leases.get(command.role)
         sentence = None
         if lease is None:
-            sentence = f"take the {command.role} first"
+            sentence = f"take control of the {command.role} first"
         elif age is None:
-            sentence = "the link is not measured; answer the pings, and stamp with the same clock"
+            sentence = (
+                "the connection delay is unknown; answer the pings, using the same clock for "
+                "timestamps"
+            )
         elif age > COMMAND_FRESH_S or not self._command_age.is_fit(now):
             sentence = TOO_SLOW
         elif command.sequence <= self._sequences.get(lease, -1):
-            sentence = f"sequence must be above {self._sequences[lease]}"
+            sentence = f"sequence must be greater than {self._sequences[lease]}"
         elif self._unanswered >= _MOST_UNANSWERED:
-            sentence = "the drive process does not keep up"
+            sentence = "the drive process is overloaded"
         if sentence is not None or lease is None or age is None:
             self._refuse(command.role, command.sequence, sentence or TOO_SLOW)
             return

@@ -71,7 +71,7 @@ def read_message(text: str) -> Message:
         BadMessage: this socket has no such message. A command without a velocity or a time is valid
             and comes back as ``Unusable``.
     """
-    expected = "send the messages of /api/drive as the description has them"
+    expected = "the message does not match the description of /api/drive"
     data = json_object(text, expected)
     kind, role = data.get("type"), _role(data.get("role"))
     if kind == "stop":
@@ -94,7 +94,7 @@ def _command(data: dict[str, Any], role: Role | None, *, moves: bool) -> Command
     if role is None:
         return Unusable(None, sequence, f"role must be {' or '.join(ROLES)}")
     if sequence is None:
-        return Unusable(role, None, "sequence must be a whole number from 0 on")
+        return Unusable(role, None, "sequence must be a whole number of at least 0")
     if stamp is None:
         return Unusable(role, sequence, "time must be performance.now(), a finite number")
     if not moves:

@@ -2,7 +2,8 @@
 
 Every message is encoded once for all pages. A page has at most two unacknowledged observations;
 meanwhile newer ones replace each other and count as dropped. So a slow page sees fewer frames,
-never older ones, and does not slow down the others.
+never older ones, and does not slow down the others; one that acknowledges late gets half as many,
+see ``app.http.sockets.budget``.
 """
 
 from __future__ import annotations
@@ -15,10 +16,18 @@ from fastapi import WebSocket
 
 from app.contract.events import ObservationEvent
 from app.contract.robots import WheelSpeed
-from app.contract.sockets import HeartbeatMessage, ObservationTold, RobotsTold, StatusMessage
+from app.contract.sockets import (
+    HeartbeatMessage,
+    LogMessage,
+    ObservationTold,
+    RobotsTold,
+    StatusMessage,
+)
 from app.contract.values import filled, json_text, word
+from app.http.sockets.budget import Budget
 from app.http.sockets.connections import BadMessage, json_object, receive_text, until_one_ends
 from app.server import Server
+from app.server.journal import Journal
 from app.server.status import observation_age_s, status
 
 _STATUS_INTERVAL_S = 0.5
@@ -50,10 +59,15 @@ class _Observation:
 
 
 class LiveHub:
-    """Encoder of events that passes them to the pages; follows the server while open."""
+    """Encoder of events that passes them to the pages; follows the server while open.
 
-    def __init__(self, server: Server) -> None:
+    Args:
+        journal: the log, which is followed too.
+    """
+
+    def __init__(self, server: Server, journal: Journal) -> None:
         self._server = server
+        self._journal = journal
         self._pages: set[_Page] = set()
         self._newest: _Observation | None = None
         self._event: ObservationEvent | None = None
@@ -67,6 +81,7 @@ class LiveHub:
     async def run(self) -> None:
         """Run until cancelled."""
         unfollow = self._server.followers.follow(self)
+        self._journal.changed = self._logged
         try:
             while True:
                 with contextlib.suppress(TimeoutError):
@@ -93,6 +108,10 @@ class LiveHub:
 
     def status_changed(self) -> None:
         self._status_due.set()
+
+    def _logged(self) -> None:
+        for page in self._pages:
+            page.logged()
 
     def robots_changed(self) -> None:
         if self._robots_later is not None:
@@ -148,6 +167,15 @@ class LiveHub:
         )
         return f'{self._robots_text[:-1]},"wheels":[{wheels}]}}', driving.wheels.newest
 
+    @property
+    def newest_entry(self) -> int:
+        """Return the number of the log's newest entry."""
+        return self._journal.newest
+
+    def log_text(self, after: int) -> str:
+        """Return the log's entries above a number as one message."""
+        return json_text(LogMessage(self._journal.since(after)))
+
     async def serve(self, socket: WebSocket) -> None:
         """Serve one page until it leaves."""
         page = _Page(self, self._server, socket)
@@ -172,6 +200,9 @@ class _Page:
         self._status_due = True
         self._robots_due = True
         self._wheels_told = server.driving.wheels.newest
+        # Pages ask for what was logged before they came.
+        self._log_told = hub.newest_entry
+        self._budget = Budget(server.clock)
         # A page opened while playback is paused shows the current frame.
         self._observation_due = hub.has_current
         # Sequence -> (received, sent), on the monotonic clock.
@@ -183,6 +214,9 @@ class _Page:
 
     def robots_changed(self) -> None:
         self._robots_due = True
+        self._wake.set()
+
+    def logged(self) -> None:
         self._wake.set()
 
     def observed(self) -> None:
@@ -206,8 +240,14 @@ class _Page:
                 continue
             self._wake.clear()
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(_HEARTBEAT_S - (now - beat)):
+                async with asyncio.timeout(self._pause_s(_HEARTBEAT_S - (now - beat))):
                     await self._wake.wait()
+
+    def _pause_s(self, until_beat_s: float) -> float:
+        """Return how long nothing may be due, unless something happens."""
+        if self._observation_due and (held_s := self._budget.wait_s) > 0:
+            return min(until_beat_s, held_s)
+        return until_beat_s
 
     def _next(self, now: float) -> str | None:
         if self._status_due:
@@ -217,7 +257,12 @@ class _Page:
             self._robots_due = False
             text, self._wheels_told = self._hub.robots_text(self._wheels_told)
             return text
+        if self._log_told < self._hub.newest_entry:
+            after, self._log_told = self._log_told, self._hub.newest_entry
+            return self._hub.log_text(after)
         self._give_up_old(now)
+        if self._budget.wait_s > 0:
+            return None
         if not self._observation_due or len(self._unacknowledged) >= _MOST_UNACKNOWLEDGED:
             return None
         self._observation_due = False
@@ -225,6 +270,7 @@ class _Page:
         if newest is None:
             return None
         self._unacknowledged[newest.sequence] = (newest.received, now)
+        self._budget.sent()
         return newest.message(now)
 
     def _give_up_old(self, now: float) -> None:
@@ -235,6 +281,7 @@ class _Page:
         ]
         for sequence in old:
             del self._unacknowledged[sequence]
+            self._budget.acknowledged(_ACKNOWLEDGE_WITHIN_S)
 
     def _heartbeat(self, now: float) -> str:
         state = word(self._server.source.state.state)
@@ -247,7 +294,9 @@ class _Page:
             received = self._unacknowledged.pop(sequence, None)
             # An observation never sent or given up says nothing about latency.
             if received is not None:
-                self._server.telemetry.painted(self._server.clock() - received[0])
+                now = self._server.clock()
+                self._server.telemetry.painted(now - received[0])
+                self._budget.acknowledged(now - received[1])
                 self._wake.set()
 
 

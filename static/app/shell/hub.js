@@ -4,7 +4,7 @@ import { sentence } from "../elements/words.js";
 import { LiveSocket } from "./live-socket.js";
 import { Teller } from "./teller.js";
 
-/** @import { ObservationMessage, RobotsMessage, Status } from "../contract" */
+/** @import { LogEntry, ObservationMessage, RobotsMessage, SourceEntry, Status } from "../contract" */
 /** @import { Driver } from "../driving/driver.js" */
 /** @import { Connection } from "./live-socket.js" */
 
@@ -16,6 +16,8 @@ import { Teller } from "./teller.js";
  */
 
 const STALE_AFTER_S = 1;
+// A server that starts again is back before; one on another port, or with another address, is not.
+const AWAY_AFTER_S = 15;
 const JUDGE_EVERY_MS = 200;
 
 /**
@@ -23,8 +25,9 @@ const JUDGE_EVERY_MS = 200;
  * `status`, `observation` (inside an animation frame), `painted` (right after that frame),
  * `connection`, `freshness`, `reconnected` (the socket is back after a loss), `runs`, `calibrations`, `parameters`
  * (somebody changed what that list shows: read it again), `calibrate` (somebody wants to make a
- * calibration), `history` (it took the place of the live parts, or gave it back), `robots` (how
- * robots and driving are).
+ * calibration), `sources` (there are others to choose from), `history` (it took the place of the
+ * live parts, or gave it back), `titled` (what took their place has another heading), `robots` (how
+ * robots and driving are), `log` (something was added to it).
  */
 export class Hub extends Teller {
   /** @type {Status | null} */
@@ -33,8 +36,12 @@ export class Hub extends Teller {
   observation = null;
   /** How robots and driving are; null where nothing was told yet. @type {RobotsMessage | null} */
   robots = null;
+  /** What was added to the log last. @type {LogEntry[]} */
+  log = [];
   /** A source that could not be opened for want of a calibration. */
   uncalibrated = "";
+  /** The sources to choose from. @type {SourceEntry[]} */
+  sources = [];
   /** @type {Connection} */
   connection = "connecting";
   /** @type {Freshness} */
@@ -93,6 +100,9 @@ export class Hub extends Teller {
     } else if (message.type === "robots") {
       this.robots = message;
       this.tell("robots");
+    } else if (message.type === "log") {
+      this.log = message.entries;
+      this.tell("log");
     }
     // Told only once the server speaks: one that accepts and hangs up is not back yet.
     if (this.#lost) {
@@ -151,9 +161,12 @@ export function judge(connection, status, beat, now) {
   const silent_s = beat ? (now - beat.at) / 1000 : 0;
   const age_s = beat && beat.age_s !== null ? beat.age_s + silent_s : 0;
   if (connection !== "open") {
-    return status
-      ? { state: "stale", age_s, reason: "Connection to the server lost. Reconnecting." }
-      : { state: "none", age_s, reason: "Connecting to the server." };
+    if (!status) return { state: "none", age_s, reason: "Connecting to the server." };
+    const hint =
+      silent_s > AWAY_AFTER_S
+        ? " If it was restarted elsewhere, open the link that it printed."
+        : "";
+    return { state: "stale", age_s, reason: `Connection to the server lost. Reconnecting.${hint}` };
   }
   if (!status) return { state: "none", age_s, reason: "Connecting to the server." };
   if (silent_s > STALE_AFTER_S) {

@@ -7,6 +7,18 @@ import { button, h } from "../elements/dom.js";
 let shown = 0;
 
 /**
+ * Make a stop button for a dialog, which is seen while a robot is armed. The page behind takes no
+ * pointer, but its own stop button may be pressed for it.
+ */
+export function stopCopy() {
+  return button(
+    "Stop robots",
+    () => /** @type {HTMLElement | null} */ (document.querySelector("#stop-robots"))?.click(),
+    { class: "button danger dialog-stop" },
+  );
+}
+
+/**
  * Show a dialog over the page until it is closed. What stops the robots is seen in it while one is
  * armed.
  *
@@ -31,13 +43,7 @@ export function showModal(kind, title, content, ...buttons) {
     ),
   );
   document.body.append(dialog);
-  // The page behind the dialog takes no pointer, but its own stop button may be pressed for it.
-  const stop = button(
-    "Stop robots",
-    () => /** @type {HTMLElement | null} */ (document.querySelector("#stop-robots"))?.click(),
-    { class: "button danger dialog-stop" },
-  );
-  dialog.append(stop);
+  dialog.append(stopCopy());
   dialog.showModal();
   return new Promise((resolve) => {
     dialog.addEventListener("close", () => {

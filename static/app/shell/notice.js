@@ -4,6 +4,9 @@ import { button, field, h, icon, input, setAttribute, setText } from "../element
 import { ApiError } from "./api.js";
 import { showModal } from "./modal.js";
 
+/** Event of the window for every notice: its detail has `text` and `severity`. */
+export const SHOWN = "notice-shown";
+
 const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 
 /**
@@ -34,6 +37,8 @@ export function notify(text, kind = "done", offer) {
     close,
   );
   host.append(notice);
+  const severity = kind === "error" ? "error" : "info";
+  window.dispatchEvent(new CustomEvent(SHOWN, { detail: { text, severity } }));
   setTimeout(() => notice.remove(), offer ? SHOWN_MS.offer : SHOWN_MS[kind]);
 }
 

@@ -168,7 +168,7 @@ class ScriptedServer:
         @app.delete("/api/robots/programme")
         async def end_programme() -> Any:
             if self.programme is None:
-                raise HTTPException(409, "no programme is going")
+                raise HTTPException(409, "no programme is running")
             self.end("ended")
             return {}
 

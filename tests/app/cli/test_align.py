@@ -51,7 +51,7 @@ def test_a_file_is_laid_over_a_run_and_drawn_with_it(
         "--speeds", str(speeds), "--match", "0:2=", *data,
     )  # fmt: skip
     assert done.code == 0, done.err
-    assert done.err.startswith("Truth is ride.csv, aligned with the run: +1")
+    assert done.err.startswith("Ground truth: ride.csv, aligned with the run: time offset +1")
     found = Comparison.read(output)
     assert found.alignment is not None
     assert found.alignment.time.offset_s == pytest.approx(OFFSET_S, abs=0.01)

@@ -33,11 +33,11 @@ def test_values_are_read_as_what_they_are() -> None:
         ("ego_motion.ransac_iterations=12.5", "whole number from 10 to 10000"),
         ("features.detector=surfs", "must be one of fast"),
         ("ego_motion.ransac_treshold_px=2", "did you mean ego_motion.ransac_threshold_px?"),
-        ("ego_motion.shared_error=0.1", "is named ego_motion.noise_correlation now"),
-        ("ego_motion.model=one_camera", "one_camera is named monocular now"),
+        ("ego_motion.shared_error=0.1", "has been renamed to ego_motion.noise_correlation"),
+        ("ego_motion.model=one_camera", "one_camera has been renamed to monocular"),
         (
             "tracking.gate=4",
-            "the model rigid, which is in force; it acts with homography and affine",
+            "the current method, rigid; it applies to homography and affine",
         ),
     ],
 )

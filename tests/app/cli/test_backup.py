@@ -26,25 +26,25 @@ def test_there_and_back_again(shell: Shell, data: Path, tmp_path: Path) -> None:
     assert "without recordings" in done.err
     done = shell("restore", file, "--data", str(other))
     assert (done.code, done.out) == (0, "")
-    assert f"UTC is in {other}" in done.err
+    assert f"UTC is restored in {other}" in done.err
     with Storage(other / "observer.sqlite") as storage:
         assert [each.name for each in storage.list_presets()] == ["mine"]
     done = shell("restore", file, "--data", str(other))
     assert done.code == 2
-    assert "is there already; --replace puts" in done.err
+    assert "already exists; use --replace to put" in done.err
     done = shell("restore", file, "--data", str(other), "--replace")
     assert done.code == 0
-    assert "what was there is kept as" in done.err
+    assert "the previous data is kept as" in done.err
 
 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (("backup", "kept.rar"), "ends in .zip or .tar"),
+        (("backup", "kept.rar"), "must end in .zip or .tar"),
         (("backup", "kept.zip", "--data", "nothing"), "there is no database"),
         (("restore", "nothing.zip"), "cannot read the backup nothing.zip"),
-        (("restore", "data/observer.sqlite"), "is no backup"),
-        (("backup", "kept.zip", "--database", "postgresql+x://a:secret@b/c"), "not understood"),
+        (("restore", "data/observer.sqlite"), "is not a backup"),
+        (("backup", "kept.zip", "--database", "postgresql+x://a:secret@b/c"), "is not valid"),
     ],
 )
 def test_what_cannot_be_done_is_one_sentence(

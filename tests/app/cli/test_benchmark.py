@@ -34,7 +34,7 @@ def test_one_run_writes_json_markdown_and_figures(tmp_path: Path) -> None:
         assert {t["figure"] for t in each["targets"]} >= {"identity switches", "centre RMSE, m"}
     assert all("false_instances" in each for each in figures["sources"])
     text = (folder / "benchmark.md").read_text()
-    for title in ("## To reach", "## Accuracy by range", "## By source", "## Cost"):
+    for title in ("## Targets", "## Accuracy by range", "## By source", "## Cost"):
         assert title in text
 
 
@@ -115,4 +115,4 @@ def test_evaluate_breaks_down_as_benchmark_does(shell: Shell, tmp_path: Path) ->
 def test_calibration_stands_for_itself(shell: Shell) -> None:
     done = shell("benchmark", "simulated:lateral", "--calibration")
     assert (done.code, done.out) == (2, "")
-    assert "leave SOURCE and --figure out" in done.err
+    assert "omit SOURCE and --figure" in done.err

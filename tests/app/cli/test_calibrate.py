@@ -77,8 +77,10 @@ def test_json_and_file_hold_the_pair_that_took_the_pictures(
     assert [row["distance_m"] for row in report["verdict"]["rows"]] == [1, 3, 5]
     assert {each["name"] for each in report["refused_images"]} == {"left20.png", "left30, right30"}
     told = done.err.splitlines()
-    assert "refused left20.png: it has no right image of the same name or number" in told
-    assert any(line.startswith("refused left30, right30: left30.png is cut off") for line in told)
+    assert "rejected left20.png: there is no right image with the same name or number" in told
+    assert any(
+        line.startswith("rejected left30, right30: left30.png is truncated") for line in told
+    )
     assert "used 9 pairs of 9 views" in told
     assert told[-1] == f"wrote {output}"
 
@@ -90,8 +92,8 @@ def test_words_end_in_metres(
     out = capsys.readouterr().out
     (baseline,) = (float(line.split()[1]) for line in out.splitlines() if "baseline" in line)
     assert baseline == pytest.approx(100, abs=0.5)
-    assert "At 3 m depth is right to" in out
-    assert "rows agree to" in out
+    assert "At 3 m, depth is accurate to" in out
+    assert "epipolar error" in out
     assert [line.split()[:2] for line in out.splitlines() if " m  " in line][-3:] == [
         ["1", "m"], ["3", "m"], ["5", "m"],
     ]  # fmt: skip
@@ -103,7 +105,7 @@ def test_words_end_in_metres(
         ({"--board": "9by6"}, "COLUMNSxROWS"),
         ({"--square-mm": "0"}, "2 to 500 mm"),
         ({"--output": "/no/such/folder/pair.yaml"}, "/no/such/folder"),
-        ({0: "/nothing/left*.png"}, "no image fits"),
+        ({0: "/nothing/left*.png"}, "no image matches"),
     ],
 )
 def test_wrong_input_is_refused_at_once(

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import pty
 import subprocess
 import sys
 from pathlib import Path
@@ -61,6 +63,60 @@ def test_simulate_then_observe_then_evaluate(shell: Shell, tmp_path: Path) -> No
     assert figures["frames"] == len(tracks.read_text().splitlines())
 
 
+def test_simulate_ends_where_it_is_told(shell: Shell, tmp_path: Path) -> None:
+    folder = tmp_path / "lab"
+    made = shell("simulate", "lab", "--frames", "2", "--output", str(folder))
+    assert made.code == 0, made.err
+    assert len(list((folder / "left").iterdir())) == 2
+    assert len((folder / "times.txt").read_text().splitlines()) == 2
+
+
+def test_a_truth_of_another_kind_beside_images_is_a_note_and_no_refusal(
+    shell: Shell, tmp_path: Path
+) -> None:
+    folder, tracks = tmp_path / "lab", tmp_path / "tracks.jsonl"
+    assert shell("simulate", "lab", "--frames", "2", "--output", str(folder)).code == 0
+    for text in ("TX,TY\n1,2\n", (folder / "truth.csv").read_text() + "1,2\n"):
+        (folder / "truth.csv").write_text(text)
+        done = shell("observe", str(folder), "--output", str(tracks))
+        assert (done.code, done.out) == (0, "")
+        assert done.err.startswith("ground truth: truth.csv")
+        assert "the images are observed without it" in done.err
+        assert len(tracks.read_text().splitlines()) == 2
+
+
+@pytest.mark.parametrize("command", ["observe", "simulate"])
+def test_a_terminal_sees_at_once_that_work_goes_on(command: str, tmp_path: Path) -> None:
+    arguments = {
+        "observe": ("observe", "simulated:lab", "--frames", "2", "--output"),
+        "simulate": ("simulate", "lab", "--frames", "2", "--output"),
+    }[command]
+    # Before the method is imported: where it would be, the process ends.
+    code = (
+        "import os, sys\n"
+        "from app.cli import main\n"
+        "class Late:\n"
+        "    def find_spec(self, name, *_):\n"
+        "        if name in ('cv2', 'numpy'):\n"
+        "            os._exit(7)\n"
+        "sys.meta_path.insert(0, Late())\n"
+        "main()\n"
+    )
+    primary, terminal = pty.openpty()
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", code, *arguments, str(tmp_path / "out")],
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=terminal, timeout=60,
+            env={**os.environ, "TERM": "xterm", "COLUMNS": "100"}, check=False,
+        )  # fmt: skip
+        shown = os.read(primary, 65536).decode()
+    finally:
+        os.close(primary)
+        os.close(terminal)
+    assert (done.returncode, done.stdout) == (7, b"")
+    assert {"observe": "opening simulated:lab", "simulate": "rendering lab"}[command] in shown
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
@@ -107,7 +163,13 @@ def test_help_lists_every_command_in_order(shell: Shell) -> None:
     assert [line.split()[0] for line in listed.splitlines()] == list(COMMANDS)
 
 
-@pytest.mark.parametrize("arguments", [("--help",), ("chart", "--help"), ("doctor", "--help")])
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("--help",),
+        *((name, "--help") for name in ("chart", "doctor", "link", "observe", "simulate")),
+    ],
+)
 def test_what_is_only_explained_is_not_imported(arguments: tuple[str, ...]) -> None:
     code = (
         "import sys\n"

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import socket
 import sys
+import threading
 from collections.abc import Mapping
+from http.server import BaseHTTPRequestHandler, HTTPServer
 from io import StringIO
 from pathlib import Path
 
@@ -14,6 +17,7 @@ import typer
 from rich.console import Console
 
 from app.cli.doctor import doctor
+from app.client.announced import AnnouncedServer, announced
 from app.doctor.address import examine_address
 from app.doctor.cameras import examine_cameras
 from app.doctor.examination import Examination, examine
@@ -71,11 +75,11 @@ def test_a_webcam_is_told_with_its_stable_name_modes_and_ranges(bench: Bench) ->
     (finding,) = bench.cameras()
     assert (finding.level, finding.text) == ("ok", "HD Webcam (/dev/video0)")
     assert finding.details == (
-        "stays the same on this port: /dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
+        "persistent name for this port: /dev/v4l/by-path/pci-0000:00:14.0-usb-0:1:1.0-video-index0",
         "USB bus 1, port 1-1, 480 Mbit/s",
         "MJPG: 640x480 at 30/s, 1280x720 at 30/s",
         "YUYV: 640x480 at 30/s, 1280x720 at 10/s",
-        "can be set: gain 0 to 100, white balance 2800 to 6500 in steps of 10, exposure 3 to 2047",
+        "settable: gain 0 to 100, white balance 2800 to 6500 in steps of 10, exposure 3 to 2047",
     )
 
 
@@ -99,9 +103,12 @@ def test_a_camera_without_permission_hinders_and_speaks_for_its_second_node(
     bench.kernel.denied |= {"video0", "video1"}
     first, rest = bench.cameras()
     assert first.level == "problem"
-    assert first.text.startswith("Locked Cam: /dev/video0 may be used by the group")
+    assert first.text.startswith("Locked Cam: only the group")
     assert "sudo usermod -aG video ada" in first.text
-    assert (rest.level, rest.text) == ("ok", "further nodes, which are no cameras: /dev/video1")
+    assert (rest.level, rest.text) == (
+        "ok",
+        "other video nodes, which are not cameras: /dev/video1",
+    )
 
 
 def test_metadata_nodes_are_no_cameras_and_no_trouble(bench: Bench) -> None:
@@ -109,7 +116,7 @@ def test_metadata_nodes_are_no_cameras_and_no_trouble(bench: Bench) -> None:
     bench.camera(1, metadata_node(), index=1)
     findings = bench.cameras()
     assert levels(findings) == ["ok", "ok"]
-    assert findings[1].text == "further nodes, which are no cameras: /dev/video1 (metadata)"
+    assert findings[1].text == "other video nodes, which are not cameras: /dev/video1 (metadata)"
 
 
 def test_a_camera_in_use_is_a_warning(bench: Bench) -> None:
@@ -125,7 +132,7 @@ def test_two_cameras_on_one_bus_are_a_warning(bench: Bench) -> None:
     bench.camera(2, webcam(), port="1-2")
     findings = bench.cameras()
     assert levels(findings) == ["ok", "ok", "warning", "ok"]
-    assert "36.9 MB/s together" in findings[2].text
+    assert "36.9 MB/s in total" in findings[2].text
     names = [f"/dev/v4l/by-path/pci-0000:00:14.0-usb-0:{n}:1.0-video-index0" for n in (1, 2)]
     assert f"serve 'camera:{names[0]},{names[1]}?format=MJPG'" in findings[3].text
 
@@ -211,8 +218,51 @@ def test_a_port_in_use_hinders(free_port: int) -> None:
     with socket.create_server(("127.0.0.1", free_port)):
         finding = examine_address(settings)
     assert finding.level == "problem"
-    assert f"port {free_port} of 127.0.0.1 is in use by another program" in finding.text
+    # The listener is this process.
+    assert f"port {free_port} of 127.0.0.1 is in use by " in finding.text
+    assert f"process {os.getpid()}" in finding.text
     assert examine_address(settings).level == "ok"
+
+
+def test_a_free_port_tells_where_a_server_there_would_be_reached(free_port: int) -> None:
+    here, others = examine_address(Settings(port=free_port)).details
+    assert here == f"from this computer at http://127.0.0.1:{free_port}"
+    assert "--host 0.0.0.0" in others
+    everywhere = Settings(host="0.0.0.0", port=free_port, allowed_hosts=("lab.example",))
+    here, others = examine_address(everywhere).details
+    assert here == f"from this computer at http://localhost:{free_port}"
+    assert f"http://lab.example:{free_port}" in others
+
+
+def test_the_own_server_is_known_by_its_answer(free_port: int, tmp_path: Path) -> None:
+    class Alive(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(b'{"status": "ok"}')
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    settings = Settings(port=free_port, data=tmp_path)
+    told = AnnouncedServer(
+        host="127.0.0.1", port=free_port, tls=False, allowed_hosts=(), token="t",
+        read_only_token="r",
+    )  # fmt: skip
+    with HTTPServer(("127.0.0.1", free_port), Alive) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            alone = examine_address(settings)
+            with announced(tmp_path, told):
+                known = examine_address(settings)
+        finally:
+            server.shutdown()
+            thread.join()
+    assert "is in use by Dynamic Observer itself" in alone.text
+    assert alone.details == ()
+    assert known.details[0] == f"from this computer at http://127.0.0.1:{free_port}"
+    assert "dynamic-observer link" in known.details[-1]
 
 
 def test_an_address_that_is_not_this_machines_hinders() -> None:
@@ -232,8 +282,8 @@ def test_without_a_terminal_it_is_told_in_plain_characters(bench: Bench, tmp_pat
     examination = examine(Settings(data=tmp_path, port=0), bench.machine)
     text = told(examination, terminal=False)
     assert text.isascii()
-    assert "  ok       HD Webcam (/dev/video0)\n             stays the same" in text
-    assert text.endswith("Nothing hinders the start.\n")
+    assert "  ok       HD Webcam (/dev/video0)\n             persistent name" in text
+    assert text.endswith("Nothing prevents the start.\n")
     assert not examination.hindered
 
 
@@ -244,7 +294,7 @@ def test_a_terminal_gets_marks_and_whole_sentences(bench: Bench, tmp_path: Path)
     text = told(examination, terminal=True)
     assert "✗" in text
     assert "sign out and in again: sudo usermod -aG video ada\n" in text
-    assert "1 of these hinders the start." in text
+    assert "1 of these prevents the start." in text
     assert examination.hindered
 
 
@@ -298,5 +348,5 @@ def test_a_mistyped_setting_is_told_and_the_rest_looked_at_all_the_same(
         doctor(None)
     assert ended.value.exit_code == 1
     text = capsys.readouterr().out
-    assert "DYNAMIC_OBSERVER_PROT names no setting" in text
+    assert "DYNAMIC_OBSERVER_PROT is not a setting" in text
     assert "Cameras" in text

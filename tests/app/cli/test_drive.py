@@ -90,7 +90,7 @@ def test_a_file_is_brought_to_the_server_and_driven_in_reverse(
     file.write_text("steps: {obstacle: [{seconds: 0.5, speed_mps: 0.4}]}")
     code, out, err = shell(str(file), "--reverse", "--json")
     assert code == 0, err
-    assert "other is driven" in err
+    assert "other is finished" in err
     assert profile_from_text(server.kept["other"]).roles == ("obstacle",)
     assert json.loads(out)["reverse"] is True
     assert server.way["obstacle"] == pytest.approx(-0.2, abs=0.1)
@@ -103,7 +103,7 @@ def test_somebody_who_drives_is_not_put_out_without_being_asked(
     server.holder = "Ann"
     code, out, err = shell("mine")
     assert (code, out) == (1, "")
-    assert "Ann drives the observer; --takeover takes it over" in err
+    assert "Ann controls the observer; use --takeover to take control" in err
     # Nothing of hers was touched.
     assert [call for call in server.calls if call[0] != "GET"] == []
     assert shell("mine", "--takeover")[0] == 0
@@ -154,7 +154,7 @@ def test_a_lease_that_is_taken_over_ends_it(server: ScriptedServer, shell: Shell
     server.act = lambda elapsed: server.lose() if elapsed > 0.25 else None
     code, _, err = shell("mine")
     assert code == 1
-    assert "Ann took the obstacle over" in err
+    assert "Ann took control of the obstacle" in err
     # What is left is given back, and what she has is hers.
     assert [m["role"] for m in server.told("release")] == ["observer"]
     assert ("POST", "/robots/observer/disarm") in server.calls
@@ -187,7 +187,7 @@ def test_a_server_that_gives_no_lease_is_not_waited_for(
     server.silent = True
     code, _, err = shell("mine")
     assert code == 1
-    assert "did not give the observer" in err
+    assert "did not grant control of the observer" in err
 
 
 def test_stop_alone_stops_all_robots(server: ScriptedServer, shell: Shell) -> None:
@@ -200,8 +200,8 @@ def test_stop_alone_stops_all_robots(server: ScriptedServer, shell: Shell) -> No
 
 def test_what_is_asked_wrongly_moves_nothing(server: ScriptedServer, shell: Shell) -> None:
     for arguments, sentence in (
-        ([], "name a programme to drive, or give --stop alone"),
-        (["mine", "--stop"], "name a programme to drive, or give --stop alone"),
+        ([], "name a programme to run, or give only --stop"),
+        (["mine", "--stop"], "name a programme to run, or give only --stop"),
         (["none"], "there is no programme 'none'; there are mine"),
         (["../robots"], "there is no programme file ../robots"),
         (["none.yaml"], "there is no programme file none.yaml"),
@@ -222,9 +222,9 @@ def test_a_wrong_token_or_address_is_said(
     assert shell("mine", token="wrong")[0] == 2
     for address, code, sentence in (
         (f"http://127.0.0.1:{free_port}", 1, "start the server with dynamic-observer serve"),
-        ("ftp://x", 2, "is no server's address"),
-        ("http://127.0.0.1:99999", 2, "is no server's address"),
-        ("http://127.0.0.1/api", 2, "give the server's address alone"),
+        ("ftp://x", 2, "is not a server address"),
+        ("http://127.0.0.1:99999", 2, "is not a server address"),
+        ("http://127.0.0.1/api", 2, "give only the address of the server"),
     ):
         with pytest.raises(SystemExit) as left:
             main(["drive", "mine", "--token", "x", "--server", address])

@@ -65,7 +65,7 @@ def test_a_robot_answers_at_the_port_it_prints_until_ctrl_c() -> None:
             process.kill()
     assert process.returncode == 0, said
     assert "Pioneer P3-DX" in said
-    assert "it took 6 commands" in said
+    assert "it received 6 commands" in said
 
 
 def test_a_robot_answers_on_a_pseudo_terminal() -> None:
@@ -91,9 +91,9 @@ def test_a_robot_answers_on_a_pseudo_terminal() -> None:
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["p4dx"], "there is no robot model 'p4dx'; there are p3dx-sh, p3dx, amigo-sh, amigo"),
-        (["amigo", "--pty", "--tcp", "0"], "name --tcp or --pty, not both"),
-        (["amigo", "--watchdog", "0"], "should be greater than or equal to 0.1"),
+        (["p4dx"], "there is no robot model 'p4dx'; available are p3dx-sh, p3dx, amigo-sh, amigo"),
+        (["amigo", "--pty", "--tcp", "0"], "give --tcp or --pty, not both"),
+        (["amigo", "--watchdog", "0"], "must be greater than or equal to 0.1"),
     ],
 )
 def test_what_cannot_be_emulated_is_one_sentence(arguments: list[str], says: str) -> None:

@@ -90,7 +90,7 @@ def test_a_bag_is_a_folder_and_is_replaced_when_asked(
         ("2027", "f.csv", "2027 was not recorded"),
         ("2028", "f.csv", "there is no run 2028"),
         ("2026-a1", "f.txt", ".csv, .parquet, .tum, .mp4, .ply, .zip, or --ros2"),
-        ("2026-a1", "none/f.csv", "in a folder that exists"),
+        ("2026-a1", "none/f.csv", "in an existing folder"),
         ("nowhere/recording.mcap", "f.csv", "there is no recording nowhere"),
     ],
 )

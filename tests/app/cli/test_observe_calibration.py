@@ -79,8 +79,11 @@ def test_any_format_is_taken_and_told(
 @pytest.mark.parametrize(
     ("calibration", "expected"),
     [
-        (["ros-left.yaml"], "ros-left.yaml: a ROS camera_info holds one camera; bring both files"),
-        (["wrong.yaml"], "is for images of 320x120 pixels, but the camera's are 160x120"),
+        (
+            ["ros-left.yaml"],
+            "ros-left.yaml: a ROS camera_info contains one camera; supply both files",
+        ),
+        (["wrong.yaml"], "is for 320x120 images, but the camera delivers 160x120"),
         (["opencv.yaml,absent.yaml"], "absent.yaml cannot be read"),
         ([","], "no calibration file was given"),
     ],
@@ -121,7 +124,7 @@ def test_a_lens_that_is_replaced_in_the_sources_own_calibration_is_told(
     (tmp_path / "images" / "calibration.yaml").write_text(text)
     observe(str(tmp_path / "images"))
     told = capsys.readouterr().err
-    assert "calibration.yaml: D1 is a rational lens that folds over" in told
+    assert "calibration.yaml: D1 is a rational lens model that folds over" in told
     assert "D2 is" not in told
     observe(str(tmp_path / "images"), calibration=[str(folder / "opencv.yaml")])
     assert "folds over" not in capsys.readouterr().err
@@ -133,5 +136,5 @@ def test_a_unit_without_a_file_and_an_unknown_one_are_refused(
     monkeypatch.chdir(folder)
     with pytest.raises(InputError, match="--unit says what --calibration FILE is in"):
         observe("images", unit="mm")
-    with pytest.raises(CalibrationError, match="the unit 'feet' is not understood"):
+    with pytest.raises(CalibrationError, match="the unit 'feet' is not known"):
         observe("images", calibration=["opencv.yaml"], unit="feet")

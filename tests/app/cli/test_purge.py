@@ -25,11 +25,11 @@ def test_what_was_deleted_long_ago_or_at_all_goes_for_good(
     options = ["--data", str(tmp_path)]
     early = shell("purge", *options)
     assert (early.code, early.out) == (0, "")
-    assert early.err.startswith("0 runs are gone")
+    assert early.err.startswith("0 runs removed")
     assert recording.exists()
     assert shell("purge", "--days", "-1", *options).code == 2
     done = shell("purge", "--days", "0", *options)
-    assert done.err.startswith("1 runs are gone")
+    assert done.err.startswith("1 runs removed")
     assert not recording.parent.exists()
     with Storage(tmp_path / "observer.sqlite", folder=tmp_path) as storage:
         assert [run.id for run in storage.list_runs()] == [kept.id]

@@ -82,8 +82,8 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
     assert first == "177 combinations over 1 sources: 177 tasks, 0 of them finished before"
     finished = len(list(output.glob("tasks/*.json")))
     assert 1 <= finished < 177
-    assert last.startswith(f"interrupted before {177 - finished} of 177 tasks")
-    assert "The sweep was ended before" in (output / "ranking.md").read_text()
+    assert last.startswith(f"interrupted with {177 - finished} of 177 tasks left")
+    assert "The sweep was interrupted with" in (output / "ranking.md").read_text()
     assert {path.name for path in output.iterdir()} == {
         "tasks", "ranking.md", "ranking.csv", "results.parquet", "sweep.png",
     }  # fmt: skip

@@ -34,7 +34,7 @@ def test_a_sound_database_is_only_looked_at(tmp_path: Path) -> None:
     with Storage(tmp_path / "observer.sqlite"):
         pass
     before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
-    assert data_findings(tmp_path)[-1].text == "the database opens and is sound"
+    assert data_findings(tmp_path)[-1].text == "the database is intact"
     assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
 
 
@@ -47,7 +47,7 @@ def test_a_damaged_database_stays_where_it_is_and_is_told(tmp_path: Path) -> Non
     (tmp_path / "observer.sqlite").write_bytes(b"no database at all" * 100)
     finding = data_findings(tmp_path)[-1]
     assert finding.level == "warning"
-    assert "restore your copy before that" in finding.text
+    assert "restore a backup before that" in finding.text
     assert [file.name for file in tmp_path.iterdir()] == ["observer.sqlite"]
 
 

@@ -71,12 +71,12 @@ def test_real_time_is_permitted_by_right_or_by_limit(
 ) -> None:
     permit(bench)
     (finding,) = bench.look()
-    assert (finding.level, finding.text) == ("ok", "the drive loop may take real-time priority")
+    assert (finding.level, finding.text) == ("ok", "the drive loop may use real-time priority")
 
 
 @pytest.mark.parametrize(
-    ("nice", "instead"), [(0, "late where the machine is busy"), (34, "late where"),
-                          (35, "before ordinary programs only")],
+    ("nice", "instead"), [(0, "late when the computer is busy"), (34, "late when"),
+                          (35, "precedence over ordinary programs")],
 )  # fmt: skip
 def test_what_to_do_where_it_is_not_permitted(bench: Bench, nice: int, instead: str) -> None:
     bench.rights(NO_RIGHTS, nice, 0)
@@ -94,7 +94,7 @@ def test_a_system_that_does_not_tell_is_no_trouble(bench: Bench) -> None:
     (bench.files.root / "proc" / "self" / "limits").unlink()
     (finding,) = bench.look()
     assert finding.level == "ok"
-    assert "not known" in finding.text
+    assert "unknown" in finding.text
 
 
 def test_the_rigs_ports_are_looked_for(bench: Bench) -> None:
@@ -111,7 +111,7 @@ def test_the_rigs_ports_are_looked_for(bench: Bench) -> None:
     port.touch()
     _, observer, _ = bench.look()
     assert observer.level == "ok"
-    assert observer.text == "the observer's port /dev/serial/by-id/usb-A is there"
+    assert observer.text == "the observer's port /dev/serial/by-id/usb-A is present"
     bench.files.groups(f"dialout:x:{port.stat().st_gid}:")
     bench.kernel.denied.add("ttyUSB0")
     _, observer, _ = bench.look()

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from app.http.gate.headers import page_policy
 from app.http.gate.origins import NetworkName, names_of, parse_host
-from app.http.gate.token import TokenGuard, Verdict, load_token, new_token
+from app.http.gate.token import TokenGuard, Verdict, load_token, new_token, read_only_token
 from observer.errors import InputError
 
 TOKEN = "t" * 43
@@ -20,6 +20,29 @@ TOKEN = "t" * 43
 
 def guard(now: list[float]) -> TokenGuard:
     return TokenGuard(TOKEN, lambda: now[0])
+
+
+def test_read_only_links_have_a_token_of_their_own() -> None:
+    other = read_only_token(TOKEN)
+    assert other == read_only_token(TOKEN)
+    assert len(other) * 6 >= 256
+    assert TOKEN not in other
+    gate = guard([0.0])
+    assert gate.check("1.2.3.4", [other]) is Verdict.READ_ONLY
+    assert gate.check("1.2.3.4", [other, TOKEN]) is Verdict.OPERATOR
+    # No way up from there.
+    assert gate.check("1.2.3.4", [read_only_token(other)]) is Verdict.WRONG
+
+
+def test_the_token_for_the_own_browser_works_once_and_for_a_minute() -> None:
+    now = [0.0]
+    gate = guard(now)
+    first = gate.once()
+    assert gate.check("1.2.3.4", [first]) is Verdict.OPERATOR
+    assert gate.check("1.2.3.4", [first]) is Verdict.WRONG
+    late = gate.once()
+    now[0] = 61.0
+    assert gate.check("1.2.3.5", [late]) is Verdict.WRONG
 
 
 def test_tokens_have_at_least_128_bits() -> None:
@@ -59,8 +82,8 @@ def test_five_wrong_tokens_a_minute() -> None:
     assert [gate.check("1.2.3.4", ["wrong"]) for _ in range(6)] == [Verdict.WRONG] * 5 + [
         Verdict.LIMITED
     ]
-    assert gate.check("1.2.3.4", [TOKEN]) is Verdict.RIGHT
-    assert gate.check("1.2.3.4", ["wrong", TOKEN]) is Verdict.RIGHT
+    assert gate.check("1.2.3.4", [TOKEN]) is Verdict.OPERATOR
+    assert gate.check("1.2.3.4", ["wrong", TOKEN]) is Verdict.OPERATOR
     assert gate.check("1.2.3.4", []) is Verdict.MISSING
     assert gate.check("1.2.3.5", ["wrong"]) is Verdict.WRONG
     now[0] = 61.0
@@ -89,7 +112,7 @@ def test_counting_takes_bounded_memory() -> None:
 @settings(deadline=None, max_examples=200)
 @given(st.text(max_size=60))
 def test_no_other_text_is_the_token(text: str) -> None:
-    assert (guard([0.0]).check("1.1.1.1", [text]) is Verdict.RIGHT) == (text == TOKEN)
+    assert (guard([0.0]).check("1.1.1.1", [text]) is Verdict.OPERATOR) == (text == TOKEN)
 
 
 # --- names and origins --------------------------------------------------------------------
@@ -159,6 +182,19 @@ def test_only_the_servers_own_pages_are_accepted() -> None:
     assert not names.answers_to(NetworkName("other.example", 8080))
     # The wildcard is no name.
     assert not names.answers_to(NetworkName("0.0.0.0", 8080))
+
+
+def test_a_server_on_every_address_answers_to_numbers_which_no_other_page_has() -> None:
+    names = names_of("0.0.0.0", (), tls=False)
+    assert names.answers_to(NetworkName("192.168.1.5", 8080))
+    assert names.answers_to(NetworkName("fd00::2", 8080))
+    for name in ("0.0.0.0", "::", "192.168.1.5.evil.example", "evil.example", "0300.0250.1.5"):
+        assert not names.answers_to(NetworkName(name, 8080)), name
+    here = NetworkName("192.168.1.5", 8080)
+    assert names.accepts_origin("http://192.168.1.5:8080", here)
+    assert not names.accepts_origin("http://192.168.1.6:8080", here)
+    assert not names_of("127.0.0.1", (), tls=False).answers_to(here)
+    assert not names_of("192.168.1.6", (), tls=False).answers_to(here)
 
 
 def test_with_tls_only_https_pages_are_its_own() -> None:

@@ -114,7 +114,7 @@ async def test_take_arm_drive_and_leave(served: Any, drive: Any, eventually: Any
     async with hand(served, "Anna") as anna:
         assert (await anna.next("operator"))["name"] == "Anna"
         await anna.drive()
-        assert "take the observer first" in (await anna.next("refused"))["sentence"]
+        assert "take control of the observer first" in (await anna.next("refused"))["sentence"]
         lease = await anna.take()
         assert (lease["state"], lease["holder"]) == ("yours", "Anna")
         # Asked for twice, it is the same.
@@ -162,10 +162,10 @@ async def test_one_drives_and_taking_over_is_explicit(
         assert taken["state"] == "yours"
         lost = await anna.next("lease", state="lost")
         assert lost["holder"] == taken["holder"]
-        assert "took over the observer" in lost["sentence"]
+        assert "took control of the observer" in lost["sentence"]
         assert "observer" not in drive.armed
         await anna.drive()
-        assert "take the observer first" in (await anna.next("refused"))["sentence"]
+        assert "take control of the observer first" in (await anna.next("refused"))["sentence"]
         # The other role is free all the time.
         assert (await anna.take("obstacle"))["state"] == "yours"
         await other.say({"type": "release", "role": "observer"})
@@ -192,19 +192,19 @@ async def test_what_is_old_or_said_before_is_refused(
         assert await arm(served, lease) == 200
         late = await page.drive(ago_ms=400)
         refused = await page.next("refused", sequence=late)
-        assert refused["sentence"] == "stopped: link too slow"
+        assert refused["sentence"] == "stopped: connection too slow"
         slow = await page.next("link", quality="slow")
-        assert slow["sentence"] == "stopped: link too slow"
+        assert slow["sentence"] == "stopped: connection too slow"
         assert slow["delay_ms"] > 250
         good = await page.drive()
         await page.next("sent", sequence=good)
         for sequence in (good, good - 1, 0):
             await page.drive(sequence=sequence)
             refused = await page.next("refused", sequence=sequence)
-            assert "sequence must be above" in refused["sentence"]
+            assert "sequence must be greater than" in refused["sentence"]
         # A stamp of the future is no freshness.
         await page.drive(ago_ms=-5000, sequence=good + 50)
-        assert "not measured" in (await page.next("refused", sequence=good + 50))["sentence"]
+        assert "delay is unknown" in (await page.next("refused", sequence=good + 50))["sentence"]
         assert [command.sequence for command in drive.of(DriveCommand)] == [good]
 
 
@@ -215,7 +215,7 @@ async def test_before_the_link_is_measured_nothing_is_driven(served: Any, drive:
         await page.drive()
         while (message := json.loads(await socket.recv()))["type"] != "refused":
             pass
-        assert "not measured" in message["sentence"] or "take" in message["sentence"]
+        assert "delay is unknown" in message["sentence"] or "take" in message["sentence"]
         assert not drive.of(DriveCommand)
 
 
@@ -263,7 +263,7 @@ async def test_stop_is_for_everybody_and_at_once(served: Any, drive: Any, eventu
         await anna.say({"type": "stop"})
         await eventually(lambda: len(drive.of(StopRobots)) == 2)
         told = await anna.next("refused", sequence=None)
-        assert "use the robots' own switch" in told["sentence"]
+        assert "use the robots' own stop switch" in told["sentence"]
         drive.hangs = False
 
 
@@ -294,7 +294,7 @@ async def test_too_much_at_once_is_refused_and_nothing_is_kept_for_later(
         drive.hangs = True
         sequences = [await page.drive() for _ in range(12)]
         refused = await page.next("refused", sequence=sequences[-1])
-        assert "does not keep up" in refused["sentence"]
+        assert "is overloaded" in refused["sentence"]
         await page.next("refused", sequence=sequences[0])
         drive.hangs = False
         await page.next("sent", sequence=await page.drive())

@@ -15,6 +15,7 @@ from starlette.websockets import WebSocketState
 from websockets.exceptions import ConnectionClosed
 
 from app.http.sockets.live import LiveHub
+from app.server.journal import Journal
 
 from ..wire import read_on
 
@@ -213,7 +214,7 @@ async def test_nonsense_ends_a_page_also_at_the_instant_at_which_something_is_du
     """A wait that is cancelled as it ends must not go on, or the page would never be closed."""
 
     async def closed(served: Any, later: int) -> None:
-        hub, socket = LiveHub(served.server), _ScriptedSocket()
+        hub, socket = LiveHub(served.server, Journal(served.server)), _ScriptedSocket()
         page = asyncio.ensure_future(hub.serve(socket))  # type: ignore[arg-type]
         while len(socket.sent) < 3:
             await asyncio.sleep(0.01)

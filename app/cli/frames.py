@@ -1,0 +1,40 @@
+"""``dynamic-observer frames``: what was found in each frame of a run, for drawing it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.run_choice import ComparedOption, RunArgument, chosen_run
+from app.cli.storage_options import DatabaseOption, DataOption
+
+
+def frames(
+    run: RunArgument,
+    output: Annotated[Path, typer.Option(help="The JSON file to write.")],
+    compared: ComparedOption = None,
+    data: DataOption = None,
+    database: DatabaseOption = None,
+) -> None:
+    """Write each frame's boxes, speeds and counts against ground truth as JSON."""
+    from app.contract.values import plain
+    from app.reports.comparison import ComparedRecording
+    from app.reports.whole_files import write_file
+    from app.workers.methods.frames import run_frames
+    from observer.recording.reader import Recording
+    from observer.truth.alignment.aligned import AlignedTruth
+
+    path, comparison = chosen_run(run, compared, data, database)
+    opened = Recording(path) if comparison is None else ComparedRecording(path, comparison)
+    with opened as recording:
+        truth, alignment = recording.truth(), comparison and comparison.alignment
+        capture = recording.capture() if alignment else None
+        if alignment and capture is not None:
+            found = run_frames(recording, AlignedTruth(capture, alignment))
+        else:
+            found = run_frames(recording, truth)
+    write_file(output, json.dumps(plain(found), allow_nan=False).encode())
+    typer.echo(f"{output} is written", err=True)

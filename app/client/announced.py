@@ -1,0 +1,114 @@
+"""How commands on the same computer find a running server: a file in its data folder.
+
+It holds the token and is therefore readable for its owner only, as the token file is. It is written
+when the server has started and deleted when it ends.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import structlog
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from app.addresses import ServerAddress
+from app.settings import is_every_address
+from observer.errors import InputError
+
+log = structlog.get_logger(__name__)
+
+# In the data folder; backups leave it out.
+ANNOUNCED_FILE = "server.json"
+_MOST_BYTES = 64 * 1024
+_WAIT_S = 1.0
+
+
+class AnnouncedServer(BaseModel):
+    """A running server, as its file tells of it.
+
+    Attributes:
+        host, port, tls, allowed_hosts: as ``ServerAddress`` has them.
+        token, read_only_token: of operators, and of those who only watch.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    host: str
+    port: int = Field(ge=1, le=65535)
+    tls: bool
+    allowed_hosts: tuple[str, ...]
+    token: str
+    read_only_token: str
+
+    @property
+    def address(self) -> ServerAddress:
+        """Return where it listens."""
+        return ServerAddress(self.host, self.port, self.tls, self.allowed_hosts)
+
+    def answers(self) -> bool:
+        """Return whether somebody listens there."""
+        host = "localhost" if is_every_address(self.host) else self.host
+        try:
+            with socket.create_connection((host, self.port), timeout=_WAIT_S):
+                return True
+        except OSError:
+            return False
+
+
+@contextmanager
+def announced(folder: Path, server: AnnouncedServer) -> Iterator[None]:
+    """Let commands find the server during the context; where they cannot, serving goes on."""
+    file = folder / ANNOUNCED_FILE
+    part = file.with_name(f".{ANNOUNCED_FILE}.{os.getpid()}")
+    try:
+        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as opened:
+            opened.write(server.model_dump_json())
+        os.replace(part, file)
+    except OSError as error:
+        log.warning("server_not_announced", file=str(file), reason=str(error))
+        yield
+        return
+    try:
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            file.unlink()
+
+
+def find_server(folder: Path) -> AnnouncedServer:
+    """Return the server that keeps its data in a folder.
+
+    Raises:
+        InputError: none is running there, or its file cannot be read.
+    """
+    try:
+        with (folder / ANNOUNCED_FILE).open("rb") as file:
+            server = AnnouncedServer.model_validate_json(file.read(_MOST_BYTES))
+    except FileNotFoundError:
+        raise InputError(_none(folder)) from None
+    except OSError as error:
+        raise InputError(
+            f"{folder / ANNOUNCED_FILE} cannot be read ({error.strerror}); ask as the user who "
+            f"started the server"
+        ) from None
+    except ValidationError:
+        raise InputError(
+            f"{folder / ANNOUNCED_FILE} is damaged; restart the server, which writes it anew"
+        ) from None
+    if not server.answers():
+        # It ended without a chance to delete the file.
+        raise InputError(_none(folder))
+    return server
+
+
+def _none(folder: Path) -> str:
+    return (
+        f"no server is running with the data folder {folder}; start one with dynamic-observer "
+        f"serve, or name its folder with --data"
+    )

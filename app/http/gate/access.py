@@ -1,0 +1,39 @@
+"""What a sign-in allows: an operator changes things, a read-only link watches.
+
+The gate (``app.http.gate.security``) refuses every request of a read-only link that could change
+something, new routes included; the few that are allowed all the same are listed here. The drive
+socket asks for itself.
+"""
+
+from __future__ import annotations
+
+import re
+from enum import StrEnum
+
+# Methods that change nothing.
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+WATCHING_ONLY = "This link is for watching. Ask for an operator link to change anything."
+
+# Method and path of what also those may do who only watch; * stands for one part of the path.
+FOR_EVERYONE = (
+    # Whoever sees that something goes wrong stops the robots.
+    ("POST", "/api/robots/stop"),
+    # One's own session.
+    ("DELETE", "/api/session"),
+)
+_FOR_EVERYONE = tuple(
+    (method, re.compile(re.escape(path).replace(r"\*", "[^/]+"))) for method, path in FOR_EVERYONE
+)
+
+
+class Access(StrEnum):
+    """What a sign-in allows."""
+
+    OPERATOR = "operator"
+    READ_ONLY = "read_only"
+
+    def allows(self, method: str, path: str) -> bool:
+        """Return whether a request may pass."""
+        if self is Access.OPERATOR or method in SAFE_METHODS:
+            return True
+        return any(method == each and regex.fullmatch(path) for each, regex in _FOR_EVERYONE)

@@ -1,0 +1,80 @@
+"""Links by which others come to this server: their addresses, with a token for each access."""
+
+from __future__ import annotations
+
+import io
+
+from app.addresses import ServerAddress, is_loopback
+from app.contract.sharing import ShareLink, ShareLinks
+from app.http.gate.access import Access
+from app.http.gate.origins import parse_host
+from app.http.gate.token import read_only_token
+from app.settings import Settings
+
+ONLY_HERE = (
+    "Only this computer can open these links, because the server listens on {host}. Start it with "
+    "--host 0.0.0.0 to let others in."
+)
+
+
+class Sharing:
+    """The links of a server.
+
+    Args:
+        settings: where it listens; the port is told with each question, for it may be a free one.
+        token: the operators'.
+    """
+
+    def __init__(self, settings: Settings, token: str) -> None:
+        self._settings = settings
+        self._tokens = {Access.OPERATOR: token, Access.READ_ONLY: read_only_token(token)}
+
+    def links(self, access: Access, port: int, asked_at: str | None = None) -> ShareLinks:
+        """Return the links of an access.
+
+        Args:
+            port: where the server listens.
+            asked_at: the address that the asking browser uses, as in ``http://lab.example``; it
+                leads here also from outside of a container.
+        """
+        settings = self._settings
+        address = ServerAddress(settings.host, port, settings.tls, settings.allowed_hosts)
+        others = list(address.elsewhere)
+        if asked_at is not None:
+            others = [asked_at, *(each for each in others if each != asked_at)]
+        links = [self._link(access, each, here=False) for each in others]
+        note = None if links else ONLY_HERE.format(host=settings.host)
+        return ShareLinks(access.value, [*links, self._link(access, address.here, here=True)], note)
+
+    def _link(self, access: Access, address: str, *, here: bool) -> ShareLink:
+        return ShareLink(address, token_link(address, self._tokens[access]), here)
+
+
+def token_link(address: str, token: str) -> str:
+    """Return the link that signs a browser in."""
+    return f"{address}/?token={token}"
+
+
+def qr_svg(text: str) -> bytes:
+    """Draw a QR code as SVG, dark on white whatever is around it."""
+    import segno
+
+    file = io.BytesIO()
+    code = segno.make(text, error="m", micro=False)
+    code.save(
+        file, kind="svg", xmldecl=False, omitsize=True, nl=False, dark="#000", light="#fff",
+        svgclass=None, lineclass=None,
+    )  # fmt: skip
+    return file.getvalue()
+
+
+def address_used(host: str, *, tls: bool) -> str | None:
+    """Return the address by which a browser asked; None of the computer's own, as localhost.
+
+    Args:
+        host: the ``Host`` that the gate accepted.
+    """
+    named = parse_host(host)
+    if named is None or is_loopback(named.name):
+        return None
+    return f"{'https' if tls else 'http'}://{host}"

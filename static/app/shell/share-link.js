@@ -1,0 +1,128 @@
+/** The links by which others come to this server, one of them as a QR code for a phone. */
+
+import { button, field, h, icon, input, offer, select, setText } from "../elements/dom.js";
+import { request } from "./api.js";
+import { access } from "./access.js";
+import { showModal } from "./modal.js";
+import { attempt } from "./notice.js";
+
+/** @import { ShareLinks } from "../contract" */
+
+/** @type {{value: ShareLinks["access"], label: string, help: string}[]} */
+const CHOICES = [
+  {
+    value: "read_only",
+    label: "Watch only",
+    help: "Anyone with this link can see everything and stop the robots, but cannot change anything.",
+  },
+  {
+    value: "operator",
+    label: "Operator",
+    help: "Anyone with this link can change everything and drive. Treat it like a password.",
+  },
+];
+
+class Share extends HTMLElement {
+  connectedCallback() {
+    if (this.childElementCount) return;
+    this.append(button([icon("share"), "Share"], () => attempt(() => this.#open())));
+  }
+
+  async #open() {
+    const offered = (await access()) === "operator" ? CHOICES : CHOICES.slice(0, 1);
+    const lists = await Promise.all(
+      offered.map(({ value }) =>
+        request("GET", `/links?access=${value}`).then((told) => /** @type {ShareLinks} */ (told)),
+      ),
+    );
+    await showModal(
+      "question",
+      "Share this page",
+      sharing(offered, lists),
+      h("button.button.primary", { value: "" }, "Close"),
+    );
+  }
+}
+
+/**
+ * The dialog's content, which follows what is chosen in it.
+ *
+ * @param {typeof CHOICES} offered
+ * @param {ShareLinks[]} lists of each choice
+ * @returns {HTMLElement[]}
+ */
+function sharing(offered, lists) {
+  const help = h("p.hint", { id: "share-help" });
+  const address = select({ id: "share-address" }, []);
+  const code = h("img.share-code", { alt: "QR code of the link", width: 208, height: 208 });
+  const link = input("text", "share-link", { readonly: true, spellcheck: false });
+  const copied = h("span.visually-hidden", { role: "status" });
+  const copy = button("Copy", async () => {
+    const done = await copyText(link);
+    setText(copied, done ? "Copied" : "");
+    setText(copy, done ? "Copied" : "Copy");
+  });
+  const note = h("p.hint", lists[0]?.note ?? "");
+  note.hidden = note.textContent === "";
+
+  const radios = offered.map(({ value }, at) => {
+    const radio = h("input", { type: "radio", name: "share-access", value, checked: at === 0 });
+    radio.addEventListener("change", () => show());
+    return radio;
+  });
+  const show = () => {
+    const at = Math.max(
+      0,
+      radios.findIndex((radio) => radio.checked),
+    );
+    const { access, links } = lists[at] ?? { access: "read_only", links: [] };
+    setText(help, offered[at]?.help ?? "");
+    offer(
+      address,
+      links.map((each, index) => [
+        String(index),
+        each.here ? `${each.address} (this computer)` : each.address,
+      ]),
+    );
+    const chosen = Number(address.value);
+    link.value = links[chosen]?.link ?? "";
+    // No phone can open what only this computer can.
+    code.hidden = links[chosen]?.here ?? true;
+    if (!code.hidden) code.src = `/api/links/qr.svg?access=${access}&link=${chosen}`;
+    setText(copy, "Copy");
+  };
+  address.addEventListener("change", show);
+  link.addEventListener("focus", () => link.select());
+  show();
+  return [
+    h(
+      "fieldset.share-choice",
+      { "aria-describedby": help.id },
+      h("legend", "The link is for"),
+      ...radios.map((radio, at) => h("label", radio, offered[at]?.label)),
+    ),
+    help,
+    field("Address", address),
+    code,
+    h("div.field", h("label", { for: link.id }, "Link"), h("div.row.share-copy", link, copy)),
+    copied,
+    note,
+  ];
+}
+
+/**
+ * Copy what a field holds; also where the page came without encryption, and has no clipboard.
+ *
+ * @param {HTMLInputElement} from
+ */
+async function copyText(from) {
+  try {
+    await navigator.clipboard.writeText(from.value);
+    return true;
+  } catch {
+    from.select();
+    return document.execCommand("copy");
+  }
+}
+
+customElements.define("observer-share", Share);

@@ -1,0 +1,67 @@
+"""The unit that starts the server with the computer."""
+
+from __future__ import annotations
+
+import configparser
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from .shell import Shell
+
+
+def unit(text: str) -> configparser.ConfigParser:
+    parser = configparser.ConfigParser(interpolation=None)
+    parser.optionxform = str  # type: ignore[assignment, method-assign]
+    parser.read_string(text)
+    return parser
+
+
+def test_it_starts_this_installation_as_it_was_asked_for(shell: Shell, tmp_path: Path) -> None:
+    done = shell(
+        "systemd-unit", "video:/srv/left 1.mp4,/srv/100%.mp4", "--port", "9000",
+        "--data", str(tmp_path), "--allowed-host", "lab.example", "--user", "ada",
+    )  # fmt: skip
+    assert (done.code, done.err) == (0, "")
+    service = unit(done.out)["Service"]
+    assert service["User"] == "ada"
+    start = service["ExecStart"]
+    assert start.startswith("/")
+    assert Path(start.split()[0]).exists()
+    assert '"video:/srv/left 1.mp4,/srv/100%%.mp4"' in start
+    assert "--port 9000" in start
+    assert f"--data {tmp_path}" in start
+    assert f"--token-file {tmp_path}/token" in start
+    assert "--allowed-host lab.example" in start
+    assert "--no-browser" in start
+
+
+@pytest.mark.parametrize(
+    ("arguments", "part"),
+    [
+        (("--user", "no-such-user"), "there is no user"),
+        (("--user", "a b", "--data", "/srv"), "no name of a user"),
+        (("--user", "ada\nExecStartPre=/bin/false", "--data", "/srv"), "no name of a user"),
+        (("simulated:lab\nUser=root",), "a unit of systemd cannot hold"),
+        (("--tls-cert", "cert.pem"), "--tls-key"),
+    ],
+)
+def test_nothing_gets_into_the_unit_that_was_not_asked_for(
+    shell: Shell, arguments: tuple[str, ...], part: str
+) -> None:
+    done = shell("systemd-unit", *arguments)
+    assert done.code == 2
+    assert part in done.err
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="there is no systemd-analyze")
+def test_systemd_takes_it(shell: Shell, tmp_path: Path) -> None:
+    file = tmp_path / "dynamic-observer.service"
+    file.write_text(shell("systemd-unit", "--data", str(tmp_path), "--user", "root").out)
+    done = subprocess.run(
+        ["systemd-analyze", "verify", str(file)],
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")

@@ -1,0 +1,170 @@
+"""Who came by a read-only link sees everything and changes nothing, on routes of the future too."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from typing import Any
+
+import pytest
+from websockets.asyncio.client import ClientConnection
+
+from app.http.gate.access import FOR_EVERYONE, WATCHING_ONLY, Access
+from app.http.gate.token import read_only_token
+
+from .test_gate import concrete, http_routes, socket_routes
+
+SAFE = ("GET", "HEAD", "OPTIONS")
+
+
+@pytest.fixture
+def watching(token: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {read_only_token(token)}"}
+
+
+async def heard(socket: ClientConnection, kind: str, **fields: Any) -> dict[str, Any]:
+    """The next message of a kind, with these fields."""
+    async with asyncio.timeout(10):
+        while True:
+            message: dict[str, Any] = json.loads(await socket.recv())
+            if message["type"] == kind and fields.items() <= message.items():
+                return message
+
+
+async def test_every_change_is_refused_and_nothing_happens(
+    served: Any, peer: Any, drive: Any, watching: dict[str, str]
+) -> None:
+    before, asked_before = len(peer.commands), len(drive.commands)
+    refused = 0
+    async with served.anonymous(**watching) as client:
+        for method, path in http_routes(served.app):
+            if method in SAFE or path == "/sign-in" or (method, path) in FOR_EVERYONE:
+                continue
+            answer = await client.request(method, path, json={})
+            assert answer.status_code == 403, (method, path)
+            assert answer.json() == {"detail": WATCHING_ONLY}
+            refused += 1
+    described = served.app.openapi()["paths"].values()
+    changes = sum(method not in ("get", "head") for each in described for method in each)
+    assert refused >= changes - len(FOR_EVERYONE)
+    assert (len(peer.commands), len(drive.commands)) == (before, asked_before)
+
+
+async def test_everything_can_be_read(served: Any, watching: dict[str, str]) -> None:
+    async with served.anonymous(**watching) as client:
+        for path in ("/", "/api/status", "/api/parameters", "/api/runs", "/api/robots", "/docs"):
+            answer = await client.get(path)
+            assert answer.status_code not in (401, 403), path
+        assert (await client.get("/api/session")).json() == {"access": "read_only"}
+    assert (await served.http.get("/api/session")).json() == {"access": "operator"}
+    # A new socket is looked at before it joins this list: the gate admits watchers to all of them.
+    assert set(socket_routes(served.app)) == {
+        "/api/live", "/api/drive", "/api/views/left", "/viewer", "/no/such/socket",
+    }  # fmt: skip
+    async with served.socket("/api/live", token=None, headers=watching) as socket:
+        await heard(socket, "status")
+
+
+async def test_what_everyone_may_do_are_routes_that_exist(served: Any) -> None:
+    described = {
+        (method.upper(), concrete(path))
+        for path, operations in served.app.openapi()["paths"].items()
+        for method in operations
+    }
+    allowed = {key for key in described if Access.READ_ONLY.allows(*key)} - {
+        key for key in described if key[0] in SAFE
+    }
+    assert len(allowed) == len(FOR_EVERYONE)
+    assert ("POST", "/api/robots/stop") in allowed
+    assert not Access.READ_ONLY.allows("POST", "/api/robots/stop/")
+    assert not Access.READ_ONLY.allows("POST", "/api/robots/stop\n")
+    assert not Access.READ_ONLY.allows("post", "/api/robots/reset")
+
+
+async def test_watchers_stop_the_robots(served: Any, drive: Any, watching: dict[str, str]) -> None:
+    async with served.anonymous(**watching) as client:
+        assert (await client.post("/api/robots/stop")).is_success
+    stops = len(drive.commands)
+    assert stops > 0
+    async with served.socket("/api/drive", token=None, headers=watching) as socket:
+        await socket.send(json.dumps({"type": "stop"}))
+        async with asyncio.timeout(10):
+            while len(drive.commands) == stops:
+                await asyncio.sleep(0.01)
+
+
+async def test_watchers_drive_nothing(served: Any, drive: Any, watching: dict[str, str]) -> None:
+    async with served.socket("/api/drive", token=None, headers=watching) as socket:
+        before = len(drive.commands)
+        await socket.send(json.dumps({"type": "take", "role": "observer"}))
+        answer = await heard(socket, "lease")
+        assert (answer["state"], answer["sentence"]) == ("refused", WATCHING_ONLY)
+        moves = {"type": "drive", "role": "observer", "sequence": 1, "time": 1.0}
+        await socket.send(json.dumps({**moves, "speed_mps": 0.5, "turn_rate_radps": 0.0}))
+        assert (await heard(socket, "refused"))["sentence"] == WATCHING_ONLY
+        await socket.send(json.dumps({**moves, "type": "present", "sequence": 2}))
+        assert (await heard(socket, "refused", sequence=2))["sentence"] == WATCHING_ONLY
+        await socket.send(json.dumps({"type": "release", "role": "observer"}))
+        assert (await heard(socket, "refused", sequence=None))["sentence"] == WATCHING_ONLY
+        assert len(drive.commands) == before
+    assert served.server.driving.operators.holder("observer") is None
+
+
+async def test_a_browser_watches_by_its_link_until_it_gets_an_operators(
+    served: Any, token: str
+) -> None:
+    async with served.anonymous() as client:
+        assert (await client.get("/", params={"token": read_only_token(token)})).status_code == 303
+        assert (await client.get("/api/session")).json() == {"access": "read_only"}
+        answer = await client.patch("/api/parameters", json={})
+        assert (answer.status_code, answer.json()["detail"]) == (403, WATCHING_ONLY)
+        assert (await client.get("/", params={"token": token})).status_code == 303
+        assert (await client.get("/api/session")).json() == {"access": "operator"}
+        # An operator who looks at the link for others stays one.
+        await client.get("/", params={"token": read_only_token(token)})
+        assert (await client.get("/api/session")).json() == {"access": "operator"}
+        assert (await client.patch("/api/parameters", json={})).is_success
+
+
+async def test_a_watcher_signs_out_alone(served: Any, token: str) -> None:
+    async with served.anonymous() as client, served.anonymous() as other:
+        await client.get("/", params={"token": read_only_token(token)})
+        await other.get("/", params={"token": token})
+        assert (await client.delete("/api/sessions")).status_code == 403
+        assert (await client.delete("/api/session")).status_code == 204
+        assert (await client.get("/api/status")).status_code == 401
+        assert (await other.get("/api/status")).is_success
+
+
+async def test_links_are_shared(served: Any, token: str, watching: dict[str, str]) -> None:
+    told = (await served.http.get("/api/links", params={"access": "operator"})).json()
+    assert told["access"] == "operator"
+    assert [each["here"] for each in told["links"]] == [True]
+    assert told["links"][0]["link"] == f"http://127.0.0.1:{served.port}/?token={token}"
+    assert "--host 0.0.0.0" in told["note"]
+    for query in ({}, {"access": "read_only"}):
+        only = (await served.http.get("/api/links", params=query)).json()
+        assert only["links"][0]["link"].endswith(f"/?token={read_only_token(token)}")
+    async with served.anonymous(**watching) as client:
+        assert (await client.get("/api/links")).json() == only
+        for path in ("/api/links", "/api/links/qr.svg"):
+            answer = await client.get(path, params={"access": "operator"})
+            assert (answer.status_code, answer.json()["detail"]) == (403, WATCHING_ONLY)
+            assert token not in answer.text
+
+
+async def test_links_lead_where_the_browser_came_from(serve: Any) -> None:
+    async with serve(host="0.0.0.0") as served:
+        host = f"192.168.7.7:{served.port}"
+        told = (await served.http.get("/api/links", headers={"Host": host})).json()
+        assert told["links"][0]["address"] == f"http://{host}"
+        assert told["links"][-1]["here"]
+        assert told["note"] is None
+
+
+async def test_a_link_is_drawn_as_a_code(served: Any) -> None:
+    drawn = await served.http.get("/api/links/qr.svg", params={"access": "read_only", "link": 0})
+    assert drawn.headers["content-type"] == "image/svg+xml"
+    assert drawn.content.startswith(b"<svg")
+    assert b"<script" not in drawn.content
+    assert (await served.http.get("/api/links/qr.svg", params={"link": 9})).status_code == 404
