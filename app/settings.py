@@ -136,7 +136,7 @@ class Settings(BaseSettings):
         )
         if unknown:
             raise ValueError(
-                f"the environment variable {unknown[0]} names no setting; there are: "
+                f"the environment variable {unknown[0]} is not a setting; available are: "
                 f"{', '.join(sorted(known))}"
             )
         return values
@@ -144,7 +144,7 @@ class Settings(BaseSettings):
     @model_validator(mode="after")
     def _certificate_and_key(self) -> Self:
         if (self.tls_cert is None) != (self.tls_key is None):
-            raise ValueError("--tls-cert and --tls-key are given together or not at all")
+            raise ValueError("--tls-cert and --tls-key must be given together or not at all")
         return self
 
     @property

@@ -104,7 +104,7 @@ class StereoCalibration:
                 f"not {' x '.join(map(str, value.shape))}"
             )
         if not np.isfinite(value).all():
-            raise CalibrationError(f"{name} must hold finite numbers only")
+            raise CalibrationError(f"{name} must contain only finite numbers")
         value = value.reshape(shape)
         value.setflags(write=False)
         object.__setattr__(self, name, value)
@@ -119,8 +119,8 @@ class StereoCalibration:
         x, y, z = -self.R.T @ self.T
         if abs(x) <= max(abs(y), abs(z)):
             raise CalibrationError(
-                f"T places the right camera {x:.3g} m to the right, {y:.3g} m below and {z:.3g} m "
-                f"in front of the left one; the cameras must stand side by side"
+                f"T places the right camera {x:.3g} m to the right of, {y:.3g} m below and {z:.3g} "
+                "m in front of the left one; the cameras must be side by side"
             )
         if x < 0:
             raise CalibrationError(
@@ -161,13 +161,15 @@ class StereoCalibration:
 def _unit_hint(baseline: float) -> str:
     """Say in which units a baseline of this number is plausible, as the rest of a sentence."""
     fitting = [
-        f"in {unit} it would fit, so divide T by {divisor} ({baseline / divisor:.3g} m)"
+        f"if T is in {unit}, divide it by {divisor} ({baseline / divisor:.3g} m)"
         for unit, divisor in (("millimetres", 1000), ("centimetres", 100))
         if MIN_BASELINE_M <= baseline / divisor <= MAX_BASELINE_M
     ]
     # A square of a board is a few centimetres, and a baseline seldom longer than 50 of them.
     if MAX_BASELINE_M < baseline <= 50:
-        fitting.append("in squares of the board, multiply T by a square's side in metres")
+        fitting.append(
+            "if T is in squares of the board, multiply it by the side of a square in metres"
+        )
     return f"; {'; or '.join(fitting)}" if fitting else ""
 
 

@@ -20,6 +20,7 @@ _COASTING: Color = (160, 160, 160)
 # Share of an obstacle's colour within its silhouette.
 _TINT = 0.25
 TEXT_SCALE = 0.45
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
 # Pixels between an obstacle's box and the text above it, and from the image's upper border to the
 # text's foot, in letters of scale 1.
 _ABOVE_PX, _LETTER_PX = 6, 28
@@ -70,8 +71,24 @@ def draw_text(
     canvas: Image, text: str, at: tuple[int, int], color: Color, scale: float = TEXT_SCALE
 ) -> None:
     """Write a text with a dark border; its lower left corner is at a pixel (u, v)."""
+    # OpenCV's font ends with ASCII: of a plus-minus sign it has the plus, and the line is added.
+    shown = text.replace("±", "+")
+    lines = [_line_below(shown, at, place, scale) for place, c in enumerate(text) if c == "±"]
     for thickness, ink in ((3, (0, 0, 0)), (1, color)):
-        cv2.putText(canvas, text, at, cv2.FONT_HERSHEY_SIMPLEX, scale, ink, thickness, cv2.LINE_AA)
+        cv2.putText(canvas, shown, at, _FONT, scale, ink, thickness, cv2.LINE_AA)
+        for start, end in lines:
+            cv2.line(canvas, start, end, ink, thickness, cv2.LINE_AA)
+
+
+def _line_below(
+    text: str, at: tuple[int, int], place: int, scale: float
+) -> tuple[tuple[int, int], tuple[int, int]]:
+    """Return the ends of a line below one character of a text written at a pixel (u, v)."""
+    begin, end = (
+        at[0] + cv2.getTextSize(text[:count], _FONT, scale, 1)[0][0] for count in (place, place + 1)
+    )
+    v = at[1] + round(4 * scale)
+    return (begin + round(4 * scale), v), (end - round(4 * scale), v)
 
 
 def silhouette_mask(

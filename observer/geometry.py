@@ -46,7 +46,7 @@ class Pose:
         if not (all(map(math.isfinite, rotation.flat)) and all(map(math.isfinite, translation))):
             raise ValueError("a pose must be finite")
         if not is_rotation(rotation):
-            raise ValueError("a pose's 3x3 matrix must be a rotation (R^T R = I, det R = +1)")
+            raise ValueError("the 3x3 matrix of a pose must be a rotation (R^T R = I, det R = +1)")
         rotation.setflags(write=False)
         translation.setflags(write=False)
         object.__setattr__(self, "rotation", rotation)

@@ -57,13 +57,13 @@ class CameraMount:
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.height_m) and self.height_m > 0):
-            raise ValueError(f"a camera stands above the floor, not at {self.height_m} m")
+            raise ValueError(f"the camera must be above the floor, not at {self.height_m} m")
         if not abs(self.tilt_rad) < math.pi / 2:
-            raise ValueError("a camera looks ahead: its tilt must lie within 90 degrees")
+            raise ValueError("the camera must look ahead: its tilt must be within ±90 degrees")
         if not abs(self.roll_rad) < math.pi / 2:
-            raise ValueError("a camera stands upright: its roll must lie within 90 degrees")
+            raise ValueError("the camera must be upright: its roll must be within ±90 degrees")
         if not abs(self.pan_rad) <= math.pi:
-            raise ValueError("a camera's pan must lie within 180 degrees")
+            raise ValueError("the camera's pan must be within ±180 degrees")
 
     @staticmethod
     def angles_of(down: Float64Array) -> tuple[float, float]:

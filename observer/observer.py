@@ -168,7 +168,9 @@ class Observer:
         with timer("rectification"):
             view = self._rectified(frame, trace)
         if self._newest is not None and frame.time == self._newest[1]:
-            note = f"this frame is as old as the last one ({frame.time:g} s): left out"
+            note = (
+                f"this frame has the same time as the last one ({frame.time:g} s) and was skipped"
+            )
             return self._observation(frame, Status.LOST, (note,), None, (), timer)
         notes = self._noted_order(frame)
         if self._method is None:
@@ -181,7 +183,11 @@ class Observer:
             pass
         elif self._frames_lost >= p.ego_motion.recover_frames:
             self.begin_segment()
-            notes = (*notes, *step.ego.reasons, "the camera's motion stayed lost: a new segment")
+            notes = (
+                *notes,
+                *step.ego.reasons,
+                "the ego-motion could not be recovered: a new segment starts",
+            )
             return self._first(frame, view, notes, timer)
         else:
             self._frames_lost += 1
@@ -214,7 +220,7 @@ class Observer:
         if frame.time < newest:
             self.begin_segment()
             self._newest = (frame.index, frame.time)
-            return (f"time went back from {newest:g} to {frame.time:g} s",)
+            return (f"time jumped back from {newest:g} to {frame.time:g} s",)
         if frame.index > index + 1:
             missing = frame.index - index - 1
             return (f"{missing} frame{'s' if missing > 1 else ''} missing before this one",)
@@ -227,7 +233,7 @@ class Observer:
         self._method = self._new_method(view)
         self._newest = (frame.index, frame.time)
         ills = self._health.look(view, self.parameters.stereo)
-        notes = (*notes, *ills, "first frame: there is none before it to compare with")
+        notes = (*notes, *ills, "first frame: there is no earlier one to compare with")
         return self._observation(frame, Status.DEGRADED, notes, Pose.identity(), (), timer)
 
     def _new_method(self, view: View) -> Method:

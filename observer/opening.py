@@ -9,15 +9,20 @@ import contextlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from observer.errors import SourceError
+from observer.errors import SourceError, TruthError
 from observer.robots.contract import RobotWorld
 from observer.sources.contract import Source
 from observer.truth.contract import Truth
 
 if TYPE_CHECKING:
     from observer.sources.cameras.spec import CamerasSpec
+
+SourceKind = Literal[
+    "simulated", "video", "camera", "network", "coppeliasim", "recording", "folder"
+]
+_SCHEMES: tuple[SourceKind, ...] = ("simulated", "video", "camera", "coppeliasim")
 
 # A scheme, even a mistyped one; a Windows drive letter is one character and stays a path.
 _SCHEME = re.compile(r"^([a-z_]{2,}):", re.IGNORECASE)
@@ -32,6 +37,7 @@ class OpenedSource:
 
     Attributes:
         truth: about the same world, where somebody knows it.
+        truth_note: why a file that lies beside the images is not used as truth.
         robots: that drive in the same world, where it has any of its own.
         calibration_notes: what was decided while the source's own calibration was read.
     """
@@ -40,6 +46,7 @@ class OpenedSource:
     truth: Truth | None
     robots: RobotWorld | None = None
     calibration_notes: tuple[str, ...] = ()
+    truth_note: str | None = None
 
 
 def open_source(spec: str) -> OpenedSource:
@@ -128,6 +135,16 @@ def live_devices(spec: str) -> tuple[str, ...]:
         return ()
 
 
+def source_kind(spec: str) -> SourceKind | None:
+    """Return the kind of source that ``spec`` names; None if there is none. Nothing is opened."""
+    kind, rest = _split(spec)
+    if kind in _NETWORK_KINDS:
+        return "network"
+    if not kind:
+        return "recording" if rest.lower().endswith(".mcap") else "folder"
+    return next((each for each in _SCHEMES if each == kind), None)
+
+
 def exclusive_world(spec: str) -> str | None:
     """Return the world that ``spec`` names if it takes one source at a time; nothing is opened."""
     kind, rest = _split(spec)
@@ -191,6 +208,14 @@ def _open_folder(path: Path) -> OpenedSource:
     from observer.truth.csv_file import CsvTruth
 
     source = open_folder(path)
+    truth: Truth | None = None
+    note = None
     truth_file = path / "truth.csv"
-    truth = CsvTruth(truth_file) if truth_file.is_file() else None
-    return OpenedSource(source, truth, calibration_notes=source.calibration_notes)
+    if truth_file.is_file():
+        try:
+            truth = CsvTruth(truth_file)
+        except TruthError as error:
+            # The images can be observed all the same.
+            note = f"{error}; the images are observed without it"
+    notes = source.calibration_notes
+    return OpenedSource(source, truth, calibration_notes=notes, truth_note=note)

@@ -14,7 +14,7 @@ from observer.robots.ports import COPPELIASIM, EXTERNAL, SOCKET, shown_port
 _HOST = r"(?:\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+)"
 _HOST_AND_PORT = re.compile(rf"{_HOST}:(?P<port>\d{{1,5}})(?P<rest>/.*)?")
 _FORMS = (
-    "a robot's port is a device as /dev/ttyUSB0, socket://HOST:8101, external:HOST:PORT or "
+    "a robot's port is a device such as /dev/ttyUSB0, or socket://HOST:8101, external:HOST:PORT or "
     "coppeliasim:HOST:PORT/OBJECT"
 )
 
@@ -77,7 +77,7 @@ def _check_address(port: str) -> None:
     if found is None or not 1 <= int(found["port"]) <= 65535:
         raise InputError(f"{_quoted(port)} lacks a host or a port from 1 to 65535; {_FORMS}")
     if (found["rest"] or "/") != "/":
-        raise InputError(f"{_quoted(port)} has more behind its port than belongs there; {_FORMS}")
+        raise InputError(f"{_quoted(port)} has extra text after its port; {_FORMS}")
 
 
 def _quoted(port: str) -> str:

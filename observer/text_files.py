@@ -26,6 +26,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from observer.errors import InputError
+from observer.validation import validation_words, with_name
 
 PlainData: TypeAlias = "str | list[PlainData] | dict[str, PlainData]"
 Location: TypeAlias = "tuple[int | str, ...]"
@@ -34,8 +35,6 @@ MAX_BYTES = 1_000_000
 NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", re.ASCII)
 # Such files nest two or three deep; more is either another kind of file or an attack.
 MAX_DEPTH = 12
-# What a message begins with that goes on with the key as its subject.
-_PREDICATES = ("must ", "is ", "has ", "gives ")
 
 
 def read_bytes(path: Path, what: str) -> bytes:
@@ -68,7 +67,7 @@ def check_length(content: bytes, name: str, what: str) -> None:
     """Raise ``InputError`` for more than ``MAX_BYTES``."""
     if len(content) > MAX_BYTES:
         raise InputError(
-            f"{name}: the file is larger than the {MAX_BYTES} bytes {what} has at most"
+            f"{name}: the file is larger than the {MAX_BYTES} bytes allowed for {what}"
         )
 
 
@@ -110,10 +109,10 @@ def parse_text(
         # JSON is YAML, but who wrote JSON need not know.
         notation = "JSON" if text.lstrip().startswith("{") else "YAML"
         raise InputError(
-            f"{name}: the file is cut off or not valid {notation}{where}: {problem}"
+            f"{name}: the file is truncated or not valid {notation}{where}: {problem}"
         ) from None
     if not isinstance(data, dict):
-        raise InputError(f"{name}: the file holds no keys with values; it must be {form}")
+        raise InputError(f"{name}: the file contains no keys with values; it must be {form}")
     return data
 
 
@@ -121,11 +120,11 @@ def checked_text(text: str, *, name: str, what: str, form: str, most: int) -> st
     """Return a text without byte order mark; raise ``InputError`` for one that is none, empty or
     too long."""
     if len(text) > most:
-        raise InputError(f"{name}: {what} has at most {most} characters, not {len(text)}")
+        raise InputError(f"{name}: {what} may have at most {most} characters, not {len(text)}")
     if re.search(r"[\ud800-\udfff]", text):
         raise InputError(f"{name}: the file must be UTF-8 text")
     if re.search(r"[\x00-\x08\x0e-\x1f\x7f]", text):
-        raise InputError(f"{name}: the file must be text, but it holds control characters")
+        raise InputError(f"{name}: the file must be text, but it contains control characters")
     text = text.removeprefix("\ufeff")
     if not text.strip():
         raise InputError(f"{name}: the file is empty; it must be {form}")
@@ -138,7 +137,7 @@ def _document(events: Iterator[Any]) -> PlainData:
     data: PlainData = {}
     for number, _ in enumerate(e for e in events if isinstance(e, yaml.DocumentStartEvent)):
         if number:
-            raise InputError("the file holds more than one YAML document; all keys must be in one")
+            raise InputError("the file contains more than one YAML document; put all keys in one")
         data = _value(events, next(events), 0)
     return data
 
@@ -162,7 +161,7 @@ def _value(events: Iterator[Any], event: Any, depth: int) -> PlainData:
         if not isinstance(key, str):
             raise InputError(f"a key of the mapping in line {line} is not a plain word")
         if key in result:
-            raise InputError(f"{key[:60]} is given twice; keep one of them")
+            raise InputError(f"{key[:60]} appears twice; keep one of them")
         result[key] = _value(events, next(events), depth + 1)
     return result
 
@@ -182,7 +181,7 @@ class FileModel(BaseModel):
     model_config = ConfigDict(frozen=True, arbitrary_types_allowed=True)
 
     noun: ClassVar[str] = ""
-    form: ClassVar[str] = "hold keys with values"
+    form: ClassVar[str] = "contain keys with values"
     missing: ClassVar[str] = "is missing"
     unset: ClassVar[tuple[str, ...]] = ()
 
@@ -190,8 +189,8 @@ class FileModel(BaseModel):
     def unknown(cls, key: str) -> str:
         """Return the message on a key that is not declared."""
         near = difflib.get_close_matches(key, cls.model_fields, n=1, cutoff=0.4)
-        hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(cls.model_fields)}"
-        return f"is no key of {cls.noun}; {hint}"
+        hint = f"did you mean {near[0]}?" if near else f"the keys are {', '.join(cls.model_fields)}"
+        return f"is not a key of {cls.noun}; {hint}"
 
     @model_validator(mode="before")
     @classmethod
@@ -242,21 +241,17 @@ def validated(
 def problem(error: ValidationError, place: Callable[[Location], str] = dotted) -> str:
     """Return what pydantic found first, as one sentence that names the place."""
     first = error.errors(include_url=False)[0]
-    location, context = first["loc"], first.get("ctx", {})
-    message = first["msg"].removeprefix("Value error, ")
-    message = message[:1].lower() + message[1:]
+    location = first["loc"]
     if first["type"] == "key":
-        location = (*location, context["key"])
-    return sentence(place(location), message)
+        location = (*location, first["ctx"]["key"])
+    return sentence(place(location), validation_words(first))
 
 
 def sentence(where: str, message: str) -> str:
     """Return the message on a place in a file, with the place."""
     if "{at}" in message:
         return message.replace("{at}", where)
-    if not where:
-        return message
-    return f"{where}{' ' if message.startswith(_PREDICATES) else ': '}{message}"
+    return with_name(where, message)
 
 
 def shown(value: PlainData) -> str:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose
+from observer.intervals import half_95
 
 Image = NDArray[np.uint8]
 
@@ -72,12 +73,12 @@ class StereoFrame:
                 raise ValueError(f"the {name} image must have 3 channels (BGR) or be grey")
         if self.left.shape[:2] != self.right.shape[:2]:
             raise ValueError(
-                f"left and right must be of one size, not "
+                "left and right must have the same size, not "
                 f"{self.left.shape[1]}x{self.left.shape[0]} and "
                 f"{self.right.shape[1]}x{self.right.shape[0]}"
             )
         if not (np.isfinite(self.time) and np.isfinite(self.received)):
-            raise ValueError("a frame's times must be finite")
+            raise ValueError("the times of a frame must be finite")
 
     def __repr__(self) -> str:
         height, width = self.left.shape[:2]
@@ -229,7 +230,7 @@ class Obstacle:
     silhouette: tuple[Float64Array, ...] | None = None
 
     def __repr__(self) -> str:
-        std = "" if self.speed_std is None else f" ± {self.speed_std:.2f}"
+        std = "" if self.speed_std is None else f" ± {half_95(self.speed_std):.2f}"
         return (
             f"<obstacle {self.id}, {self.state}, {self.motion}, {self.speed:.2f}{std} m/s, "
             f"{self.range:.2f} m away>"
@@ -248,12 +249,12 @@ class Obstacle:
 
 # Why motion could not be noticed in a cell, in words.
 UNSEEN_BECAUSE = {
-    "plain": "too plain",
+    "plain": "too little texture",
     "dark": "too dark or saturated",
-    "near": "too near",
+    "near": "too close",
     "fast": "too fast",
     "unmatched": "no match between left and right",
-    "tentative": "something may have begun to move, which is not certain yet",
+    "tentative": "something may have started to move, not certain yet",
 }
 # Smaller shares of the view are not worth a word.
 _TOLD_SHARE = 0.005
@@ -292,8 +293,8 @@ class Unseen:
                 if share >= _TOLD_SHARE and cause != "tentative"
             )
             told.append(
-                f"motion could not be noticed in {100 * self.share:.0f} % of the view, in one "
-                f"place enough to hide a person: {causes}"
+                f"motion could not be detected in {100 * self.share:.0f} % of the view, in one "
+                f"place large enough to hide a person: {causes}"
             )
         if "tentative" in self.causes:
             told.append(UNSEEN_BECAUSE["tentative"])

@@ -89,7 +89,7 @@ class PlaceDepth:
 class TapeCheck:
     measured_m: float
     stated_m: float
-    expected_m: Annotated[float, means("Two standard deviations of the difference.")]
+    expected_m: Annotated[float, means("Half of the 95 % interval of the difference.")]
     agrees: bool
     sentence: str
     at: str

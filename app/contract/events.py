@@ -96,6 +96,7 @@ class StateEvent:
             none is listened to.
         calibration_notes: what was decided while the source's own calibration was read; empty
             where another is used.
+        truth_note: why a file that lies beside the source's images is not used as truth.
     """
 
     state: EngineState
@@ -114,6 +115,7 @@ class StateEvent:
     recording: RecordingStatus | None = None
     truth: LiveTruthStatus | None = None
     calibration_notes: tuple[str, ...] = ()
+    truth_note: str | None = None
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from app.contract.events import LiveLine
+from app.contract.journal import LogEntry
 from app.contract.robots import RobotsNow, WheelSpeed
 from app.contract.status import EngineWord, Status
 from app.contract.values import means
@@ -64,7 +65,15 @@ class HeartbeatMessage:
     type: Literal["heartbeat"] = "heartbeat"
 
 
-LiveMessage = StatusMessage | RobotsMessage | ObservationMessage | HeartbeatMessage
+@dataclass(frozen=True)
+class LogMessage:
+    """Something has happened that a person should know."""
+
+    entries: Annotated[Sequence[LogEntry], means("Oldest first; what was before, `/api/log` has.")]
+    type: Literal["log"] = "log"
+
+
+LiveMessage = StatusMessage | RobotsMessage | ObservationMessage | HeartbeatMessage | LogMessage
 
 # --- /api/drive ------------------------------------------------------------------------------
 

@@ -27,6 +27,10 @@ class EngineStatus:
 @dataclass(frozen=True)
 class SourceStatus:
     spec: str
+    name: Annotated[str, means("For people: names the run whose recording it is; else the spec.")]
+    before: Annotated[
+        str | None, means("What was open before a run's recording: POST /source/back opens it.")
+    ]
     kind: str
     width: int
     height: int
@@ -163,6 +167,23 @@ class RunReference:
 
 
 @dataclass(frozen=True)
+class RerunStatus:
+    """A run whose recording is being observed again, beside the open source."""
+
+    id: Annotated[str, means("Of the new run.")]
+    name: str
+    rerun_of: str
+    state: Annotated[
+        Literal["waiting", "observing", "held", "finishing"],
+        means(
+            "waiting: for another re-run; held: as long as a robot is armed; finishing: its "
+            "speeds are stored and ground truth is added."
+        ),
+    ]
+    share: Annotated[float, means("Of the frames that are observed, from 0 to 1.")]
+
+
+@dataclass(frozen=True)
 class CalibrationReference:
     id: str
     name: str
@@ -247,6 +268,7 @@ class Status:
     playback: PlaybackStatus | None
     camera: CameraStatus | None
     run: RunReference | None
+    reruns: Annotated[Sequence[RerunStatus], means("In the order in which they are done.")]
     mount: Annotated[MountStatus | None, means("None: it is not known.")]
     ageing: Annotated[AgeingStatus | None, means("How the calibration in use holds.")]
     recording: Annotated[RecordingStatus | None, means("None: nothing is recorded.")]
@@ -270,10 +292,3 @@ class Status:
     has_truth: bool
     warnings: Sequence[str]
     version: str
-
-
-@dataclass(frozen=True)
-class SourceEntry:
-    spec: str
-    title: str
-    help: str

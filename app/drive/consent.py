@@ -58,7 +58,9 @@ class Consent:
         """
         numbers = (issued, *(velocity or ()))
         if not all(math.isfinite(number) for number in numbers):
-            raise ProcessRefused("a command's time and velocities must be finite numbers", "input")
+            raise ProcessRefused(
+                "the time and velocities of a command must be finite numbers", "input"
+            )
         # A command dated in the future would stay valid for too long.
         issued = min(issued, now)
         age = now - issued
@@ -70,7 +72,8 @@ class Consent:
             )
         if self._sequence is not None and sequence <= self._sequence:
             raise ProcessRefused(
-                f"the command's number {sequence} must be above the last one, {self._sequence}",
+                f"the sequence number {sequence} of the command must be greater than the last "
+                f"one, {self._sequence}",
                 "state",
             )
         self._sequence = sequence

@@ -29,8 +29,8 @@ _log = logging.getLogger(__name__)
 _NEXT_LOOK_S = 0.02
 # The observer is disarmed after this long without sight.
 BLIND_S = 1.0
-_EXPIRED = "no command or sign of presence came in time"
-_GUARD_FAILED = "the guard failed; see the drive process's messages"
+_EXPIRED = "no command from the operator arrived in time"
+_GUARD_FAILED = "the guard failed; see the log of the drive process"
 
 State = Literal["connecting", "disarmed", "armed", "moving", "waiting", "refused"]
 
@@ -240,7 +240,7 @@ class DrivenRole:
             return None
         trouble = sight_trouble(tick.sight, tick.now, connection.world)
         if trouble is None and self.verdict is not None and self.verdict.blind:
-            return self.verdict.reason or "the guard cannot go by what is seen"
+            return self.verdict.reason or "the guard cannot rely on the camera view"
         return trouble
 
     def drive(self, tick: Tick, played: Velocity | None) -> Sent | None:
@@ -333,7 +333,7 @@ class DrivenRole:
         if trouble is not None:
             return trouble
         if not played and self.asked != ZERO and not self.consent.released:
-            return "the drive was interrupted: let go of the controls once, then drive on"
+            return "driving was interrupted: release the controls once, then continue"
         return None
 
     def _why_not_armed(self) -> str:

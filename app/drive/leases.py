@@ -37,7 +37,7 @@ class Leases:
         before = self.holder(role)
         if before is not None and not takeover:
             raise ProcessRefused(
-                f"{before} drives the {role}; take over to drive it yourself", "state"
+                f"{before} controls the {role}; take control to drive it yourself", "state"
             )
         lease = Lease(secrets.token_hex(8), operator)
         self._held[role] = lease
@@ -53,7 +53,7 @@ class Leases:
         if held is None or held.id != lease:
             who = "nobody" if held is None else held.operator
             raise ProcessRefused(
-                f"this lease of the {role} is not in force, {who} drives it; take it anew", "state"
+                f"you no longer control the {role}, {who} does; take control again", "state"
             )
 
     def release(self, role: Role, lease: str) -> None:

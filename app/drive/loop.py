@@ -41,7 +41,7 @@ _WHEELS_TICKS = 2
 _LATENESS_TICKS = 50
 # Time for releasing the robots at the end.
 _GOODBYE_S = 2.5
-_FAILED = "the drive process, which failed; see its messages"
+_FAILED = "the drive process, which failed; see its log"
 
 Inbox = queue.SimpleQueue[Request | None]
 
@@ -121,7 +121,7 @@ class DriveLoop:
         if self._orphaned():
             self.leaving = True
         if self.leaving:
-            self._roles.stop("the end of the drive process", now)
+            self._roles.stop("the drive process shutting down", now)
         self._roles.step(now, self._newest_sight(now))
         for number, answer in answers:
             self._send(Reply(number, answer()))

@@ -23,7 +23,7 @@ def missing_to_arm(
     if tick.stopped is not None:
         return stopped_by(tick.stopped)
     if connection is None:
-        return f"no robot is connected as the {role}; give its port first"
+        return f"no robot is connected as the {role}; enter its port first"
     if connection.trouble is not None:
         return connection.trouble
     if report is None or report.phase is not RobotPhase.CONNECTED:
@@ -31,7 +31,7 @@ def missing_to_arm(
     if report.fault is not None:
         return f"the {role}'s robot has a fault: {report.fault}; reset it first"
     if report.stop_pressed:
-        return f"the stop button of the {role}'s robot is pressed; release it first"
+        return f"the stop button on the {role}'s robot is pressed; release it first"
     if role == "observer":
         return sight_trouble(tick.sight, tick.now, connection.world)
     return None
@@ -79,11 +79,11 @@ def why_less(
     if not same(target, sent):
         if report.motors_enabled is False:
             return f"the motors of the {role}'s robot are not on yet"
-        return f"the {role}'s robot takes no more"
+        return f"the {role}'s robot cannot go faster"
     if not same(permitted, target):
-        return "it is still getting faster"
+        return "it is still accelerating"
     return guard or (
-        f"the highest speed is set to {parameters.speed_max_mps:g} m/s and "
+        f"the maximum speed is set to {parameters.speed_max_mps:g} m/s and "
         f"{parameters.turn_rate_max_radps:g} rad/s"
     )
 

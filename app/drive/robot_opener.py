@@ -70,7 +70,7 @@ class AttendantThread:
             return str(error)
         except Exception:  # noqa: BLE001
             _log.exception("the robot of the %s could not be opened", self._role)
-            return f"opening the {self._role}'s robot failed; see the drive process's messages"
+            return f"connecting the {self._role}'s robot failed; see the log of the drive process"
 
     def _do(self, job: Callable[[], None]) -> None:
         self._asked += 1

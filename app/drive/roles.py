@@ -43,13 +43,14 @@ from observer.rig.rig import ROLES, Role
 from observer.robot_opening import check_port
 from observer.robots.models import robot_spec
 from observer.robots.ports import shown_port
+from observer.validation import validation_words, with_name
 
 _log = logging.getLogger(__name__)
 
 _GUARD = "guard."
 # A ramp rises by at most this much time, however late a tick is.
 _MOST_DT_S = 0.04
-_FAILED = "was let go because its driver failed; see the drive process's messages"
+_FAILED = "was disconnected because its driver failed; see the log of the drive process"
 
 
 @dataclass(frozen=True)
@@ -180,7 +181,7 @@ class Roles:
                 return self._take_lease(command, now)
             case ReleaseLease():
                 self.leases.release(_checked(command.role), command.lease)
-                self._lose_lease(command.role, now, "its operator gave the lease back")
+                self._lose_lease(command.role, now, "its operator released control")
             case ArmRobot():
                 self._arm(command, now)
             case DisarmRobot():
@@ -198,7 +199,7 @@ class Roles:
                 self._set_guard(command)
             case _:
                 name = type(command).__name__
-                raise ProcessRefused(f"{name} is nothing the drive process knows", "input")
+                raise ProcessRefused(f"{name} is unknown to the drive process", "input")
         return None
 
     def stop(self, by: str, now: float) -> None:
@@ -224,7 +225,7 @@ class Roles:
         velocity = (float(command.speed_mps), float(command.turn_rate_radps))
         age = driven.consent.take(command.sequence, command.issued, velocity, now)
         if velocity != ZERO:
-            self._end_profile_of(command.role, now, "was driven by hand meanwhile")
+            self._end_profile_of(command.role, now, "was driven manually in the meantime")
         return DriveAnswer(command.role, age)
 
     def _connect(self, command: ConnectRobot, now: float) -> None:
@@ -237,10 +238,11 @@ class Roles:
         for other, driven in self.driven.items():
             if other != role and driven.connection and driven.connection.port == shown:
                 raise ProcessRefused(
-                    f"{shown} is the port of the {other}; give the {role} another one",
+                    f"{shown} is already the port of the {other}; choose another one for the "
+                    f"{role}",
                     "input",
                 )
-        self._end_profile_of(role, now, "was connected anew")
+        self._end_profile_of(role, now, "was reconnected")
         before = self.driven[role].connect(Connection(shown, command.world, command.name))
         attendant = self.attendants[role]
         attendant.close(before)
@@ -255,7 +257,9 @@ class Roles:
         role = _checked(command.role)
         lease, before = self.leases.take(role, command.operator, command.takeover)
         if before is not None:
-            self._lose_lease(role, now, f"{command.operator} took the {role} over from {before}")
+            self._lose_lease(
+                role, now, f"{command.operator} took control of the {role} from {before}"
+            )
         return lease.id
 
     def _lose_lease(self, role: Role, now: float, sentence: str) -> None:
@@ -270,7 +274,7 @@ class Roles:
             self.leases.check(role, command.lease)
         elif holder is not None:
             raise ProcessRefused(
-                f"{holder} drives the {role}; only who drives it may arm it", "state"
+                f"{holder} controls the {role}; only the operator in control may arm it", "state"
             )
         self.driven[role].arm(self._tick(now))
 
@@ -284,7 +288,8 @@ class Roles:
         except ValidationError as error:
             first = error.errors()[0]
             name = ".".join(str(part) for part in first["loc"])
-            raise ProcessRefused(f"{_GUARD}{name}: {first['msg']}", "input") from None
+            said = with_name(f"{_GUARD}{name}", validation_words(first))
+            raise ProcessRefused(said, "input") from None
         self._parameters = parameters
         self._guard.use(parameters)
 
@@ -296,14 +301,15 @@ class Roles:
         duration = duration_s(profile, command.repeat)
         if self.playing is not None:
             raise ProcessRefused(
-                f"the programme {self.playing.profile.name} is being driven; stop it first",
+                f"the programme {self.playing.profile.name} is running; stop it first",
                 "state",
             )
         for role in profile.roles:
             lease = command.leases.get(role)
             if lease is None:
                 raise ProcessRefused(
-                    f"the programme {profile.name} moves the {role}; give its lease", "input"
+                    f"the programme {profile.name} moves the {role}; take control of it first",
+                    "input",
                 )
             self.leases.check(role, lease)
             driven = self.driven[role]
@@ -312,11 +318,12 @@ class Roles:
                 raise ProcessRefused(f"the {role} is not armed; arm it first", "state")
             if not driven.consent.present:
                 raise ProcessRefused(
-                    f"nobody is present for the {role}; keep the page open and visible", "state"
+                    f"no operator is present for the {role}; keep the page open and visible",
+                    "state",
                 )
             if driven.consent.velocity != ZERO:
                 raise ProcessRefused(
-                    f"the {role} is being driven by hand; let go of the controls first", "state"
+                    f"the {role} is being driven manually; release the controls first", "state"
                 )
         self.playing = Playing(profile, command.repeat, command.reverse, now)
         return duration
@@ -338,13 +345,13 @@ class Roles:
         for role in playing.profile.roles:
             self.driven[role].rest()
         if why is not None:
-            sentence = f"the programme {playing.profile.name} was ended: {why}"
+            sentence = f"the programme {playing.profile.name} was stopped: {why}"
             self._incidents.append(IncidentEvent(None, "programme", sentence, now, None))
 
 
 def _checked(role: Role) -> Role:
     if role not in ROLES:
         raise ProcessRefused(
-            f"{str(role)[:40]!r} is no role; the roles are {' and '.join(ROLES)}", "input"
+            f"{str(role)[:40]!r} is not a role; the roles are {' and '.join(ROLES)}", "input"
         )
     return role

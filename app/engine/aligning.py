@@ -33,12 +33,12 @@ _MOST_KEPT = 30_000
 # Two alignments may differ by this much without contradicting each other.
 _SIGMAS, _DELAYS_CHANGE_S = 3.0, 0.02
 _LONGER = 1.5
-NOTHING_SEEN = "not yet aligned: no frame has been observed yet"
-_NO_SERVER_CLOCK = "not yet aligned: motion capture has only just begun to tell something"
-_ONLY_BEGUN = "not yet aligned: the source has only just begun"
+NOTHING_SEEN = "not aligned yet: no frame has been observed"
+_NO_SERVER_CLOCK = "not aligned yet: motion capture has only just started to send data"
+_ONLY_BEGUN = "not aligned yet: the source has only just started"
 _ANOTHER_CLOCK = (
-    "not yet aligned: frames did not come at their own pace, because the source stood still or "
-    "could not be observed fast enough; what comes now is aligned anew"
+    "not aligned yet: frames did not arrive in real time because the source paused or was too fast "
+    "for this computer; alignment starts over"
 )
 # Fields of an observation that the alignment needs.
 _OF_LINE = ("time", "segment", "pose")
@@ -143,7 +143,7 @@ class AlignmentThread(threading.Thread):
             # Whatever happens to truth, frames are observed and robots driven.
             _log.exception("aligning failed")
             self.aligned = None
-            self.sentence = f"not yet aligned: aligning failed: {unexpected(error)}"
+            self.sentence = f"not aligned yet: alignment failed: {unexpected(error)}"
         finally:
             self._worker.close()
 

@@ -110,7 +110,7 @@ class CalibrationSession(PlayedSource):
                 self._tell_captured(collector.capture(time))
             if command.undo:
                 if collector.undo() is None:
-                    raise NotNow("there is no view to take back; capture one first")
+                    raise NotNow("there is no view to undo; capture one first")
                 self._tell_views()
             if command.remove is not None:
                 collector.remove(command.remove)
@@ -130,7 +130,7 @@ class CalibrationSession(PlayedSource):
         except Exception as error:  # noqa: BLE001
             # An image that a detector cannot handle must not end the search.
             _log.exception("looking for the board failed")
-            words = f"Looking for the board failed: {unexpected(error)}"
+            words = f"Board detection failed: {unexpected(error)}"
             self._publisher.send(BoardLookEvent(BoardLook(words), frame.received))
 
     def _look_at(self, frame: StereoFrame) -> None:

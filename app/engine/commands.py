@@ -128,13 +128,13 @@ class CommandHandler:
             case Shutdown():
                 self.leaving = True
                 return None
-        raise InputError(f"the engine knows no command {type(command).__name__}")
+        raise InputError("the engine does not support this request")
 
     def _stop_run(self, number: int) -> Reply | None:
         """Stop at once; the recording's thread replies once the file is complete."""
         session = self._current.observing
         if session is None or session.run_id is None:
-            raise NotNow("no run is going; start one first")
+            raise NotNow("no run is in progress; start one first")
         recorder = session.end_run()
         if recorder is None:
             return Reply(number)
@@ -146,8 +146,8 @@ class CommandHandler:
         session, path = self._current.observing, Path(command.path)
         if session is None or session.recorder is None:
             raise NotNow(
-                "the last half minute is kept of live cameras and in a run; what is open can be "
-                "played again"
+                "the last half minute can be saved only from live cameras or during a run; the "
+                "open source can simply be replayed"
             )
 
         def done(seconds: float | RecordingError) -> None:
@@ -173,7 +173,7 @@ class CommandHandler:
     def _change_calibration(self, command: ChangeCalibration) -> tuple[str, ...]:
         session = self._current.calibrating
         if session is None:
-            raise NotNow("nothing is being calibrated; begin a calibration first")
+            raise NotNow("no calibration is in progress; start one first")
         return session.change(command)
 
     def _set_parameters(self, command: SetParameters) -> int | None:
@@ -196,7 +196,9 @@ class CommandHandler:
     def _take_scene_pairs(self) -> ScenePairs:
         session = self._current.observing
         if session is None:
-            raise NotNow("nothing is observed whose calibration could be refined; open a source")
+            raise NotNow(
+                "there is no open source whose calibration could be refined; open one first"
+            )
         ageing = session.ageing
         return ScenePairs(ageing.pairs, session.calibration_yaml, ageing.vergence)
 

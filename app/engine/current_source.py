@@ -129,11 +129,11 @@ class CurrentSource:
         """
         if self.opening is not None:
             raise NotNow(
-                f"{shown_spec(self.opening.command.source)} is being opened; wait for it, or "
-                f"close the source"
+                f"{shown_spec(self.opening.command.source)} is being opened; wait for it, or close "
+                "the source"
             )
         if self.observing is not None and self.observing.run_id is not None:
-            raise NotNow("a run is going; stop it before another source is opened")
+            raise NotNow("a run is in progress; stop it before you open another source")
         if isinstance(command, OpenSource) and command.truth is not None:
             check_live(command.truth.spec)
         opening = self.opening = Opening(request, command)
@@ -221,7 +221,7 @@ class CurrentSource:
             self.session = None
             self._closed()
         source = shown_spec(opening.command.source)
-        what = f"opening {source} was given up, because it was closed meanwhile"
+        what = f"opening {source} was cancelled because it was closed in the meantime"
         return Reply(opening.request.number, error=what, refusal="state")
 
     def close(self) -> None:

@@ -32,7 +32,7 @@ _MAX_DISPARITY_PX = 256
 _LEAST_TEXTURE = 0.7
 _SMOOTHING_PX = 1.5
 
-_NO_DEPTH = "this place has no depth: choose one with texture that both cameras see"
+_NO_DEPTH = "there is no depth at this spot: choose a textured spot that both cameras see"
 
 
 def measure_depth(
@@ -93,7 +93,7 @@ def _disparity_of_place(strip: NDArray[np.float32], row: int, column: int) -> fl
     here = off[np.maximum(abs(down), abs(across)) <= _HERE_PX]
     elsewhere = len(here) > 0 and abs(float(np.median(here))) > _MAX_HERE_PX
     if elsewhere or float(np.median(np.abs(off))) > _MAX_SPREAD_PX:
-        raise InputError("this place lies at an edge: choose one in the middle of a flat thing")
+        raise InputError("this spot is at a depth edge: choose one in the middle of a flat surface")
     return float(plane[0])
 
 

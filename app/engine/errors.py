@@ -25,4 +25,4 @@ def refusal(number: int, error: DynamicObserverError) -> Reply:
 
 def unexpected(error: BaseException | None) -> str:
     """Describe an unforeseen error in words."""
-    return f"{type(error).__name__}: {error}"
+    return f"internal error ({type(error).__name__}: {error}); see the server's log"

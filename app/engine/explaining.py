@@ -25,7 +25,7 @@ def explain(observed: Observed | None, u: float, v: float) -> Pixel:
         InputError: the pixel is outside the image.
     """
     if observed is None:
-        raise NotNow("no frame has been observed yet; open a source and wait for its first one")
+        raise NotNow("no frame has been observed yet; open a source and wait for its first frame")
     answer = explain_pixel(observed.trace, observed.camera, observed.parameters, (u, v))
     if answer.verdict is PixelVerdict.OUTSIDE:
         raise InputError(f"{answer.sentence} {answer.would_change}")

@@ -25,7 +25,7 @@ def look_at_floor(observed: Observed | None) -> FloorPoints:
     """
     right = None if observed is None else observed.trace.get("right")
     if observed is None or right is None:
-        raise NotNow("there is no stereo pair to see the floor in; open a source with two images")
+        raise NotNow("there is no stereo pair to find the floor in; open a stereo source")
     left = as_gray(observed.trace["left"])
     parameters = observed.parameters.stereo
     disparity = disparity_map(left, as_gray(right), parameters)

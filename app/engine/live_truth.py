@@ -15,6 +15,7 @@ from typing import Any
 from app.contract.commands import LiveTruthOrder
 from app.contract.live_truth import LiveTruthStatus
 from app.engine.aligning import Aligned, AlignmentThread
+from app.engine.errors import unexpected
 from app.engine.motion_listening import MotionListener
 from app.engine.recording import RunRecorder
 from app.engine.truth_facts import truth_facts
@@ -161,8 +162,8 @@ class LiveTruth:
         except Exception as error:  # noqa: BLE001
             # Truth is for display only: it must never end the loop that drives the robots.
             if self._broken is None:
-                _log.exception("looking at live truth failed")
-            self._broken = f"comparing with motion capture failed: {type(error).__name__}: {error}"
+                _log.exception("processing live motion capture failed")
+            self._broken = f"comparison with motion capture failed: {unexpected(error)}"
             return []
 
     def facts(self) -> LiveTruthStatus | None:
@@ -265,13 +266,13 @@ class LiveTruth:
         """Return the reason why no alignment is possible now, where the alignment cannot tell."""
         source = self._source
         if source is None:
-            return "not yet aligned: no source is observed"
+            return "not aligned yet: no source is open"
         if not source.now:
             return (
-                f"not yet aligned: {source.info.spec} was recorded, and live motion capture tells "
-                f"of what happens now; align its run with a truth file instead"
+                f"not aligned: {source.info.spec} is a recording, but live motion capture shows "
+                "the present; align its run with a ground-truth file instead"
             )
         if report.state != "receiving":
-            what = trouble or report.trouble or "motion capture is being connected"
-            return f"not yet aligned: {what}"
+            what = trouble or report.trouble or "connecting to motion capture"
+            return f"not aligned yet: {what}"
         return None

@@ -130,8 +130,8 @@ class Player:
             self._hold(item)
         elif self._frames_in_pass == 0:
             raise SourceError(
-                f"{self._source.info.spec} holds no frame that can be read; "
-                f"give a source with at least two stereo frames"
+                f"{self._source.info.spec} contains no readable frame; give a source with at least "
+                "two stereo frames"
             )
         elif self.loop:
             self._rewind()
@@ -231,13 +231,13 @@ class Player:
         moved = restart or seek is not None
         changed = command.paused or command.rate not in (None, 1.0) or command.loop or step or moved
         if self._live and changed:
-            raise InputError("a live source comes at its own pace and cannot be paused or replayed")
+            raise InputError("a live source cannot be paused or replayed")
         rate = self.rate if command.rate is None else _checked_rate(command.rate)
         if step < 0:
-            raise InputError(f"step must be a number of frames from 0 up, not {step}")
+            raise InputError(f"step must be a number of frames of at least 0, not {step}")
         paused = self.paused if command.paused is None else command.paused
         if step and not paused:
-            raise NotNow("single steps are possible while paused; pause first")
+            raise NotNow("stepping is only possible while paused; pause first")
         if seek is not None:
             self._seek(seek, restart=restart)
         if command.loop is not None:
@@ -254,7 +254,9 @@ class Player:
 
     def _seek(self, position: int, *, restart: bool) -> None:
         if self._seekable is None:
-            raise InputError("only a recording can be searched; this source plays from its start")
+            raise InputError(
+                "only recordings support seeking; this source always plays from its start"
+            )
         count = self._source.info.frame_count
         if restart or isinstance(position, bool) or not 0 <= position < (count or 0):
             raise InputError(

@@ -19,6 +19,7 @@ from app.engine.dense_stereo import (
     cloud_value,
     dense_stereo,
 )
+from app.engine.errors import unexpected
 from app.engine.latest_worker import LatestWorker
 from app.engine.observed import Observed
 from app.engine.views import draw_disparity, draw_view, encode_jpeg, jpeg_size
@@ -150,7 +151,7 @@ class Publisher:
             self._write_dense(pair, dense, epoch, watched, keep)
         except Exception as error:  # noqa: BLE001
             # A failure in display must stop neither the observing nor the next attempt.
-            trouble = f"dense stereo failed: {type(error).__name__}: {error}"
+            trouble = f"dense stereo failed: {unexpected(error)}"
         if not watched and trouble is None:
             return
         now, instant = time.monotonic(), pair.instant

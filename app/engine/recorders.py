@@ -92,6 +92,6 @@ def _opened(order: RecordOrder, facts: RunFacts, ring: Ring, *, resume: bool) ->
             return RecordingWriter.resume(path, ring=ring)
         except SourceError as error:
             # It ended before it became a recording: kept for anyone who wants to inspect it.
-            _log.warning("a recording is begun anew: %s", error)
+            _log.warning("a recording is restarted: %s", error)
             path.replace(path.with_suffix(".damaged.mcap"))
     return RecordingWriter(path, facts, ring=ring)

@@ -20,7 +20,7 @@ from typing import Any
 from app.contract.commands import RecordOrder
 from app.contract.status import EgoMotionStatus, RecordingStatus
 from app.engine.dense_stereo import Cloud
-from app.engine.errors import NotNow
+from app.engine.errors import NotNow, unexpected
 from app.engine.playback import PlayedFrame
 from observer.guard.parameters import AllParameters
 from observer.recording.errors import RecordingError
@@ -228,7 +228,7 @@ class RunRecorder(threading.Thread):
                 done(ring.seconds_held)
 
         if not self._give(save):
-            raise NotNow("the disk does not keep up; try again in a moment")
+            raise NotNow("the disk is too slow; try again in a moment")
 
     def end(self, done: Callable[[], None] | None = None) -> None:
         """Write what is queued and close the file; returns at once, safe to call twice.
@@ -296,7 +296,7 @@ class RunRecorder(threading.Thread):
         except Exception as error:  # noqa: BLE001
             # Whatever cannot be recorded must end neither this thread nor the run.
             _log.exception("recording failed")
-            self._give_up(f"the recording ended because of {type(error).__name__}: {error}")
+            self._give_up(f"the recording stopped: {unexpected(error)}")
         finally:
             with self._changed:
                 self._waiting_bytes -= size
@@ -305,7 +305,7 @@ class RunRecorder(threading.Thread):
         with self._changed:
             lost, self._untold = self._untold, 0
         if lost:
-            sentence = f"{lost} messages were not recorded, because the disk did not keep up"
+            sentence = f"{lost} messages were not recorded because the disk was too slow"
             writer.incident(Incident(kind="not_recorded", sentence=sentence, received=now))
 
     def _look_at_disk(self, now: float) -> None:
@@ -345,8 +345,8 @@ class RunRecorder(threading.Thread):
 def almost_full(path: Path, left: int, reserve: int) -> str:
     """Return the message for a disk with too little room for a recording."""
     return (
-        f"the recording {path.name} cannot go on: {left >> 20} MB are left on the disk and "
-        f"{reserve >> 20} MB are kept free; make room and begin a new run"
+        f"the recording {path.name} cannot continue: only {left >> 20} MB are free on the disk and "
+        f"{reserve >> 20} MB are reserved; free some space and start a new run"
     )
 
 

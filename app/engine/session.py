@@ -153,6 +153,7 @@ class Session(PlayedSource):
             calibration_notes=()
             if self._command.calibration_yaml is not None
             else _notes(self.opened),
+            truth_note=self.opened.truth_note,
         )
 
     def again(self) -> OpenSource:
@@ -276,15 +277,15 @@ def _calibration(given: StereoCalibration | None, source: Source) -> StereoCalib
     calibration, info = given or source.calibration, source.info
     if calibration is None:
         raise NotCalibrated(
-            f"{info.spec} brings no calibration; calibrate it under Calibration, choose a "
-            f"calibration for it, or put a calibration.yaml into its folder",
+            f"{info.spec} has no calibration; calibrate it under Calibration, choose a "
+            "calibration for it, or put a calibration.yaml into its folder",
             _first_pair(source),
         )
     if (calibration.width, calibration.height) != (info.width, info.height):
         raise CalibrationError(
-            f"the calibration is for images of {calibration.width}x{calibration.height} pixels, "
-            f"but {info.spec} delivers {info.width}x{info.height}; choose the calibration that "
-            f"was made with these images"
+            f"the calibration is for {calibration.width}x{calibration.height} images, but "
+            f"{info.spec} delivers {info.width}x{info.height}; choose a calibration made at this "
+            "image size"
         )
     return calibration
 

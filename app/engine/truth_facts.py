@@ -6,6 +6,7 @@ from app.contract.commands import LiveTruthOrder
 from app.contract.live_truth import CaptureBody, LiveAlignment, LiveTruthStatus, ServerClock
 from app.contract.values import filled
 from app.engine.aligning import Aligned
+from observer.intervals import half_95
 from observer.rig.rig import ROLES, Role
 from observer.truth.alignment.result import Alignment
 from observer.truth.live.contract import LiveCaptureReport
@@ -80,14 +81,14 @@ def _figures(alignment: Alignment) -> LiveAlignment:
 def _how(aligned: Aligned) -> str:
     alignment = aligned.alignment
     time, observer = alignment.time, alignment.observer
-    seen = "the obstacles alone" if observer is None else f"{observer} as the observer"
+    seen = "the obstacles only" if observer is None else f"{observer} as the observer"
     figures = (
-        f"a delay of {1000 * time.offset_s:.0f} ms ± {1000 * time.sigma_s:.0f} ms, correlation "
-        f"{time.correlation:.2f}"
+        f"delay {1000 * time.offset_s:.0f} ± {1000 * half_95(time.sigma_s):.0f} ms (95 % "
+        f"interval), correlation {time.correlation:.2f}"
     )
     if aligned.carried:
         return (
-            f"aligned as before the source was opened anew, by {seen} ({figures}), until enough "
-            f"has been seen again"
+            f"using the alignment from before the source was reopened, from {seen} ({figures}), "
+            "until enough new motion has been seen"
         )
-    return f"aligned over {time.overlap_s:.0f} s by {seen}: {figures}"
+    return f"aligned over {time.overlap_s:.0f} s from {seen}: {figures}"

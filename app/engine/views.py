@@ -127,10 +127,10 @@ def _warped(observed: Observed) -> Image:
     warped = observed.trace.get("warped_left")
     model = observed.parameters.ego_motion.model
     if warped is None and model not in _TRANSFORMING:
-        sentence = f"The {model} model transforms no image; {' and '.join(_TRANSFORMING)} do."
+        sentence = f"The method {model} does not warp the image; {' and '.join(_TRANSFORMING)} do."
         return _nothing(observed.trace["left"].shape[:2], sentence, ())
     if warped is None:
-        return _nothing_of(observed, "no transformed image in this frame")
+        return _nothing_of(observed, "no warped image in this frame")
     image: Image = warped
     return image
 

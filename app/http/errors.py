@@ -17,20 +17,26 @@ import structlog
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 from starlette.routing import Match
 
 from app.contract.refusals import Problem, Problems, Refused
 from app.contract.values import json_text
+from app.http.gate.access import SAFE_METHODS
 from app.runtime.errors import ProcessUnavailable
 from app.server import Conflict, FieldError, NotAvailable, NotThere
+from app.server.journal import Journal
 from app.storage import StorageError, StorageExists, StorageFull, StorageMissing
 from observer.errors import DynamicObserverError, InputError, ParameterError
+from observer.validation import validation_words, with_name
 
 log = structlog.get_logger(__name__)
 
 _METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE")
 _LONGEST_TEXT = 200
+# As nginx logs it; nobody receives it.
+_CLOSED_BY_CLIENT = 499
 _MOST_PROBLEMS = 50
 # Several handlers match if one class derives from another, so the narrower ones come first.
 _STATUS: tuple[tuple[type[DynamicObserverError], int], ...] = (
@@ -73,6 +79,7 @@ def install_error_handlers(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _invalid)
     app.add_exception_handler(HTTPException, _http)
     app.add_exception_handler(DynamicObserverError, _ours)
+    app.add_exception_handler(ClientDisconnect, _left)
     app.add_exception_handler(Exception, _unexpected)
 
 
@@ -80,9 +87,23 @@ def _answer(status: int, detail: str, headers: dict[str, str] | None = None) -> 
     return SafeJSON(asdict(Refused(detail)), status, headers)
 
 
+async def _left(_: Request, __: Exception) -> Response:
+    """Answer nobody: the client closed its connection while its answer was being made."""
+    return Response(status_code=_CLOSED_BY_CLIENT)
+
+
 async def _invalid(_: Request, error: Exception) -> Response:
     assert isinstance(error, RequestValidationError)
-    return _refused((each["loc"], str(each["msg"]), str(each["type"])) for each in error.errors())
+    return _refused(
+        (each["loc"], with_name(_named(each["loc"]), validation_words(each)), str(each["type"]))
+        for each in error.errors()
+    )
+
+
+def _named(loc: Sequence[str | int]) -> str:
+    """Return what a person calls a place in a request: its field, or the request's body."""
+    name = next((part for part in reversed(loc) if isinstance(part, str)), "")
+    return "the request body" if name == "body" else name[:_LONGEST_TEXT]
 
 
 async def _http(request: Request, error: Exception) -> Response:
@@ -102,6 +123,9 @@ def _methods_at(request: Request) -> Iterator[str]:
 
 
 async def _ours(request: Request, error: Exception) -> Response:
+    if request.method not in SAFE_METHODS:
+        journal: Journal = request.app.state.journal
+        journal.note("warning", f"refused: {error}")
     if isinstance(error, ParameterError):
         return _refused(
             (("body", name), text, "parameter") for name, text in error.problems.items()
@@ -117,4 +141,6 @@ async def _ours(request: Request, error: Exception) -> Response:
 
 async def _unexpected(_: Request, __: Exception) -> Response:
     # The server's log holds the cause; the client learns no internals.
-    return _answer(500, "the server failed at this request; its log says why")
+    return _answer(
+        500, "the server could not complete this request because of an internal error; see its log"
+    )

@@ -8,10 +8,10 @@ from functools import partial
 from starlette.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
+from app.http.file_name import content_disposition
 from app.server.runs.files import MadeFile
 
 _CHUNK = 256 * 1024
-_QUOTED = '"\\'
 
 
 class MadeFileResponse(StreamingResponse):
@@ -25,13 +25,13 @@ class MadeFileResponse(StreamingResponse):
         inline: bool = False,
         headers: Mapping[str, str] | None = None,
     ) -> None:
-        name = "".join(c for c in made.name if c.isascii() and c.isprintable() and c not in _QUOTED)
-        kind = "inline" if inline else "attachment"
         super().__init__(
             iter(partial(made.file.read, _CHUNK), b""),
             headers={
                 "content-length": str(made.size),
-                "content-disposition": f'{kind}; filename="{name}"',
+                "content-disposition": content_disposition(
+                    made.name, "inline" if inline else "attachment"
+                ),
                 **(headers or {}),
             },
             media_type=media_type,

@@ -147,7 +147,7 @@ def add_pages(
     async def ready() -> Response:
         if server.engine.health.alive:
             return SafeJSON({"status": "ready"})
-        return SafeJSON({"status": "the engine is being started"}, 503, {"Retry-After": "1"})
+        return SafeJSON({"status": "the engine is starting"}, 503, {"Retry-After": "1"})
 
     @router.get("/docs", name="docs")
     async def docs() -> Response:

@@ -12,21 +12,24 @@ import socket
 import sys
 import time
 from collections.abc import Callable, Iterator
-from functools import partial
 from typing import TextIO, cast
 
 import structlog
 import uvicorn
 from fastapi import FastAPI
 
+from app.addresses import ServerAddress
+from app.client.announced import AnnouncedServer, announced
 from app.contract.events import EngineState
 from app.http.gate.strangers import GuardedListener, Strangers, guarded_protocol
-from app.http.gate.token import load_token
+from app.http.gate.token import load_token, read_only_token
 from app.http.library_log import LibraryLog
+from app.http.own_browser import open_page
 from app.http.server import create_app
+from app.http.sharing import token_link
 from app.runtime.heap import keep_for_good
 from app.server import Server
-from app.settings import Settings, is_every_address
+from app.settings import Settings
 from app.storage.occupancy import occupied
 from observer.errors import DynamicObserverError, InputError
 from observer.opening import shown_spec
@@ -43,8 +46,11 @@ _OPENING_S = 90.0
 _LOOK_EVERY_S = 0.05
 
 
-def run(settings: Settings) -> int:
+def run(settings: Settings, *, browser: bool = False) -> int:
     """Serve until SIGINT or SIGTERM and return the process's exit code.
+
+    Args:
+        browser: whether to open the page on this computer's desktop once it is served.
 
     Raises:
         InputError: the port, a certificate or the token file cannot be used, or another server
@@ -62,9 +68,26 @@ def run(settings: Settings) -> int:
         server = _Server(server_config(app, settings, listener.strangers))
         _use_all_descriptors()
         keep_for_good()
-        link = _link(settings, listener.getsockname()[1], token)
-        announce = partial(_announce, link)
-        asyncio.run(serve(app, server, listener, ready=announce, strict=settings.strict))
+        port = listener.getsockname()[1]
+        address = ServerAddress(settings.host, port, settings.tls, settings.allowed_hosts)
+        told = AnnouncedServer(
+            host=address.host,
+            port=port,
+            tls=address.tls,
+            allowed_hosts=address.allowed_hosts,
+            token=token,
+            read_only_token=read_only_token(token),
+        )
+        with contextlib.ExitStack() as serving:
+
+            def ready() -> None:
+                serving.enter_context(announced(settings.data, told))
+                _announce(address, token)
+                if browser:
+                    once = app.state.admission.guard.once()
+                    open_page(token_link(address.here, once))
+
+            asyncio.run(serve(app, server, listener, ready=ready, strict=settings.strict))
         return 0 if server.started else _EXIT_FAILED
 
 
@@ -111,11 +134,11 @@ async def _check_configuration(server: Server) -> None:
                 await asyncio.sleep(_LOOK_EVERY_S)
     problems = list(server.shared.warnings)
     if source.state.state in (EngineState.IDLE, EngineState.FAILED):
-        why = source.state.reason or f"it was not open within {_OPENING_S:g} s"
+        why = source.state.reason or f"it did not open within {_OPENING_S:g} s"
         problems.append(f"{shown_spec(source.wanted.source)} cannot be opened: {why}")
     if problems:
         raise StartRefused(
-            f"{'; '.join(problems)}; correct this, or start without --strict to serve all the same"
+            f"{'; '.join(problems)}; correct this, or start without --strict to serve anyway"
         )
 
 
@@ -164,8 +187,7 @@ def server_config(app: FastAPI, settings: Settings, strangers: Strangers) -> uvi
         # ssl.SSLError is a subclass.
         raise InputError(
             f"the certificate {settings.tls_cert} with the key {settings.tls_key} cannot be used "
-            f"({error.strerror or error}); --tls-cert and --tls-key take PEM files that belong "
-            f"together"
+            f"({error.strerror or error}); --tls-cert and --tls-key must be matching PEM files"
         ) from error
     return config
 
@@ -189,8 +211,8 @@ def _bind(settings: Settings) -> GuardedListener:
         )[0]
     except socket.gaierror as error:
         raise InputError(
-            f"there is no address {settings.host} to listen on ({error.strerror}); --host takes "
-            f"an address of this machine"
+            f"there is no address {settings.host} to listen on ({error.strerror}); --host must be "
+            "an address of this computer"
         ) from error
     listener = GuardedListener(Strangers(time.monotonic), family)
     try:
@@ -209,22 +231,20 @@ def _refusal(settings: Settings, error: OSError) -> str:
     if error.errno == errno.EADDRINUSE:
         return f"{where} is in use by another program; choose another one with --port"
     if error.errno in (errno.EACCES, errno.EPERM):
-        return f"{where} may not be used without special rights; choose another one with --port"
+        return f"using {where} needs special permissions; choose another one with --port"
     if error.errno == errno.EADDRNOTAVAIL:
-        return f"{settings.host} is no address of this machine; choose another one with --host"
+        return f"{settings.host} is not an address of this computer; choose another one with --host"
     return f"{where} cannot be used ({error.strerror}); choose another one with --port or --host"
 
 
-def _link(settings: Settings, port: int, token: str) -> str:
-    host = "localhost" if is_every_address(settings.host) else settings.host
-    if ":" in host:
-        host = f"[{host}]"
-    return f"{'https' if settings.tls else 'http'}://{host}:{port}/?token={token}"
-
-
-def _announce(link: str) -> None:
-    # For the person who started the server, on a terminal, in a file or through a pipe.
-    print(f"Dynamic Observer is at {link}\nCtrl-C ends it.", flush=True)  # noqa: T201
+def _announce(address: ServerAddress, token: str) -> None:
+    """Print the links for who started the server: on a terminal, in a file or through a pipe."""
+    lines = [f"Dynamic Observer is at {token_link(address.here, token)}"]
+    if address.elsewhere:
+        lines.append(f"From other computers: {token_link(address.elsewhere[0], token)}")
+        lines.append("Run dynamic-observer link for all links, read-only ones too, and a QR code.")
+    lines.append("Press Ctrl-C to stop it.")
+    print(*lines, sep="\n", flush=True)  # noqa: T201
 
 
 class _Lasting(io.TextIOBase):

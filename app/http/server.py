@@ -16,9 +16,12 @@ from app.http.api import (
     boards,
     calibrating,
     calibrations,
+    comparing,
     devices,
     guard_checks,
     history,
+    journal,
+    links,
     live_truth,
     parameters,
     pixels,
@@ -27,11 +30,14 @@ from app.http.api import (
     rig,
     robots,
     run_files,
+    run_frames,
     run_truths,
     runs,
+    scene,
     sessions,
     sources,
     status,
+    steps,
     truths,
     views,
 )
@@ -45,6 +51,7 @@ from app.http.gate.session_file import SESSION_FILE, SessionFile
 from app.http.gate.sessions import Sessions
 from app.http.gate.token import TokenGuard
 from app.http.pages import add_pages, help_folder, sign_in_page, static_folder
+from app.http.sharing import Sharing
 from app.http.sockets import viewer_proxy
 from app.http.sockets.drive import DriveSocket
 from app.http.sockets.live import LiveHub
@@ -52,6 +59,7 @@ from app.http.sockets.view_feed import ViewFeed
 from app.http.sockets.viewer_proxy import ViewerDoor
 from app.server import Engine, Server
 from app.server.contracts import Drive
+from app.server.journal import Journal
 from app.server.robots import check_records, profile_library
 from app.settings import RIG_FILE, Settings
 from app.storage import Storage
@@ -64,11 +72,14 @@ Sees moving obstacles from a moving robot with a stereo camera.
 Open the printed link, which signs a browser in and gives it a cookie for its session, or send
 `Authorization: Bearer TOKEN`. A WebSocket whose session ends is closed with code 4401.
 
+A read-only link (`GET /api/links`) lets watch: with its token or session everything can be read,
+the robots can be stopped, and any other change is refused with 403.
+
 Besides these routes there are four WebSockets:
 
-* `/api/live`: telemetry. The server sends `status`, `robots`, `observation` and `heartbeat`; the
-  client answers each observation it has painted with `{"type": "painted", "sequence": NUMBER}` and
-  has at most two of them outstanding.
+* `/api/live`: telemetry. The server sends `status`, `robots`, `observation`, `log` and `heartbeat`;
+  the client answers each observation it has painted with `{"type": "painted", "sequence": NUMBER}`
+  and has at most two of them outstanding.
 * `/api/views/{name}`: a live view. Binary: 8 bytes sequence and 8 bytes age in ms (float64), both
   big-endian, then JPEG. The client answers each one with the text `ack`.
 * `/api/drive`: driving by hand, JSON; `?name=` says who. One socket is one operator: whatever it
@@ -81,19 +92,24 @@ Besides these routes there are four WebSockets:
 * `/viewer`: the 3D scene of viser's client.
 """
 _TAGS = [
-    {"name": "status", "description": "How everything is."},
-    {"name": "source", "description": "What frames come from, and how they are played."},
-    {"name": "runs", "description": "Observations that are kept."},
+    {"name": "status", "description": "Overall state."},
+    {"name": "source", "description": "Where frames come from, and playback."},
+    {"name": "runs", "description": "Recorded observations."},
     {"name": "parameters", "description": "Parameters of the method, and presets."},
     {"name": "calibrations", "description": "Calibrations of stereo cameras."},
-    {"name": "calibrating", "description": "Making a calibration with a printed board."},
-    {"name": "rig", "description": "How the cameras stand on their robot."},
+    {"name": "calibrating", "description": "Calibration with a printed board."},
+    {"name": "rig", "description": "Camera mount on the robot."},
     {"name": "truth", "description": "Motion capture, live."},
-    {"name": "robots", "description": "Driving. The stop is a software stop."},
+    {
+        "name": "robots",
+        "description": "Driving. The stop is a software stop, not a substitute for an emergency "
+        "stop.",
+    },
     {"name": "programmes", "description": "Timed velocities for robots."},
     {"name": "views", "description": "Live images."},
-    {"name": "sessions", "description": "Signing out."},
-    {"name": "pixels", "description": "Why a place in the image counts as moving or standing."},
+    {"name": "steps", "description": "The paper's method on one frozen pair of frames."},
+    {"name": "sessions", "description": "Signing out, and links for others."},
+    {"name": "pixels", "description": "Why a pixel counts as moving or static."},
 ]
 
 ViewerStarter = Callable[[Server], Viewer]
@@ -142,7 +158,8 @@ def create_app(
         sign_in_page=sign_in_page(folder),
     )
     door = ViewerDoor()
-    live = LiveHub(server)
+    log = Journal(server)
+    live = LiveHub(server, log)
 
     def real_viewer(server: Server) -> Viewer:
         return start_viewer(server, points=settings.viewer_points, rate_hz=settings.viewer_rate_hz)
@@ -153,6 +170,7 @@ def create_app(
             stack.push_async_callback(server.stop)
             stack.push_async_callback(_stop_viewer, door)
             await server.start()
+            stack.callback(log.follow())
             hub = asyncio.create_task(live.run(), name="live hub")
             stack.push_async_callback(_cancel, hub)
             admission.file.load()
@@ -180,7 +198,9 @@ def create_app(
     app.state.viewer = door
     app.state.feeds = {name: ViewFeed(server, name) for name in VIEW_NAMES}
     app.state.live = live
+    app.state.journal = log
     app.state.admission = admission
+    app.state.sharing = Sharing(settings, token)
     install_error_handlers(app)
     _add_rest(app, live)
     app.include_router(viewer_proxy.router)
@@ -216,11 +236,14 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
     api = APIRouter(prefix="/api", responses=GATE_RESPONSES)
     for part in (
         status,
+        journal,
         sources,
         devices,
         runs,
         run_files,
+        run_frames,
         run_truths,
+        comparing,
         truths,
         history,
         parameters,
@@ -234,8 +257,11 @@ def _add_rest(app: FastAPI, live: LiveHub) -> None:
         programmes,
         recordings,
         views,
+        scene,
         sessions,
+        links,
         pixels,
+        steps,
     ):
         api.include_router(part.router)
 

@@ -216,7 +216,7 @@ class ChildProcess:
 def exit_words(code: int | None) -> str:
     """Describe how a process ended, by its return code; None: it has not."""
     if code is None:
-        return "hangs inside the kernel and cannot be ended yet"
+        return "hangs in the kernel and cannot be terminated yet"
     if code < 0:
         try:
             return f"ended by {signal.Signals(-code).name}"

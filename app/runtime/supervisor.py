@@ -125,7 +125,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         self._lost_before = 0
         self._failures = 0
         self._not_before = 0.0
-        self._trouble = f"the {self.what} is being started"
+        self._trouble = f"the {self.what} is starting"
         self._wake = asyncio.Event()
         self._first: asyncio.Future[None] | None = None
         self._watching: asyncio.Task[None] | None = None
@@ -199,7 +199,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         what = _in_words(type(command).__name__)
         if reply is None:
             raise ProcessUnavailable(
-                f"the {self.what} ended before it answered the request to {what}"
+                f"the {self.what} exited before it completed the request to {what}"
             )
         if reply.refusal is not None:
             raise ProcessRefused(reply.error or f"{what} was refused", reply.refusal)
@@ -210,7 +210,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
     ) -> Reply | None:
         """Return the reply of a process, None if it ended before it replied."""
         if self._closed:
-            raise ProcessUnavailable("the server is being stopped")
+            raise ProcessUnavailable("the server is shutting down")
         if child is None:
             raise ProcessUnavailable(self._trouble)
         try:
@@ -218,7 +218,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         except TimeoutError:
             what = _in_words(type(command).__name__)
             raise ProcessUnavailable(
-                f"the {self.what} did not answer the request to {what} within {timeout_s:g} s"
+                f"the {self.what} did not complete the request to {what} within {timeout_s:g} s"
             ) from None
         except ChildEnded:
             return None
@@ -351,7 +351,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             return _ENDED
         limit = self._limits.hang_s if child.ready else self._limits.start_s
         if child.silent_s > limit or child.unheard_s > max(limit, self._limits.starved_s):
-            return f"gave no sign of life for {child.unheard_s:.1f} s"
+            return f"did not respond for {child.unheard_s:.1f} s"
         return None
 
     def _count_failure(self, since: float) -> None:
@@ -363,7 +363,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
             pause = min(
                 self._limits.backoff_s * 2.0 ** (self._failures - 2), self._limits.most_backoff_s
             )
-            self._trouble += f"; the next attempt follows in {pause:g} s"
+            self._trouble += f"; the next attempt is in {pause:g} s"
         self._not_before = now + pause
 
     def _give_up_start(self) -> None:
@@ -374,7 +374,7 @@ class ProcessSupervisor(Generic[_Command, _Event]):
         ):
             sentence = self._trouble.partition(";")[0]
             self._first.set_exception(
-                ProcessUnavailable(f"{sentence}, {self._failures} times in a row; see its messages")
+                ProcessUnavailable(f"{sentence}, {self._failures} times in a row; see its log")
             )
 
     def _hear(self, child: ChildProcess, event: _Event | None) -> None:

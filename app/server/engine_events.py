@@ -135,7 +135,7 @@ class EngineEvents:
         losses = self._source.fruitless_losses
         if losses >= _MOST_FRUITLESS_LOSSES:
             raise Conflict(
-                f"the engine ended {losses} times in a row over "
-                f"{shown_spec(self._session.source or self._source.wanted.source)}; choose "
-                f"another source"
+                f"the engine crashed {losses} times in a row on "
+                f"{shown_spec(self._session.source or self._source.wanted.source)}; choose another "
+                "source"
             )

@@ -26,6 +26,7 @@ from app.server.shared import Shared
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.manager import SourceManager
 from app.server.source.watched_views import Watching
+from app.server.steps.manager import MethodStepsManager
 from app.storage import RunState, Storage
 from app.versions import versions
 from observer.opening import shown_spec
@@ -42,6 +43,7 @@ class Server:
         parameters: parameters and presets. rig: poses of the cameras on their robot.
         driving: the robots. programmes: programmes that they can drive.
         survey: records a drive, to estimate the rig. live_truth: live motion capture.
+        steps: the paper's method on one pair of frames.
         watching: views being watched. viewers: open live pages.
         shared: common parts, among them engine, storage, clock, followers and telemetry.
     """
@@ -94,6 +96,9 @@ class Server:
             clips_at_guard_stops=clips_at_guard_stops,
         )
         self.calibrating = CalibrationManager(shared, self.source)
+        self.steps = MethodStepsManager(
+            storage, self.source, self.parameters, self.driving.any_driven
+        )
         session = self.calibrating.session
         shared.run = lambda: self.runs.current
         shared.calibrates = lambda: session.source is not None
@@ -130,8 +135,10 @@ class Server:
         self._unsubscribe_drive()
         await self.shared.background.cancel()
         await self.calibrating.session.computation.cancel()
+        await self.runs.reruns.close()
+        await self.steps.close()
         if self.runs.running is not None:
-            reason = "the server was stopped during the run"
+            reason = "the server was shut down during the run"
             await self.runs.close(RunState.INTERRUPTED, reason)
         await self.engine.stop()
         if self._started:

@@ -72,7 +72,7 @@ class Shared:
         """
         run = self.run()
         if run is not None:
-            raise Conflict(f"the run {run.name} is going; {remedy}")
+            raise Conflict(f"the run {run.name} is in progress; {remedy}")
 
     def refuse_calibrating(self) -> None:
         """Refuse to go on while cameras are being calibrated.
@@ -82,5 +82,5 @@ class Shared:
         """
         if self.calibrates():
             raise Conflict(
-                "a calibration is being made; save it or leave it under Calibration first"
+                "a calibration is in progress; save or cancel it under Calibration first"
             )

@@ -18,6 +18,7 @@ from app.contract.status import (
 from app.contract.values import filled, known, word
 from app.server.server import Server
 from app.server.source.camera_match import camera_match_warnings
+from observer.opening import shown_spec
 from observer.version import library_version
 
 
@@ -27,7 +28,7 @@ def status(server: Server) -> Status:
     telemetry = server.telemetry
     dense = telemetry.dense(server.clock())
     state = server.source.state
-    run = server.runs.current
+    run, before = server.runs.current, server.source.before
     calibration = server.source.wanted.calibration
     return Status(
         engine=filled(
@@ -37,10 +38,18 @@ def status(server: Server) -> Status:
             reason=state.reason,
             heartbeat_age_s=_rounded(health.heartbeat_age_s),
         ),
-        source=known(SourceStatus, state.source),
+        source=None
+        if state.source is None
+        else filled(
+            SourceStatus,
+            state.source,
+            name=server.source.name,
+            before=None if before is None else shown_spec(before.source),
+        ),
         playback=state.playback,
         camera=known(CameraStatus, state.camera),
         run=known(RunReference, run),
+        reruns=server.runs.reruns.facts(),
         recording=state.recording,
         truth=state.truth,
         live=state.live,
@@ -65,7 +74,7 @@ def status(server: Server) -> Status:
         skipped=telemetry.skipped,
         viewers=server.viewers,
         has_truth=state.has_truth,
-        warnings=[*server.shared.warnings, *server.driving.warnings, *_trouble(server)],
+        warnings=warnings(server),
         version=library_version(),
     )
 
@@ -76,11 +85,17 @@ def observation_age_s(server: Server) -> float | None:
     return None if latest is None else round(max(0.0, server.clock() - latest.received), 3)
 
 
+def warnings(server: Server) -> list[str]:
+    """Return the present problems, one sentence each."""
+    return [*server.shared.warnings, *server.driving.warnings, *_trouble(server)]
+
+
 def _trouble(server: Server) -> list[str]:
     ageing, recording = server.source.state.ageing, server.source.state.recording
     vergence = None if ageing is None else ageing.vergence
     troubles = (
         server.shared.writer.trouble,
+        server.source.state.truth_note,
         server.telemetry.dense_trouble,
         None if ageing is None else ageing.rows.warning,
         None if recording is None else recording.trouble,

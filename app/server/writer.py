@@ -108,14 +108,14 @@ class Writer:
             self._jobs.put_nowait(_Job(work, done))
         except queue.Full:
             raise NotAvailable(
-                f"the database does not keep up ({self.trouble or 'too many writes'}); try again"
+                f"the database is too slow ({self.trouble or 'too many writes'}); try again"
             ) from None
         try:
             async with asyncio.timeout(timeout_s):
                 return await future
         except TimeoutError:
             raise NotAvailable(
-                "the database did not take the write in time; it is tried further"
+                "the database did not complete the write in time; it will be retried"
             ) from None
 
     def _run(self) -> None:

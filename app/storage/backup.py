@@ -78,8 +78,8 @@ def _snapshot(location: str | Path, beside: Path) -> Iterator[Path]:
         folder = Path(tempfile.mkdtemp(prefix=".observer-backup-", dir=beside))
     except OSError as error:
         raise BackupError(
-            f"cannot write into {beside} ({error.strerror}); name a file in a folder that exists "
-            f"and may be written"
+            f"cannot write into {beside} ({error.strerror}); name a file in an existing, writable "
+            "folder"
         ) from error
     try:
         snapshot = folder / DATABASE
@@ -103,7 +103,7 @@ def _copy_file(file: Path, snapshot: Path) -> None:
     if reason is not None:
         raise StorageError(
             f"the database {file} is damaged ({reason}); the next start of the server moves it "
-            f"aside, copy what you need before"
+            "aside; copy what you need before"
         )
     copy_database(file, snapshot)
 

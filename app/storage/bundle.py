@@ -98,7 +98,7 @@ class BundleWriter:
             member.size, member.mode = size, 0o600
             self._archive.addfile(member, stream)
         if stream.left:
-            raise OSError(0, "a file became shorter while it was copied")
+            raise OSError(0, "a file was truncated while it was copied")
         return Entry(size, stream.hash.hexdigest())
 
 
@@ -117,14 +117,14 @@ def bundle_writer(path: Path) -> Iterator[BundleWriter]:
         elif path.suffix == ".tar":
             archive = tarfile.TarFile(part, "w", format=tarfile.PAX_FORMAT)
         else:
-            raise BackupError(f"a backup ends in .zip or .tar, not as {path.name} does")
+            raise BackupError(f"a backup file must end in .zip or .tar, unlike {path.name}")
         with archive:
             yield BundleWriter(archive)
         part.replace(path)
     except OSError as error:
         raise BackupError(
-            f"cannot write {path} ({error.strerror or error}); name a file in a folder that exists "
-            f"and has space"
+            f"cannot write {path} ({error.strerror or error}); name a file in an existing folder "
+            "with enough space"
         ) from error
     finally:
         part.unlink(missing_ok=True)
@@ -156,7 +156,7 @@ class Bundle:
         self.manifest = self._read_manifest(names)
         listed = {_MANIFEST, *self.manifest.files}
         if len(names) != len(set(names)) or set(names) != listed:
-            raise self._broken("its files are not those that it lists")
+            raise self._broken("its files do not match its list of files")
 
     def extract(self, name: str, target: Path) -> None:
         """Extract one file and check it.
@@ -174,7 +174,7 @@ class Bundle:
         except _BROKEN as error:
             raise self._broken(f"{name} cannot be read") from error
         if not whole or stream.hash.hexdigest() != entry.sha256:
-            raise self._broken(f"{name} is not as it was written")
+            raise self._broken(f"{name} has a wrong checksum")
 
     def _names(self) -> list[str]:
         if isinstance(self._archive, zipfile.ZipFile):
@@ -184,7 +184,7 @@ class Bundle:
         except _BROKEN as error:
             raise self._broken("its files cannot be listed") from error
         if not all(member.isreg() for member in members):
-            raise self._broken("it holds more than files")
+            raise self._broken("it contains entries other than files")
         return [member.name for member in members]
 
     def _open(self, name: str) -> IO[bytes]:
@@ -196,7 +196,7 @@ class Bundle:
 
     def _read_manifest(self, names: list[str]) -> Manifest:
         if _MANIFEST not in names:
-            raise BackupError(f"{self._path} is no backup; it was not made by {_COMMAND}")
+            raise BackupError(f"{self._path} is not a backup made by {_COMMAND}")
         try:
             with self._open(_MANIFEST) as opened:
                 content: dict[str, Any] = json.loads(opened.read(_LARGEST_MANIFEST))
@@ -210,14 +210,14 @@ class Bundle:
         except (*_BROKEN, KeyError, TypeError, AttributeError) as error:
             raise self._broken("its list of files cannot be read") from error
         if kind != KIND:
-            raise BackupError(f"{self._path} is no backup; it was not made by {_COMMAND}")
+            raise BackupError(f"{self._path} is not a backup made by {_COMMAND}")
         for name, entry in files.items():
             if not isinstance(entry.size, int) or entry.size < 0 or not _is_safe(name):
-                raise self._broken("its list of files is not one of ours")
+                raise self._broken("its list of files has an unexpected format")
         return manifest
 
     def _broken(self, why: str) -> BackupError:
-        return BackupError(f"the backup {self._path} is damaged ({why}); take another one")
+        return BackupError(f"the backup {self._path} is damaged ({why}); use another one")
 
 
 def _is_safe(name: str) -> bool:
@@ -242,7 +242,7 @@ def open_bundle(path: Path) -> Iterator[Bundle]:
             archive = tarfile.TarFile(path, "r")
     except tarfile.TarError as error:
         raise BackupError(
-            f"{path} is no backup, or only a part of one; {_COMMAND} makes one"
+            f"{path} is not a backup or is incomplete; {_COMMAND} makes one"
         ) from error
     except _BROKEN as error:
         why = getattr(error, "strerror", None) or error

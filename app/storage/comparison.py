@@ -55,10 +55,10 @@ def comparison_truth(
     path = storage.folder.run(str(other)) / RECORDING
     if not path.is_file():
         raise StorageMissing(
-            f"the run {other} is gone, which received the motion capture that this one is "
-            f"compared with; upload a truth file"
+            f"the run {other}, whose motion capture this run is compared with, no longer exists; "
+            "upload a ground-truth file"
         )
-    return _file(str(path.absolute()), "motion capture as it was received live", {})
+    return _file(str(path.absolute()), "motion capture received live", {})
 
 
 def _file(path: str, name: str, reading: Mapping[str, Any]) -> dict[str, Any]:

@@ -55,7 +55,9 @@ class Database:
         self._url = database_url(location)
         file = self.file
         if folder is None and file is None:
-            raise StorageError("beside a database server a folder is needed for the runs' files")
+            raise StorageError(
+                "in addition to a database server, a folder for the files of runs is needed"
+            )
         self.folder = DataFolder((folder or (file or Path()).parent).expanduser().absolute())
         self._busy_timeout_s = busy_timeout_s
         self._engine: Engine | None = None
@@ -109,8 +111,8 @@ class Database:
         count = sum(1 for each in runs.iterdir() if each.is_dir()) if runs.is_dir() else 0
         if count:
             sentence = (
-                f"the database {file} is empty, though {runs} holds files of runs ({count}): "
-                "they are not listed; restore a backup, or play their recordings by path"
+                f"the database {file} is empty, although {runs} contains files of runs ({count}): "
+                "they are not listed; restore a backup, or open their recordings by path"
             )
             log.warning("database_empty", file=str(file), runs=count)
             self.warnings = (*self.warnings, sentence)
@@ -149,7 +151,7 @@ class Database:
 
     def _opened(self) -> Engine:
         if self._engine is None:
-            raise StorageError(f"the database {self.where} is not open; call open() first")
+            raise StorageError(f"the database {self.where} is not open")
         return self._engine
 
     @contextmanager
@@ -162,7 +164,7 @@ class Database:
             raise storage_error(error, self.where) from error
         except PoolTimeoutError as error:
             raise StorageBusy(
-                f"too many readers use the database {self.where} at once; try again later"
+                f"the database {self.where} has too many simultaneous readers; try again later"
             ) from error
 
     def _prepare_file(self, file: Path) -> None:
@@ -177,8 +179,8 @@ class Database:
         if moved is not None:
             kept_as, reason = moved
             sentence = (
-                f"the database {file} was damaged ({reason}); "
-                f"it is kept as {kept_as} and a new one was begun"
+                f"the database {file} was damaged ({reason}); it was moved to {kept_as} and a new "
+                "one was created"
             )
             log.warning("database_moved_aside", file=str(file), kept_as=str(kept_as), reason=reason)
             self.warnings = (*self.warnings, sentence)

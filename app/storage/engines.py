@@ -42,7 +42,7 @@ def database_url(location: str | Path) -> URL:
         url.get_dialect().import_dbapi()
     except (ArgumentError, ValueError) as error:
         raise StorageError(
-            "the database URL is not understood; it looks like sqlite:////folder/file.sqlite or "
+            "the database URL is not valid; it must look like sqlite:////folder/file.sqlite or "
             "postgresql://user:password@host/database"
         ) from error
     except ImportError as error:

@@ -71,15 +71,15 @@ _BY_SQLITE_PRIMARY: dict[int, type[StorageError]] = {
 }
 _SENTENCES: dict[type[StorageError], str] = {
     StorageUnreachable: (
-        "the database {where} cannot be reached ({cause}); see that its server runs"
+        "the database {where} cannot be reached ({cause}); check that its server is running"
     ),
     StorageBusy: "the database {where} is locked by another program; close it or try again",
     StorageFull: "no space is left to write the database {where}; free some disk space",
     StorageCorrupt: (
-        "the database {where} is damaged; restart, and it is moved aside and a new one begun"
+        "the database {where} is damaged; restart the server to move it aside and create a new one"
     ),
-    StorageMissing: "a record refers to another one that is not in the database {where}",
-    StorageExists: "a record with this name or id is already in the database {where}",
+    StorageMissing: "a record refers to another one that is missing in the database {where}",
+    StorageExists: "a record with this name or id already exists in the database {where}",
 }
 
 
@@ -87,7 +87,7 @@ def storage_error(cause: BaseException | None, where: str) -> StorageError:
     """Convert a driver's error to the storage's own; ``where`` names the database for people."""
     kind = _kind(cause)
     if kind is None:
-        return StorageError(f"the database {where} refused the request: {_said(cause)}")
+        return StorageError(f"the database {where} rejected the request: {_said(cause)}")
     return kind(_SENTENCES[kind].format(where=where, cause=_said(cause)))
 
 

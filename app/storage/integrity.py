@@ -33,8 +33,8 @@ def move_aside_if_damaged(file: Path, timeout_s: float) -> tuple[Path, str] | No
         move_with_log(file, kept_as)
     except OSError as error:
         raise StorageError(
-            f"the database {file} is damaged and cannot be moved aside ({error.strerror}); "
-            "move it away by hand"
+            f"the database {file} is damaged and cannot be moved aside ({error.strerror}); move it "
+            "manually"
         ) from error
     return kept_as, reason
 

@@ -31,9 +31,9 @@ def occupied(folder: Path, database: str | None = None) -> Iterator[None]:
         StorageError: another server holds the database, or it does not answer, or the URL is
             invalid.
     """
-    remedy = "stop it, or give this one a folder of its own with --data"
+    remedy = "stop it, or give this server its own folder with --data"
     with contextlib.ExitStack() as held:
-        held.enter_context(_locked(folder, _NAME, f"keeps its runs in {folder}; {remedy}"))
+        held.enter_context(_locked(folder, _NAME, f"is using the folder {folder}; {remedy}"))
         if database is not None:
             held.enter_context(_database(database))
         yield
@@ -46,7 +46,9 @@ def _database(location: str) -> contextlib.AbstractContextManager[object]:
     if url.get_backend_name() != "sqlite":
         return contextlib.nullcontext()
     file = Path(str(url.database))
-    refusal = f"keeps its runs in {file}; stop it, or give this one another file with --database"
+    refusal = (
+        f"is using the database {file}; stop it, or give this server another file with --database"
+    )
     return _locked(file.parent, f"{file.name}.{_NAME}", refusal)
 
 

@@ -84,14 +84,14 @@ class _Place:
         with translated(self.where):
             in_use, rows = self._look()
         if in_use:
-            raise BackupError(f"a server has the database {self.where} open; end it, then restore")
+            raise BackupError(f"a server is using the database {self.where}; stop it, then restore")
         present = [self.data / name for name in (*FILES, *FOLDERS)]
         filled = [path for path in present if path.is_file() or _has_something(path)]
         if (filled or rows) and not replace:
             what = self.where if rows else str(filled[0])
             raise BackupError(
-                f"{what} is there already; --replace puts the backup in its place and keeps it "
-                f"beside, or name another folder with --data"
+                f"{what} already exists; use --replace to put the backup in its place and keep the "
+                "old data beside it, or name another folder with --data"
             )
 
     def check_space(self, needed: int) -> None:
@@ -160,7 +160,9 @@ class _Place:
 def _check_names(source: Path, manifest: Manifest) -> None:
     tops = {name.split("/")[0] for name in manifest.files}
     if DATABASE not in tops or not tops <= _TOP:
-        raise BackupError(f"the backup {source} is damaged (it lacks its database or has too much)")
+        raise BackupError(
+            f"the backup {source} is damaged (its database is missing or it has unexpected files)"
+        )
 
 
 @contextmanager
@@ -193,7 +195,7 @@ def _check_database(source: Path, file: Path) -> None:
     """Check that the database is sound, ours and not newer; migrate it."""
     reason = damage(file, _BUSY_S)
     if reason is not None:
-        raise BackupError(f"the backup {source} is damaged ({reason}); take another one")
+        raise BackupError(f"the backup {source} is damaged ({reason}); use another one")
     try:
         with open_engine(file, _BUSY_S) as engine:
             upgrade(engine, None)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import secrets
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
 from sqlalchemy import func, select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, object_session
 
 from app.contract.values import filled
 from app.storage.database import Database
@@ -20,8 +21,15 @@ from observer.parameters import translated
 
 # Time during which a deletion can be undone.
 UNDO = timedelta(days=7)
-_DAMAGED = "its parameters in the database are damaged and not known any more"
+_DAMAGED = "its parameters in the database are damaged and unknown"
+# The recording of a run, or a clip that was saved during it.
+_RECORDED = re.compile(r"(?:.*/)?runs/([^/]+)/(recording|ring-[\d-]+)\.mcap")
 _NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())
+
+
+def new_run_id() -> str:
+    """Return the id of a new run, which sorts by time and is valid as a file name."""
+    return f"{datetime.now(UTC):%Y%m%d-%H%M%S}-{secrets.token_hex(3)}"
 
 
 class RunTables(Database):
@@ -33,6 +41,7 @@ class RunTables(Database):
     def create_run(
         self,
         *,
+        id: str | None = None,
         name: str,
         source: str,
         parameters: dict[str, Any],
@@ -46,14 +55,17 @@ class RunTables(Database):
         tags: Iterable[str] = (),
         notes: str = "",
     ) -> RunRecord:
-        """Create a run; its id sorts by time and is valid as a file name.
+        """Create a run.
+
+        Args:
+            id: as of ``new_run_id``; None for a new one.
 
         Raises:
             StorageMissing: the calibration or the truth is not stored.
         """
         now = utc_now()
         row = Run(
-            id=f"{datetime.now(UTC):%Y%m%d-%H%M%S}-{secrets.token_hex(3)}",
+            id=id or new_run_id(),
             name=name,
             state=RunState.RUNNING.value,
             source=source,
@@ -172,6 +184,14 @@ class RunTables(Database):
             row = session.get(Run, run_id)
             return None if row is None else _run(row)
 
+    def recording_name(self, source: str) -> str | None:
+        """Return what people call a source that is a run's recording, or a clip of it.
+
+        None for every other source, and if there is no such run.
+        """
+        with self._reading() as session:
+            return _recording_name(session, source)
+
     def list_runs(self, *, limit: int = 200, offset: int = 0) -> list[RunRecord]:
         """Return runs, newest first, without deleted ones."""
         return list(self.find_runs(limit=limit, offset=offset).runs)
@@ -264,7 +284,7 @@ class RunTables(Database):
             for row in rows:
                 row.state = RunState.INTERRUPTED.value
                 row.ended_at = row.updated_at
-                row.reason = "the server ended before the run did"
+                row.reason = "the server stopped during the run"
                 row.recording_bytes = self.folder.recording_bytes(row.id)
             return [_run(row) for row in rows]
 
@@ -277,10 +297,19 @@ def _run(row: Run) -> RunRecord:
         parameters=translated(mapping(row.parameters)),
         versions={name: str(version) for name, version in mapping(row.versions).items()},
         alignment=None if row.alignment is None else mapping(row.alignment),
+        recording_name=_recording_name(object_session(row), row.source),
         reason=row.reason or (None if isinstance(row.parameters, dict) else _DAMAGED),
         # Sorted here: databases order text by their locale.
         tags=tuple(sorted(each.tag for each in row.tags)),
     )
+
+
+def _recording_name(session: Session | None, source: str) -> str | None:
+    found = _RECORDED.fullmatch(source)
+    run = None if found is None or session is None else session.get(Run, found[1])
+    if run is None or found is None:
+        return None
+    return f"Recording of {run.name}" if found[2] == "recording" else f"Saved clip of {run.name}"
 
 
 def existing_run(session: Session, run_id: str) -> Run:

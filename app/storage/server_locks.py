@@ -117,8 +117,8 @@ class ServedDatabase:
         name = str(self._connection.scalar(_HOLDER) or "")
         who = name.removeprefix(APPLICATION).strip()
         return (
-            f"another server{f' (process {who})' if who else ''} keeps its runs in the database "
-            f"{self._where}; stop it, or give this one a database of its own with --database"
+            f"another server{f' (process {who})' if who else ''} is using the database "
+            f"{self._where}; stop it, or give this server its own database with --database"
         )
 
     def _look_after(self) -> None:

@@ -61,7 +61,9 @@ class SpeedTables(Database):
         """
         values = [asdict(row) for row in rows]
         if any(row["run_id"] != run_id or row["source"] != "truth" for row in values):
-            raise ValueError(f"an alignment of the run {run_id} brings its truth's speeds only")
+            raise ValueError(
+                f"an alignment of the run {run_id} must contain only ground-truth speeds"
+            )
         with self._writing() as session:
             run = existing_run(session, run_id)
             run.alignment, run.truth_id = alignment, truth_id

@@ -59,10 +59,12 @@ class TruthTables(Database):
         """
         record = self.get_truth(id)
         if record is None:
-            raise StorageMissing(f"there is no truth {id}; upload it first")
+            raise StorageMissing(f"there is no ground truth {id}; upload it first")
         path = self.folder.truth(record.file)
         if not path.is_file():
-            raise StorageMissing(f"the file {path} of the truth {record.name} is gone; upload it")
+            raise StorageMissing(
+                f"the file {path} of the ground truth {record.name} is missing; upload it again"
+            )
         return path
 
     def list_truths(self) -> list[TruthRecord]:
@@ -118,7 +120,7 @@ class TruthTables(Database):
             part.unlink(missing_ok=True)
             kind = StorageFull if error.errno in _NO_SPACE else StorageError
             raise kind(
-                f"the truth cannot be kept in {folder} ({error.strerror}); free some disk space or "
-                f"make the folder writable"
+                f"the ground truth cannot be stored in {folder} ({error.strerror}); free some disk "
+                "space or make the folder writable"
             ) from error
         return key, kept

@@ -48,21 +48,21 @@ class Board:
 
     def __post_init__(self) -> None:
         if self.kind not in ("chessboard", "charuco"):
-            raise CalibrationError(f"a board is a chessboard or charuco, not {self.kind!r}")
+            raise CalibrationError(f"a board is 'chessboard' or 'charuco', not {self.kind!r}")
         for name in ("columns", "rows"):
             value = getattr(self, name)
             if not _CORNERS[0] <= value <= _CORNERS[1]:
                 raise CalibrationError(
-                    f"a board has {_CORNERS[0]} to {_CORNERS[1]} inner corners each way, "
+                    f"a board has {_CORNERS[0]} to {_CORNERS[1]} inner corners in each direction, "
                     f"not {value} {name}; count the corners between squares, not the squares"
                 )
         if not _SQUARE_M[0] <= self.square_m <= _SQUARE_M[1]:
             raise CalibrationError(
-                f"the squares of a board have a side of {1e3 * _SQUARE_M[0]:g} to "
-                f"{1e3 * _SQUARE_M[1]:g} mm, not {1e3 * self.square_m:g} mm"
+                f"the squares of a board are {1e3 * _SQUARE_M[0]:g} to {1e3 * _SQUARE_M[1]:g} mm "
+                f"wide, not {1e3 * self.square_m:g} mm"
             )
         if self.kind == "charuco" and (self.columns + 1) * (self.rows + 1) > 500:
-            raise CalibrationError("a ChArUco board has at most 500 squares here")
+            raise CalibrationError("a ChArUco board may have at most 500 squares")
 
     @property
     def corner_count(self) -> int:
@@ -96,7 +96,7 @@ def parse_board_size(text: str) -> tuple[int, int]:
     columns, x, rows = text.lower().replace("×", "x").partition("x")
     if not (x and all(re.fullmatch(r"\s*[0-9]{1,4}\s*", part) for part in (columns, rows))):
         raise CalibrationError(
-            f"a board's size is given as COLUMNSxROWS of inner corners, as in 9x6, not "
+            "give the board's size as COLUMNSxROWS of inner corners, for example 9x6, not "
             f"{text[:40]!r}"
         )
     return int(columns), int(rows)

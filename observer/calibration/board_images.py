@@ -91,8 +91,9 @@ def read_board_pairs(
     keys = _keys(left, right)
     if keys is None:
         raise InputError(
-            f"{len(left)} left and {len(right)} right images cannot be paired: give both of a "
-            f"pair the same name in two folders, or the same number, as left07.jpg and right07.jpg"
+            f"{len(left)} left and {len(right)} right images cannot be paired: give both images of "
+            "a pair the same name in two folders, or the same number, as in left07.jpg and "
+            "right07.jpg"
         )
     by_left, by_right = keys
     pairs = [
@@ -102,16 +103,16 @@ def read_board_pairs(
     alone += [(path, "left") for key, path in by_right.items() if key not in by_left]
     if not pairs:
         raise InputError(
-            f"no left image has the number or name of a right one ({left[0].name}, "
-            f"{right[0].name}); left07.jpg and right07.jpg would make a pair"
+            f"no left image has the number or name of a right image ({left[0].name}, "
+            f"{right[0].name}); left07.jpg and right07.jpg would be a pair"
         )
     if len(pairs) > MAX_PAIRS:
         raise InputError(
-            f"{len(pairs)} pairs are more than {MAX_PAIRS}; 15 to 40 different poses of the board "
-            f"are enough"
+            f"{len(pairs)} pairs exceed the limit of {MAX_PAIRS}; 15 to 40 different poses of the "
+            "board are enough"
         )
     return tuple(pairs), tuple(
-        RefusedImage(path.name, f"it has no {side} image of the same name or number")
+        RefusedImage(path.name, f"there is no {side} image with the same name or number")
         for path, side in alone
     )
 
@@ -140,16 +141,16 @@ def find_boards(
     with ThreadPoolExecutor(max(1, workers)) as pool:
         for number, each in enumerate(pool.map(lambda pair: _look(pair, board), pairs)):
             looked.append(each)
-            report(f"looking for the board in {pairs[number].name}", (number + 1) / len(pairs))
+            report(f"detecting the board in {pairs[number].name}", (number + 1) / len(pairs))
     refused = [each for each in looked if isinstance(each, RefusedImage)]
     seen = [each for each in looked if not isinstance(each, RefusedImage)]
     if not seen:
         why = f": {refused[0].name} {refused[0].reason}" if refused else ""
-        raise CalibrationError(f"there is no pair of images that can be read{why}")
+        raise CalibrationError(f"no image pair could be read{why}")
     (width, height), _ = Counter(size for _, size in seen).most_common(1)[0]
     refused += [
         RefusedImage(
-            view.name, f"its images have {own[0]}x{own[1]} pixels, the others {width}x{height}"
+            view.name, f"its images are {own[0]}x{own[1]} pixels, the others {width}x{height}"
         )
         for view, own in seen
         if own != (width, height)
@@ -178,8 +179,8 @@ def _look(pair: BoardPair, board: Board) -> tuple[BoardView, tuple[int, int]] | 
         (a, b), (c, d) = sizes
         return RefusedImage(
             pair.name,
-            f"its left image has {a}x{b} pixels and the right one {c}x{d}; both cameras must be "
-            f"set to the same size",
+            f"its left image is {a}x{b} pixels and the right one {c}x{d}; set both cameras to the "
+            "same size",
         )
     left, right = found
     if left is not None and right is not None:
@@ -215,8 +216,8 @@ def _refuse_another_size(pairs: Sequence[BoardPair], board: Board) -> None:
         if shown in agreed:
             raise CalibrationError(
                 f"{agreed[shown]} and {pair.left_name} show a chessboard with "
-                f"{shown[0]}x{shown[1]} inner corners, not {board.columns}x{board.rows}: give the "
-                f"size that it has"
+                f"{shown[0]}x{shown[1]} inner corners, not {board.columns}x{board.rows}: enter its "
+                "actual size"
             )
         agreed[shown] = pair.left_name
 
@@ -230,10 +231,10 @@ def _nothing_found(pairs: Sequence[BoardPair], board: Board, found: int, count: 
         shown = size_shown(_gray(pairs[0].left_name, pairs[0].left()))
         if shown is not None and shown != (board.columns, board.rows):
             return (
-                f"{begin}, but {pairs[0].left_name} shows one of {shown[0]}x{shown[1]}: give this "
-                f"size"
+                f"{begin}, but {pairs[0].left_name} shows one of {shown[0]}x{shown[1]}: enter this "
+                "size"
             )
-    return f"{begin}; it must be sharp, evenly lit and whole in the image, with a white margin"
+    return f"{begin}; it must be sharp, evenly lit and completely in the image, with a white margin"
 
 
 def _files(pattern: str) -> list[Path]:
@@ -241,8 +242,8 @@ def _files(pattern: str) -> list[Path]:
     images = [path for path in found if path.suffix.lower() in IMAGE_SUFFIXES and path.is_file()]
     if not images:
         raise InputError(
-            f"no image fits {pattern!r}; give a quoted pattern such as 'left/*.png' (PNG, JPEG, "
-            f"BMP, PGM, TIFF or WebP)"
+            f"no image matches {pattern!r}; give a quoted pattern such as 'left/*.png' (PNG, JPEG, "
+            "BMP, PGM, TIFF or WebP)"
         )
     return sorted(images, key=lambda path: natural_order(path.name))
 

@@ -145,21 +145,21 @@ class ViewCollector:
         covered = self.coverage
         next_words = self._guide.words(self._wanted, pose) if self._wanted else ""
         if not next_words and not covered.enough:
-            next_words = "Move it to where it was not yet"
+            next_words = "Move the board to a new position"
         if view is not None:
-            words = f"Captured {view.name}" + ("; that is enough" if covered.enough else "")
+            words = f"Captured {view.name}" + ("; enough views" if covered.enough else "")
         elif measures is None:
             words = self._unseen(left, right)
         elif not still:
-            words = "Hold it still"
+            words = "Hold the board still"
         elif self._taken_back is not None:
-            words = "Taken back: move it before the next view"
+            words = "View removed: move the board before the next one"
         elif covered.enough:
-            words = "Enough views: compute the calibration, or go on for " + (
+            words = "Enough views: compute the calibration, or keep going for " + (
                 ", ".join(covered.missing[:2]) if covered.missing else "good measure"
             )
         else:
-            words = f"Seen already: {next_words[0].lower()}{next_words[1:]}"
+            words = f"Already captured: {next_words[0].lower()}{next_words[1:]}"
         ghost = self._wanted.outline if self._wanted else None
         seen = left is not None, right is not None
         return Look(view, words, covered, next_words, ghost, still, seen)
@@ -177,7 +177,8 @@ class ViewCollector:
             or self._measure(last.left, last.right) is None
         ):
             raise CalibrationError(
-                "the board is not in both views now; show it to both cameras and capture again"
+                "the board is not visible to both cameras right now; show it to both and capture "
+                "again"
             )
         return self._capture(last)
 
@@ -284,8 +285,8 @@ class ViewCollector:
             return f"Show the {self._board.words} to both cameras"
         if left is None or right is None:
             which = "left" if left is None else "right"
-            return f"Show it to both cameras: the {which} one does not see it"
-        return "Show more of it: both cameras must see the same part"
+            return f"Show the board to both cameras: the {which} camera does not see it"
+        return "Show more of the board: both cameras must see the same part"
 
 
 def _moved(then: _Moment, now: _Moment) -> float:

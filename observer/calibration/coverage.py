@@ -38,8 +38,8 @@ WANTED_REACH = 0.55
 _MISSING = (
     "the left and right of the image",
     "the top and bottom of the image",
-    "a view from close by",
-    "a view of the board tilted",
+    "a close-up view",
+    "a view with the board tilted",
 )
 
 

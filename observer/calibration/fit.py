@@ -76,18 +76,18 @@ def fit_stereo(
         CalibrationError: one sentence on what is missing or impossible, and what to do.
     """
     report = progress or (lambda _words, _share: None)
-    report("looking through the views", 0.0)
+    report("checking the views", 0.0)
     work = _Work(views, board, (width, height), distortion_model, report)
     rig, soft_px = work.pair(work.camera_alone(0), work.camera_alone(1))
     usable = work.usable()
     corners = corners_of(work.views, board, usable)
     both = _both(corners, len(views))
     rig, folds = work.with_supported_terms(rig, corners, both, soft_px)
-    report("fitting both cameras by all views", 0.9)
+    report("fitting both cameras to all views", 0.9)
     found = adjust(rig, corners, soft_px=soft_px)
     check_pair(found, np.flatnonzero(usable))
     assert found.covariance is not None
-    report("working out how sure it is", 0.93)
+    report("computing the uncertainty", 0.93)
     covariance = error_covariance(found, corners, board, soft_px)
     # A derivative by differences of so much: small against the curve, large against the rounding
     # of inverted distortion.
@@ -162,8 +162,8 @@ class _Work:
             for index in np.flatnonzero(bad).tolist():
                 off = float(errors[index])
                 reason = (
-                    f"its corners are {off:.1f} px off in the {side} image, the others "
-                    f"{usual:.1f} px: moved or wrongly detected"
+                    f"its corners are off by {off:.1f} px in the {side} image ({usual:.1f} px in "
+                    "other views): the board moved or was detected wrongly"
                 )
                 both = (off, None) if camera == 0 else (None, off)
                 self.refused[index] = ViewError(self.views[index].name, False, reason, *both)
@@ -221,7 +221,7 @@ class _Work:
         self, rig: Rig, corners: tuple[Corners, Corners], both: NDArray[np.bool_], soft_px: float
     ) -> tuple[Rig, Folds | None]:
         """The rig with as many distortion terms as views that were left out confirm."""
-        words = "measuring on views that were left out"
+        words = "validating on held-out views"
 
         def report(begin: float) -> Callable[[float], None]:
             return lambda share: self._report(words, begin + 0.12 * share)
@@ -255,9 +255,9 @@ class _Work:
         count = int(np.count_nonzero(pairs))
         if among is not None and count < max(FEWEST_PAIRS, np.count_nonzero(among) / 2):
             raise CalibrationError(
-                f"only {count} of {np.count_nonzero(among)} views agree on where the right camera "
-                f"is; check that left and right images were taken at the same time, that the "
-                f"two cameras cannot move against each other, and take the pairs again"
+                f"only {count} of {np.count_nonzero(among)} views agree on the position of the "
+                "right camera; check that left and right images are synchronized and that the "
+                "cameras are rigidly connected, then capture the pairs again"
             )
         self._require(count, "in which both cameras see")
 
@@ -268,8 +268,8 @@ class _Work:
         refusal = "" if why is None else f" (view {why.name}: {why.reason})"
         raise CalibrationError(
             f"there {'is' if count == 1 else 'are'} {count or 'no'} "
-            f"view{'' if count == 1 else 's'} {words} the board{refusal}; at least "
-            f"{FEWEST_PAIRS} are needed to tell lenses and poses apart, and 15 are good"
+            f"view{'' if count == 1 else 's'} {words} the board{refusal}; at least {FEWEST_PAIRS} "
+            "are needed, and 15 or more are recommended"
         )
 
 

@@ -190,12 +190,12 @@ class Guide:
         place = _place((target.centre_px - self._middle) / self._size)
         tilt = _tilt(target.normal)
         if now is None:
-            parts = [f"Hold it in the {place} of the picture", *([tilt] if tilt else [])]
+            parts = [f"Hold the board in the {place} of the image", *([tilt] if tilt else [])]
             return ", ".join(parts)
         away = (target.centre_px - now.centre_px) / self._size
         parts = []
         if (np.abs(away) > _PLACE_TOLERANCE).any():
-            parts.append(f"move it to the {place} of the picture")
+            parts.append(f"move it to the {place} of the image")
         nearer = now.depth / target.depth
         if nearer > _SIZE_TOLERANCE or nearer < 1 / _SIZE_TOLERANCE:
             word = "closer" if nearer > 1 else "further away"

@@ -65,7 +65,7 @@ def begin_camera(
             best, least = found, cost
     if best is None:
         raise CalibrationError(
-            "no lens explains how the board was seen; check the board's number of corners"
+            "no lens model fits the views of the board; check the number of corners of the board"
         )
     rig = replace(best.rig, free=free)
     found = adjust(rig, [corners], soft_px=FIRST_SOFT_PX)

@@ -135,22 +135,22 @@ def explained(
     errors = view_errors(found.residuals, own, len(chosen))[index]
     left, right = (float(e) if np.isfinite(e) else None for e in errors)
     off = float(whole_errors(found.residuals, own, len(chosen))[index])
-    apart = f"({off:.1f} px apart, the others {usual_px:.1f} px)"
+    apart = f"({off:.1f} px apart, other views {usual_px:.1f} px)"
     turned, _ = posed(rig, (own[0], _numbered_back(own[1], board)), chosen, soft_px)
     if rms(np.concatenate(turned.residuals)) < 0.2 * off:
         reason = (
-            "its corners are numbered from the other end in one of the two images; on a board "
-            "with an odd and an even number of corners the ends can be told apart"
+            "its corners are numbered from opposite ends in the two images; a board with an odd "
+            "number of corners one way and an even number the other avoids this"
         )
     elif _alone(rig, own, chosen, soft_px) < 0.5 * off:
         reason = (
-            f"left and right do not show the board in the same pose {apart}: it moved between "
-            f"the two exposures, or they are no pair"
+            f"left and right do not show the board in the same pose {apart}: it moved between the "
+            "two exposures, or the images do not belong together"
         )
     else:
         reason = (
-            f"its corners are {off:.1f} px off, the others {usual_px:.1f} px: moved or wrongly "
-            f"detected"
+            f"its corners are off by {off:.1f} px ({usual_px:.1f} px in other views): the board "
+            "moved or was detected wrongly"
         )
     return ViewError(name, False, reason, left, right)
 

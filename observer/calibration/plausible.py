@@ -47,8 +47,8 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp]) -> None:
     rig, scatter = found.rig, found.scatter_px
     if not scatter < _LARGE_RMS_PX:
         raise CalibrationError(
-            f"the corners are {scatter:.1f} px off on the whole, where 0.1 to 0.5 px are usual; "
-            f"check the board's number of corners and that the images are sharp and in pairs"
+            f"the overall reprojection error is {scatter:.1f} px, 0.1 to 0.5 px is usual; check "
+            "the number of corners of the board, and that the images are sharp and correctly paired"
         )
     names = ("the left camera", "the right camera")
     for camera, name in enumerate(names):
@@ -57,13 +57,13 @@ def check_pair(found: Adjusted, seen: NDArray[np.intp]) -> None:
     x, y, z = (-rig.R.T @ rig.T).tolist()
     if abs(x) <= max(abs(y), abs(z)):
         raise CalibrationError(
-            f"the right camera stands {x:.3f} m to the right, {y:.3f} m below and {z:.3f} m in "
-            f"front of the left one; the two must stand side by side"
+            f"the right camera is {x:.3f} m to the right of, {y:.3f} m below and {z:.3f} m in "
+            "front of the left one; the two must be side by side"
         )
     if x < 0:
         raise CalibrationError(
-            f"the right camera stands {1e3 * -x:.0f} mm to the left of the left one; swap the "
-            f"left and the right images"
+            f"the right camera is {1e3 * -x:.0f} mm to the left of the left one; swap the left and "
+            "right images"
         )
 
 
@@ -83,8 +83,8 @@ def _check_lens(rig: Rig, camera: int, seen: NDArray[np.intp], name: str) -> Non
         )
     if not (-0.25 * width < cx < 1.25 * width and -0.25 * height < cy < 1.25 * height):
         raise CalibrationError(
-            f"the views of {name} place the middle of its lens at {cx:.0f}, {cy:.0f}, far outside "
-            f"the image of {width}x{height} pixels; {_advice(rig, seen, camera)}"
+            f"the views of {name} place its principal point at {cx:.0f}, {cy:.0f}, far outside the "
+            f"image of {width}x{height} pixels; {_advice(rig, seen, camera)}"
         )
 
 
@@ -131,12 +131,12 @@ def _check_variety(rig: Rig, seen: NDArray[np.intp]) -> None:
         raise CalibrationError(
             f"the board is in only {len(different)} different "
             f"pose{'' if len(different) == 1 else 's'} in {len(seen)} views; move and tilt it "
-            f"between them, {_FEWEST_POSES} poses are needed and 15 are good"
+            f"between views: {_FEWEST_POSES} poses are needed, and 15 are recommended"
         )
 
 
 def _undetermined(rig: Rig, seen: NDArray[np.intp], name: str, share: float | None = None) -> str:
-    known = "" if share is None or not share < 9 else f" (known to {100 * share:.0f} % only)"
+    known = "" if share is None or not share < 9 else f" (known only to {100 * share:.0f} %)"
     return (
         f"the views do not determine the focal length of {name}{known}; "
         f"{_advice(rig, seen, 0 if 'left' in name else len(rig.lenses) - 1)}"
@@ -155,10 +155,10 @@ def _advice(rig: Rig, seen: NDArray[np.intp], camera: int) -> str:
     facing = np.degrees(np.arccos(np.clip(np.abs(normal[:, 2]), 0, 1)))
     if np.percentile(facing, 90) < _FACING_DEG or turned.max(initial=0) < _SAME_DEG:
         return (
-            "the board faces the camera alike in every view, and then a longer lens and a greater "
-            "distance look the same: tilt it by 20 to 40 degrees, to each side and up and down"
+            "the board faces the camera the same way in every view, so that a longer lens and a "
+            "greater distance look the same: tilt it by 20 to 40 degrees, to each side, up and down"
         )
     return (
-        "show the board nearer and tilted by 20 to 40 degrees to each side, so that it fills most "
+        "show the board closer and tilted by 20 to 40 degrees to each side, so that it fills most "
         "of the image"
     )

@@ -126,8 +126,8 @@ def scaled(board: Board, measured_bar_mm: float) -> Board:
     """
     if not _MEASURED_MM[0] <= measured_bar_mm <= _MEASURED_MM[1]:
         raise CalibrationError(
-            f"the bar beside the board measures about {BAR_MM:g} mm, not {measured_bar_mm:g} mm; "
-            "give its length in millimetres"
+            f"the bar beside the board should measure about {BAR_MM:g} mm, not {measured_bar_mm:g} "
+            "mm; enter its length in millimetres"
         )
     return replace(board, square_m=board.square_m * measured_bar_mm / BAR_MM)
 
@@ -135,7 +135,9 @@ def scaled(board: Board, measured_bar_mm: float) -> Board:
 def _pages(paper: Paper) -> list[tuple[float, float]]:
     """Width and height of a sheet lying and standing, mm."""
     if paper not in get_args(Paper):
-        raise CalibrationError(f"boards are printed on {', '.join(PAPERS_MM)}, not on {paper!r}")
+        raise CalibrationError(
+            f"a board can be printed on {', '.join(PAPERS_MM)}, not on {paper!r}"
+        )
     width, height = PAPERS_MM[paper]
     return [(height, width), (width, height)]
 
@@ -154,7 +156,7 @@ def _laid_out(board: Board, paper: Paper) -> _Sheet:
     fitting = [page for page in pages if across <= page[0] + 1e-6 and down <= page[1] + 1e-6]
     if not fitting:
         largest = max(_largest_mm(board, *page) for page in pages)
-        advice = f"squares of up to {largest} mm do" if largest >= 2 else "take fewer squares"
+        advice = f"squares of up to {largest} mm fit" if largest >= 2 else "use fewer squares"
         raise CalibrationError(
             f"the {board.words} does not fit on {paper} with a white margin of one square; {advice}"
         )
@@ -165,12 +167,12 @@ def _laid_out(board: Board, paper: Paper) -> _Sheet:
     start = max(_EDGE_MM, (width - 1.8 * BAR_MM) / 2)
     bar = _Rectangle(start, foot, BAR_MM, _BAR_HEIGHT_MM)
     words = (
-        f"This bar must measure {BAR_MM:g} mm. If it does not, print at 100 % "
-        "(no fitting to the page), or enter what you measure.",
-        f"{board.words[0].upper()}{board.words[1:]} side of a square ({board.columns} by "
-        f"{board.rows} inner corners, counted between the squares).",
-        "Glue the sheet on something flat and stiff, as glass or an aluminium plate: "
-        "a board that bends spoils a calibration.",
+        f"This bar must measure {BAR_MM:g} mm. If it does not, print at 100 % (no scaling to fit "
+        "the page), or enter the length you measure.",
+        f"{board.words[0].upper()}{board.words[1:]} squares ({board.columns} by {board.rows} "
+        "inner corners, counted between the squares).",
+        "Glue the sheet to something flat and stiff, such as glass or an aluminium plate: a board "
+        "that bends spoils the calibration.",
     )
     lines = tuple(
         (start, foot + _BAR_HEIGHT_MM + (k + 1) * _LINE_MM, text) for k, text in enumerate(words)

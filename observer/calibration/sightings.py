@@ -28,7 +28,7 @@ def refused_sightings(
         left = _problem(view.left, "left", board, width, height)
         reason = left or _problem(view.right, "right", board, width, height)
         if view.left is None and view.right is None:
-            reason = "the board was found in neither image"
+            reason = "the board was not found in either image"
         if reason is not None:
             refused[index] = ViewError(view.name, False, reason)
     return refused
@@ -78,7 +78,7 @@ def _problem(
     if len(sighting) < FEWEST_CORNERS:
         return (
             f"the {camera} image shows {len(sighting)} corners; at least {FEWEST_CORNERS} are "
-            f"needed to tell the board's pose"
+            "needed to estimate the board's pose"
         )
     if sighting.ids[0] < 0 or sighting.ids[-1] >= board.corner_count:
         return (
@@ -87,7 +87,7 @@ def _problem(
         )
     px = np.asarray(sighting.px, np.float64)
     if not np.isfinite(px).all():
-        return f"a corner in the {camera} image has no place"
+        return f"a corner in the {camera} image has no position"
     room = _OUTSIDE * max(width, height)
     if (px < -room).any() or (px > np.array([width, height]) + room).any():
         return (
@@ -97,5 +97,5 @@ def _problem(
     for place in (px, board.object_points[sighting.ids, :2]):
         wide = np.linalg.svd(place - place.mean(axis=0), compute_uv=False)
         if not wide[1] > _LEAST_SPREAD * wide[0]:
-            return f"its corners in the {camera} image lie on one line"
+            return f"its corners in the {camera} image are collinear"
     return None

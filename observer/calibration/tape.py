@@ -9,6 +9,7 @@ from observer.calibration.stereo_fit import DepthBias
 from observer.calibration.verdict import depth_bias_share, length_words
 from observer.camera import StereoCalibration
 from observer.errors import InputError
+from observer.intervals import half_95
 
 # One standard deviation of a person with a tape, who does not know where inside the lens depth
 # begins: metres, and a share of the length.
@@ -17,8 +18,6 @@ _TAPE_M, _TAPE_SHARE = 0.01, 0.002
 # pixels, by up to 0.2 px on a plane that faces the cameras.
 _SPOT_PX = 0.12
 _RANGE_M = (0.05, 200.0)
-# Within this share of what a scaled print would do it is worth to say so.
-_SIGMAS = 2.0
 
 
 @dataclass(frozen=True)
@@ -28,7 +27,7 @@ class TapeCheck:
     Attributes:
         rig_m, tape_m: depth as the rig and as the tape has it.
         difference_m, share: rig minus tape, and that as a share of the tape's.
-        expected_m: two standard deviations of the difference. agrees: whether it lies within.
+        expected_m: half of the 95 % interval of the difference. agrees: whether it lies within.
         square_m: side of the squares on the board that would explain it all, metres; None where
             the board is unknown. baseline_m: the baseline, in the same way.
         vergence_deg: turn of the right camera that would explain it instead; positive inwards.
@@ -72,8 +71,8 @@ def tape_check(
     for name, value in (("rig", rig_m), ("tape", tape_m)):
         if not low <= value <= high:
             raise InputError(
-                f"a tape check needs distances of {low:g} to {high:g} m, not {value:g} m by the "
-                f"{name}"
+                f"a tape check needs distances from {low:g} to {high:g} m, not {value:g} m from "
+                f"the {name}"
             )
     focal = float(calibration.K1[0, 0])
     per_disparity = tape_m / (focal * calibration.baseline)
@@ -83,7 +82,7 @@ def tape_check(
         _TAPE_M + _TAPE_SHARE * tape_m,
     )
     difference = rig_m - tape_m
-    share, expected = difference / tape_m, _SIGMAS * sigma
+    share, expected = difference / tape_m, half_95(sigma)
     scale = tape_m / rig_m
     # d = f B / Z; the disparity that was measured belongs to rig_m.
     offset_px = focal * calibration.baseline * (1 / tape_m - 1 / rig_m)
@@ -105,22 +104,22 @@ def tape_check(
 def _sentence(check: TapeCheck, typed_m: float | None) -> str:
     way = "too far" if check.difference_m > 0 else "too near"
     begin = (
-        f"The rig says {check.rig_m:.3g} m where the tape says {check.tape_m:.3g} m: "
+        f"Stereo {check.rig_m:.3g} m, tape {check.tape_m:.3g} m: "
         f"{length_words(abs(check.difference_m))} ({100 * abs(check.share):.1f} %) {way}, "
     )
     expected = length_words(check.expected_m)
     if check.agrees:
-        return begin + f"within the {expected} to be expected."
+        return begin + f"within the expected ± {expected} (95 % interval)."
     if typed_m is None or check.square_m is None:
-        cause = "a wrong scale of the board"
+        cause = "a wrong board scale"
     else:
         cause = (
             f"squares of {1e3 * check.square_m:.1f} mm instead of {1e3 * typed_m:g} mm (measure "
-            f"them on the print)"
+            "them on the print)"
         )
     return begin + (
-        f"more than the {expected} to be expected. It would be explained by {cause}, "
-        f"or by cameras turned against each other by {abs(check.vergence_deg):.2f} degrees since; "
-        f"a second check at another distance tells which, for the first is the same share "
-        f"everywhere."
+        f"more than the expected ± {expected} (95 % interval). Possible causes: {cause}, or "
+        f"cameras that have turned relative to each other by {abs(check.vergence_deg):.2f} "
+        "degrees. A second check at another distance tells them apart: a scale error is the same "
+        "percentage at every distance."
     )

@@ -12,9 +12,10 @@ from observer.calibration.adjustment import Adjusted, Corners, Rig
 from observer.calibration.board import Board
 from observer.calibration.lens import directions
 from observer.calibration.model_error import model_shift
-from observer.calibration.view_jackknife import SIGMAS_95, view_covariance
+from observer.calibration.view_jackknife import view_covariance
 from observer.camera import StereoCalibration
 from observer.geometry import Float64Array
+from observer.intervals import SIGMAS_95
 
 # Where in the image depth is judged: shares of the width and height from the principal point.
 _PLACES = ((0.0, 0.0), (-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25))

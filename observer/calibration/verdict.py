@@ -9,6 +9,7 @@ from observer.calibration.speed_limits import Detectable, Thing, depth_noise_m, 
 from observer.calibration.stereo_fit import DepthBias, StereoFit
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
+from observer.intervals import half_95
 from observer.parameters import Parameters
 from observer.vision.rectification import Rectification
 
@@ -111,9 +112,9 @@ def judge(fit: StereoFit, frame_rate: float) -> Verdict:
     if nearest > DISTANCES_M[0]:
         wanted = camera.fx * camera.baseline / (0.8 * DISTANCES_M[0])
         problem.append(
-            f"nothing nearer than {nearest:.1f} m is seen, for disparities are searched up to "
-            f"{parameters.stereo.max_disparity_px} px; set stereo.max_disparity_px to "
-            f"{16 * math.ceil(wanted / 16)} or the cameras to a smaller image"
+            f"nothing nearer than {nearest:.1f} m can be measured, because disparities are "
+            f"searched only up to {parameters.stereo.max_disparity_px} px; set "
+            f"stereo.max_disparity_px to {16 * math.ceil(wanted / 16)} or use a smaller image size"
         )
     return Verdict(
         rows=tuple(rows),
@@ -153,23 +154,23 @@ def _camera(calibration: StereoCalibration) -> tuple[StereoCamera, list[str]]:
 
 def _sentence(row: VerdictRow) -> str:
     begin = (
-        f"At {row.distance_m:g} m depth is right to {length_words(row.depth_m)} "
-        f"({100 * row.depth_share:.1f} %); "
+        f"At {row.distance_m:g} m, depth is accurate to ± {length_words(half_95(row.depth_m))} "
+        f"({100 * half_95(row.depth_share):.1f} %, 95 % interval); "
     )
     if row.across is None and row.towards is None:
-        return begin + f"motion of a person-sized thing is not reported within {WITHIN_S:g} s."
+        return begin + f"motion of a person-sized object is not detected within {WITHIN_S:g} s."
     if row.across is None or row.towards is None:
         one = row.across or row.towards
         assert one is not None
         way, other = ("sideways", "towards you") if row.across else ("towards you", "sideways")
         return begin + (
-            f"a person-sized thing moving at {one.speed_mps:g} m/s {way} is reported within "
-            f"{one.delay_s:.1f} s, one moving {other} is not."
+            f"a person-sized object moving {way} at {one.speed_mps:g} m/s is detected within "
+            f"{one.delay_s:.1f} s; one moving {other} is not."
         )
     delay = max(row.across.delay_s, row.towards.delay_s)
     return begin + (
-        f"a person-sized thing moving at {row.across.speed_mps:g} m/s sideways or "
-        f"{row.towards.speed_mps:g} m/s towards you is reported within {delay:.1f} s."
+        f"a person-sized object moving sideways at {row.across.speed_mps:g} m/s or towards you at "
+        f"{row.towards.speed_mps:g} m/s is detected within {delay:.1f} s."
     )
 
 
@@ -188,15 +189,16 @@ def _rig_warnings(c: StereoCalibration, row: VerdictRow) -> list[str]:
     if noise > _POOR_DEPTH / 2:
         better = 1.1 * c.baseline * noise / (_POOR_DEPTH / 5)
         out.append(
-            f"the cameras stand {1e3 * c.baseline:.0f} mm apart, too near each other for this "
-            f"lens: at {row.distance_m:g} m noise alone is {100 * noise:.0f} % of the depth; "
-            f"{1e2 * better:.0f} cm would make it 2 %"
+            f"the baseline of {1e3 * c.baseline:.0f} mm is too short for this lens: at "
+            f"{row.distance_m:g} m, noise alone is ± {100 * half_95(noise):.0f} % of the depth (95 "
+            f"% interval); a baseline of {1e2 * better:.0f} cm would reduce it to ± "
+            f"{100 * half_95(_POOR_DEPTH / 5):.0f} %"
         )
     left, right = float(c.K1[0, 0]), float(c.K2[0, 0])
     if abs(left / right - 1) > _LENSES_DIFFER:
         out.append(
-            f"the lenses differ ({left:.0f} and {right:.0f} px of focal length); two of the same "
-            f"kind at the same zoom and focus see more in common"
+            f"the lenses differ (focal lengths {left:.0f} and {right:.0f} px); two identical "
+            "lenses at the same zoom and focus share more of their views"
         )
     return out
 
@@ -205,20 +207,20 @@ def _fit_warnings(fit: StereoFit) -> list[str]:
     c, out = fit.calibration, []
     if fit.rms_stereo > _POOR_RMS * c.width:
         out.append(
-            f"the corners fit to {fit.rms_stereo:.1f} px only, where {0.3 * c.width / 640:.1f} px "
-            f"are usual; the board may be bent, or was moved while it was taken"
+            f"the reprojection error of {fit.rms_stereo:.1f} px is high, {0.3 * c.width / 640:.1f} "
+            "px is usual; the board may be bent, or it moved during the exposures"
         )
     if fit.held_out is None:
         out.append(
-            f"with {fit.pairs} pairs nothing could be left out to measure on; take 15 or more"
+            f"{fit.pairs} pairs are too few to hold some out for validation; capture 15 or more"
         )
     elif fit.held_out.p95_px > _POOR_ROWS_PX:
         out.append(
-            f"on views that were left out rows disagree by up to {fit.held_out.p95_px:.1f} px, "
-            f"where 0.5 px are usual; take more views, with the board in the corners of the image"
+            f"the epipolar error on held-out views reaches {fit.held_out.p95_px:.1f} px, 0.5 px is "
+            "usual; capture more views, with the board in the corners of the image"
         )
     if fit.held_out is not None and fit.pairs < _FEW_PAIRS:
-        out.append(f"only {fit.pairs} pairs were used; 15 or more make it surer")
+        out.append(f"only {fit.pairs} pairs were used; 15 or more give a more reliable result")
     bend = fit.bend
     if (
         bend is not None
@@ -226,21 +228,21 @@ def _fit_warnings(fit: StereoFit) -> list[str]:
         and bend.height_m > _BENT_SIGMAS * bend.sigma_m
     ):
         out.append(
-            f"the board seems to be bent by {1e3 * bend.height_m:.1f} mm; fix the print to "
-            f"something flat, such as glass or a plate, and take the views again"
+            f"the board seems to be bent by {1e3 * bend.height_m:.1f} mm; mount the print on "
+            "something flat, such as glass or a metal plate, and capture the views again"
         )
     share = 0.3 if len(fit.views) > 3 else 1.0
     refused = sum(not view.used for view in fit.views)
     if refused > share * len(fit.views):
         out.append(
-            f"{refused} of {len(fit.views)} views were refused; see their reasons before trusting "
-            f"the rest"
+            f"{refused} of {len(fit.views)} views were rejected; check the reasons before you "
+            "trust the rest"
         )
     for name, covered in zip(("left", "right"), fit.coverage, strict=True):
         if covered < _POOR_COVERAGE:
             out.append(
-                f"the board was shown in {100 * covered:.0f} % of the {name} image only; what lies "
-                f"outside is a guess, so hold it into the corners too"
+                f"the board covered only {100 * covered:.0f} % of the {name} image; outside that "
+                "area the calibration is extrapolated, so capture the corners too"
             )
     out += _focal_warning(fit)
     return out
@@ -256,7 +258,7 @@ def _focal_warning(fit: StereoFit) -> list[str]:
         return []
     lowest, highest = max(0.0, focal - half), focal + half
     return [
-        f"the pictures barely fix the focal length: that of the {side} camera may be anywhere from "
-        f"{lowest:.0f} to {highest:.0f} px (95 % interval); add pictures of the board tilted by "
-        f"30 to 45 degrees to each side and up and down, at several distances, and calibrate again"
+        f"the views barely determine the focal length: that of the {side} camera may be anywhere "
+        f"from {lowest:.0f} to {highest:.0f} px (95 % interval); add views with the board tilted "
+        "by 30 to 45 degrees to each side, up and down, at several distances, and calibrate again"
     ]

@@ -18,9 +18,8 @@ from scipy.special import stdtrit
 
 from observer.calibration.adjustment import Corners, Rig, reduced_by_view
 from observer.geometry import Float64Array
+from observer.intervals import SIGMAS_95
 
-# Standard deviations of a normal number within which it lies in 95 % of all cases.
-SIGMAS_95 = 1.96
 # Added to normal matrices that are scaled to ones on their diagonal: where the other views leave a
 # parameter open, a finite step that is far too long to be overlooked.
 _RIDGE = 1e-12

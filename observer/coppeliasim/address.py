@@ -40,10 +40,10 @@ def parse_address(text: str) -> Address:
     if not colon:
         host, port = port, str(DEFAULT_PORT)
     if not (re.fullmatch(r"[0-9]{1,5}", port) and 0 < int(port) < 65536):
-        raise SourceError(f"{_SCHEME}{text[:80]} names no port of 1 to 65535; {right}")
+        raise SourceError(f"{_SCHEME}{text[:80]} must have a port from 1 to 65535; {right}")
     host = host or DEFAULT_HOST
     if any(c.isspace() or c in ":/" for c in host):
-        raise SourceError(f"{_SCHEME}{text[:80]} names no host; {right}")
+        raise SourceError(f"{_SCHEME}{text[:80]} has no host; {right}")
     return Address(host, int(port))
 
 
@@ -54,11 +54,11 @@ def parse_robot(spec: str) -> tuple[Address, str]:
         InputError: the text names no path or no simulator.
     """
     if not spec.lower().startswith(_SCHEME):
-        raise InputError(f"{spec[:80]} is no robot of CoppeliaSim; give coppeliasim:HOST:PORT/PATH")
+        raise InputError(f"{spec[:80]} is not a CoppeliaSim robot; give coppeliasim:HOST:PORT/PATH")
     address, slash, path = spec[len(_SCHEME) :].partition("/")
     if not path:
         raise InputError(
-            f"{spec[:80]} names no robot; add its path in the scene, as in "
+            f"{spec[:80]} names no robot; add its path in the scene, for example "
             f"{Address(DEFAULT_HOST, DEFAULT_PORT).world}/PioneerP3DX"
         )
     return parse_address(address), slash + path

@@ -94,7 +94,7 @@ class Connection:
         with self._lock:
             if self._client is None:
                 raise CoppeliaSimUnreachable(
-                    f"the connection to CoppeliaSim at {self.address} is closed; open it again"
+                    f"the connection to CoppeliaSim at {self.address} is closed; reopen it"
                 )
             called = getattr(self._sim, function, None)
             if not callable(called):
@@ -124,7 +124,8 @@ class Connection:
                 if np.isfinite(values).all():
                     return values
         raise CoppeliaSimError(
-            f"CoppeliaSim at {self.address} gives {str(given)[:80]} where {count} numbers belong"
+            f"CoppeliaSim at {self.address} returned {str(given)[:80]} where {count} numbers are "
+            "expected"
         )
 
     def objects(self, kind: str, root: int | None = None, options: int = 0) -> list[int]:
@@ -180,8 +181,8 @@ class Connection:
         except _NoAnswer:
             self._abandon()
             raise CoppeliaSimUnreachable(
-                f"CoppeliaSim at {self.address} did not answer {what} within {within_s:g} s; see "
-                f"that it runs and that no dialog or other program holds it"
+                f"CoppeliaSim at {self.address} did not answer {what} within {within_s:g} s; check "
+                "that it is running and not blocked by a dialog or another program"
             ) from None
         except Exception as error:  # noqa: BLE001
             # The client has no error class of its own: it raises a plain Exception for a refused
@@ -192,8 +193,8 @@ class Connection:
                 ) from None
             self._abandon()
             raise CoppeliaSimUnreachable(
-                f"what listens at {self.address} does not answer {what} as CoppeliaSim 4.6 or "
-                f"newer does ({type(error).__name__}); see that the address is right"
+                f"the program at {self.address} does not answer {what} as CoppeliaSim 4.6 or newer "
+                f"would ({type(error).__name__}); check the address"
             ) from None
         finally:
             self.last_call = time.monotonic()
@@ -218,8 +219,8 @@ class Connection:
 def _check_installed() -> None:
     if importlib.util.find_spec("coppeliasim_zmqremoteapi_client") is None:
         raise CoppeliaSimUnreachable(
-            "CoppeliaSim needs its client; install it by: "
-            "pip install 'dynamic-observer[coppeliasim]'"
+            "CoppeliaSim needs its client package; install it with: pip install "
+            "'dynamic-observer[coppeliasim]'"
         )
 
 
@@ -231,7 +232,7 @@ def _check_listening(address: Address) -> None:
         reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
         raise CoppeliaSimUnreachable(
             f"nothing listens at {address} ({reason[0].lower()}{reason[1:]}); start CoppeliaSim "
-            f"there, whose ZMQ remote API server listens at port 23000 unless told otherwise"
+            "there; its ZMQ remote API server listens on port 23000 by default"
         ) from None
 
 

@@ -54,7 +54,7 @@ def open_coppeliasim(
             if not pioneers:
                 raise CoppeliaSimError(
                     f"the scene of CoppeliaSim at {connection.address} has neither two vision "
-                    f"sensors side by side nor a P3-DX to put them on; build one by: "
+                    "sensors side by side nor a P3-DX to mount them on; build a scene with: "
                     f"dynamic-observer coppelia-scene {connection.address}"
                 )
             sensors = create_sensors(connection, pioneers[0])

@@ -141,7 +141,7 @@ def find_pioneer(connection: Connection, path: str) -> Pioneer:
     for robot in found:
         if robot.handle == handle:
             return robot
-    listed = ", ".join(robot.path for robot in found) or "none at all"
+    listed = ", ".join(robot.path for robot in found) or "none"
     raise CoppeliaSimError(
         f"the scene of CoppeliaSim at {connection.address} has no P3-DX {path} with "
         f"{LEFT_MOTOR} and {RIGHT_MOTOR}; there are: {listed}"
@@ -170,8 +170,8 @@ def _measured(connection: Connection, base: int, left: int, right: int) -> Pione
     path = str(connection.call("getObjectAlias", base, _SHORT_PATH))
     if track < 1e-3:
         raise CoppeliaSimError(
-            f"{path} of CoppeliaSim at {connection.address} has its wheels in one place; "
-            f"stand it on its wheels"
+            f"{path} of CoppeliaSim at {connection.address} has both wheels in the same place; set "
+            "it upright"
         )
     radius = _wheel_radius(connection, left)
     y, z = across / track, np.array([0.0, 0.0, 1.0])

@@ -23,7 +23,7 @@ def pose_of(connection: Connection, handle: int) -> Pose:
         return Pose.from_quaternion((x[6], x[3], x[4], x[5]), x[:3])
     except ValueError:
         raise CoppeliaSimError(
-            f"CoppeliaSim at {connection.address} gives a pose that is none: {given!r}"
+            f"CoppeliaSim at {connection.address} returned an invalid pose: {given!r}"
         ) from None
 
 

@@ -57,7 +57,7 @@ def open_coppelia_robot(
     """
     address, path = parse_robot(spec)
     if model not in (None, MODEL, "p3dx"):
-        raise InputError(f"robots of CoppeliaSim are driven as {MODEL}, not as {model}")
+        raise InputError(f"CoppeliaSim robots are driven as model {MODEL}, not {model}")
     return CoppeliaSimRobot(address, path, clock)
 
 
@@ -295,8 +295,8 @@ def _warnings(connection: Connection, pioneer: Pioneer) -> tuple[str, ...]:
     if not scripts:
         return ()
     return (
-        f"{pioneer.path} has a script of its own that drives it as well; remove it, as "
-        f"dynamic-observer coppelia-scene does",
+        f"{pioneer.path} also has a script of its own that drives it; remove the script, as "
+        "dynamic-observer coppelia-scene does",
     )
 
 

@@ -69,8 +69,8 @@ def build_scene(address: Address) -> BuiltScene:
 def _build(connection: Connection) -> BuiltScene:
     if connection.call("getSimulationState") != connection.constant("simulation_stopped"):
         raise CoppeliaSimError(
-            f"the simulation at {connection.address} runs, and what is built meanwhile vanishes "
-            f"when it is stopped; stop it first"
+            f"the simulation at {connection.address} is running, and anything built meanwhile is "
+            "lost when it stops; stop it first"
         )
     _clear(connection)
     if connection.call("getObject", _FLOOR, {"noError": True}) < 0:
@@ -85,8 +85,8 @@ def _build(connection: Connection) -> BuiltScene:
     robots = find_pioneers(connection)[: len(_PLACES)]
     if len(robots) < len(_PLACES):
         raise CoppeliaSimError(
-            f"{PIONEER_MODEL} of CoppeliaSim at {connection.address} brings no leftMotor and "
-            f"rightMotor; load a model of the P3-DX that has them"
+            f"{PIONEER_MODEL} of CoppeliaSim at {connection.address} has no leftMotor and "
+            "rightMotor; load a P3-DX model that has them"
         )
     robots = _observer_first(connection, robots)
     for robot, place in zip(robots, _PLACES, strict=True):
@@ -111,8 +111,8 @@ def _load_pioneer(connection: Connection) -> None:
         model = connection.call("loadModel", PIONEER_MODEL, within_s=_LOAD_WITHIN_S)
     except CoppeliaSimError as error:
         raise CoppeliaSimError(
-            f"{error}; load a P3-DX twice from the simulator's own models (robots, mobile), "
-            f"then build the scene again"
+            f"{error}; add two P3-DX from the simulator's model browser (robots, mobile), then "
+            "build the scene again"
         ) from None
     # The model's own script would drive it as well.
     scripts = own_scripts(connection, model)

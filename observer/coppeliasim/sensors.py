@@ -69,15 +69,15 @@ class Sensor:
         if not isinstance(content, bytes) or len(content) != expected or size is None:
             got = f"{len(content)} bytes" if isinstance(content, bytes) else "no image"
             raise CoppeliaSimError(
-                f"{self.path} of CoppeliaSim at {connection.address} gives {got} "
-                f"(told size {size}), not {self.width}x{self.height} pixels in colour; open the "
-                f"source again after changing a vision sensor"
+                f"{self.path} of CoppeliaSim at {connection.address} returned {got} (reported size "
+                f"{size}), not a {self.width}x{self.height} colour image; reopen the source after "
+                "changing a vision sensor"
             )
         if list(size) != [self.width, self.height]:
             raise CoppeliaSimError(
-                f"{self.path} of CoppeliaSim at {connection.address} is now of "
-                f"{'x'.join(str(n) for n in size)} pixels, not {self.width}x{self.height} as it "
-                f"was opened; open the source again"
+                f"{self.path} of CoppeliaSim at {connection.address} now has "
+                f"{'x'.join(str(n) for n in size)} pixels, not {self.width}x{self.height} as when "
+                "it was opened; reopen the source"
             )
         rgb = np.frombuffer(content, np.uint8).reshape(self.height, self.width, 3)
         return np.ascontiguousarray(rgb[::-1, :, ::-1])
@@ -183,7 +183,7 @@ def _stereo(connection: Connection, left: Sensor, right: Sensor) -> StereoSensor
         ]
         raise CoppeliaSimError(
             f"the vision sensors of CoppeliaSim at {connection.address} differ: "
-            f"{' and '.join(sizes)}; give both one resolution and view angle"
+            f"{' and '.join(sizes)}; give both the same resolution and view angle"
         )
     T_right_left = right.T_room_camera(connection).inverse() @ left.T_room_camera(connection)
     R, T = T_right_left.rotation, T_right_left.translation
@@ -197,7 +197,7 @@ def _stereo(connection: Connection, left: Sensor, right: Sensor) -> StereoSensor
         calibration.check_side_by_side()
     except CalibrationError as error:
         raise CoppeliaSimError(
-            f"{left.path} and {right.path} of CoppeliaSim at {connection.address} are no stereo "
+            f"{left.path} and {right.path} of CoppeliaSim at {connection.address} are not a stereo "
             f"camera: {error}"
         ) from None
     return StereoSensors(left, right, calibration)

@@ -43,8 +43,8 @@ class Simulation:
         self.time_step_s = connection.number("getSimulationTimeStep")
         if not self.time_step_s > 0:
             raise CoppeliaSimError(
-                f"CoppeliaSim at {connection.address} steps by {self.time_step_s} s; "
-                f"set a positive time step"
+                f"CoppeliaSim at {connection.address} has a time step of {self.time_step_s} s; set "
+                "a positive time step"
             )
 
     @property
@@ -94,8 +94,8 @@ class Simulation:
             self._stepped_to = after
             return after
         raise CoppeliaSimError(
-            f"the simulation at {connection.address} does not go on from {after:.3f} s, as if it "
-            f"had been stopped or paused there; start it, or open the source again"
+            f"the simulation at {connection.address} does not advance beyond {after:.3f} s, as if "
+            "it had been stopped or paused; start it, or reopen the source"
         )
 
     def hold_again(self) -> None:
@@ -151,7 +151,7 @@ class Simulation:
             if time.monotonic() > deadline:
                 raise CoppeliaSimError(
                     f"the simulation at {self._connection.address} did not {what} within "
-                    f"{_STARTED_WITHIN_S:g} s; {what} it by hand and see what it says"
+                    f"{_STARTED_WITHIN_S:g} s; {what} it by hand and check its messages"
                 )
             time.sleep(_POLL_S)
 

@@ -73,8 +73,8 @@ class CoppeliaSimSource:
             # The simulator forgot that we step it, and went on by itself.
             self._simulation.hold_again()
         raise CoppeliaSimError(
-            f"CoppeliaSim at {self._connection.address} goes on by itself while it is read; "
-            f"see that no other program starts and stops its stepping mode"
+            f"CoppeliaSim at {self._connection.address} advances by itself while it is being read; "
+            "check that no other program switches its stepping mode"
         )
 
     def rewind(self) -> None:

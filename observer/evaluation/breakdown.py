@@ -138,7 +138,7 @@ def break_down(
     episodes = [e for t in runs for e in t.episodes]
     by_direction = {d: [e for e in episodes if direction_of(e.radial) == d] for d in DIRECTIONS}
     by_direction_and_place = by_direction | {
-        f"radial, begun within {NEAR_M:g} m": [
+        f"radial, started within {NEAR_M:g} m": [
             e for e in by_direction["radial"] if e.range_m <= NEAR_M
         ]
     }
@@ -172,14 +172,14 @@ def breakdown_tables(breakdowns: Mapping[str, Breakdown]) -> str:
         if rows:
             parts += [markdown_table([title, *(["preset"] if named else []), *_COLUMNS], rows)]
     rows = _by_class({p: b.delays for p, b in breakdowns.items()}, named)
-    header = ["direction at first", *(["preset"] if named else [])]
+    header = ["initial direction", *(["preset"] if named else [])]
     parts += [markdown_table([*header, "episodes", "missed", "delay s, median"], rows)]
     return "\n".join(parts)
 
 
 _COLUMNS = (
     "n", "recall", "speed RMSE m/s", "velocity RMSE m/s", "centre RMSE m", "coverage", "box IoU",
-    "misses not told",
+    "unflagged misses",
 )  # fmt: skip
 
 

@@ -186,7 +186,7 @@ def calibration_targets(runs: Sequence[CalibrationAccuracy]) -> dict[str, tuple[
         ("focal length, %", 0.3, [r.errors.focal_percent for r in runs]),
         ("baseline, %", 0.5, [r.errors.baseline_percent for r in runs]),
         ("rotation, deg", 0.05, [r.errors.rotation_deg for r in runs]),
-        ("vergence of what is seen, deg", 0.02, [r.errors.vergence_deg for r in runs]),
+        ("apparent vergence, deg", 0.02, [r.errors.vergence_deg for r in runs]),
         ("rows on held-out views, p95, px", 0.3, [r.held_out_p95_px for r in runs]),
         ("depth at 3 m, median, %", 2.0, [r.depth.median_percent for r in runs]),
     ]

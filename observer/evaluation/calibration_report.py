@@ -23,8 +23,8 @@ _CAMERAS: dict[str, _Figure] = {
     "focal length %": lambda r: r.errors.focal_percent,
     "baseline %": lambda r: r.errors.baseline_percent,
     "rotation deg": lambda r: r.errors.rotation_deg,
-    "its y alone": lambda r: r.errors.turn_y_deg,
-    "vergence of what is seen deg": lambda r: r.errors.vergence_deg,
+    "rotation about y deg": lambda r: r.errors.turn_y_deg,
+    "apparent vergence deg": lambda r: r.errors.vergence_deg,
     "RMS px": lambda r: r.rms_px,
     "rows, held-out p95 px": lambda r: r.held_out_p95_px,
     "rows, exact corners p95 px": lambda r: r.exact_p95_px,
@@ -36,9 +36,9 @@ _DEPTH: dict[str, _Figure] = {
     "median %": lambda r: r.depth.median_percent,
     "bias %": lambda r: r.depth.bias_percent,
     "spread %": lambda r: r.depth.spread_percent,
-    "cameras as they are: median %": lambda r: r.depth_by_truth.median_percent,
-    "bias %, as they are": lambda r: r.depth_by_truth.bias_percent,
-    "spread %, as they are": lambda r: r.depth_by_truth.spread_percent,
+    "true calibration: median %": lambda r: r.depth_by_truth.median_percent,
+    "true calibration: bias %": lambda r: r.depth_by_truth.bias_percent,
+    "true calibration: spread %": lambda r: r.depth_by_truth.spread_percent,
 }
 
 
@@ -47,8 +47,8 @@ def calibration_markdown(runs: Sequence[CalibrationAccuracy]) -> str:
     near, far = DEPTH_M
     return "\n".join(
         [
-            f"## Calibration of the simulated cameras (`{BOARD_SCENARIO}`), to reach\n",
-            targets_table(calibration_targets(runs), "figure over the seeds"),
+            f"## Calibration of the simulated cameras (`{BOARD_SCENARIO}`), targets\n",
+            targets_table(calibration_targets(runs), "figure over all seeds"),
             "## Errors of the cameras, by seed\n",
             _by_seed(runs, _CAMERAS),
             f"## Distances at {near:g} to {far:g} m in `{DEPTH_SCENARIO}` with them, by seed\n",

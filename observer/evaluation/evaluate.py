@@ -88,14 +88,14 @@ class Evaluation:
 
 FIGURE_TITLES: dict[str, str] = {
     "frames": "frames compared",
-    "frames_without_world": "frames without a common world",
+    "frames_without_world": "frames without a common world frame",
     "frames_degraded": "frames degraded",
     "frames_lost": "frames lost",
-    "truth_count": "moving obstacles in sight, summed over frames",
+    "truth_count": "moving obstacles in view, summed over frames",
     "recall": "recall",
     "missed": "misses",
-    "misses_not_told": "misses not told",
-    "misses_not_told_share": "misses not told, share of misses",
+    "misses_not_told": "unflagged misses",
+    "misses_not_told_share": "unflagged misses, share of misses",
     "false_per_100_frames": "false per 100 frames",
     "surplus_boxes_per_100_frames": "surplus boxes per 100 frames",
     "box_iou_median": "box IoU, median",

@@ -97,7 +97,7 @@ def _recall(
     _points(axes, presets, attribute, "recall", names)
     axes.set_ylim(-0.03, 1.06)
     _horizontal_target(axes, _RECALL)
-    axes.set_ylabel("share found")
+    axes.set_ylabel("recall")
     axes.set_title(f"Recall by {GROUPINGS[attribute]}", **_TITLE)
 
 
@@ -114,7 +114,7 @@ def _velocity(
     axes.set_yticks([t for t in ticks if axes.get_ylim()[0] <= t <= axes.get_ylim()[1]])
     _horizontal_target(axes, _VELOCITY_IDEAL, "ideal")
     _horizontal_target(axes, _VELOCITY_FAULTY, "faulty")
-    axes.set_ylabel("RMSE of the vector, m/s")
+    axes.set_ylabel("velocity RMSE, m/s")
     axes.set_title(f"Velocity error by {GROUPINGS[attribute]}", **_TITLE)
 
 
@@ -180,7 +180,7 @@ def _cost(
     axes.tick_params(axis="y", labelsize=8.5)
     axes.set_ylim(len(stages) - 0.4, -0.6)
     axes.set_xlim(0, axes.get_xlim()[1] * 1.08)
-    axes.set_xlabel("ms a frame, median")
+    axes.set_xlabel("ms per frame, median")
     ratios = [f"{p.preset} {p.opencv.ratio:.1f}" for p in presets if p.opencv is not None]
     note = f"   whole step / OpenCV: {', '.join(ratios)}" if ratios else ""
     axes.set_title("Cost by stage", **_TITLE)
@@ -189,7 +189,7 @@ def _cost(
 
 
 _OPENCV = "opencv"
-_WORDS = {"total": "whole step", _OPENCV: "OpenCV's calls, bare"}
+_WORDS = {"total": "whole step", _OPENCV: "OpenCV calls only"}
 
 
 def _stages(presets: Iterable[PresetResult]) -> list[str]:
@@ -229,14 +229,14 @@ def _legend(figure: Figure, names: Sequence[str], sources: Sequence[SourceResult
     handles += [Line2D([], [], color=TARGET, linewidth=1, linestyle="--")]
     figure.legend(
         handles,
-        [*names, "to reach"],
+        [*names, "target"],
         loc="outside upper left",
         ncols=len(handles),
         frameon=False,
         fontsize=11,
     )
     first = [s for s in sources if s.preset == names[0]]
-    counts = f"{len(first)} sources, {sum(s.frames for s in first)} frames each preset"
+    counts = f"{len(first)} sources, {sum(s.frames for s in first)} frames per preset"
     figure.text(0.993, 0.995, counts, ha="right", va="top", fontsize=9, color=GREY)
 
 

@@ -58,7 +58,7 @@ def run_sources_in_processes(
         return [each.result() for each in futures]
     except BrokenProcessPool:
         raise WorkerLost(
-            "a process of the benchmark was ended by the system; run with fewer jobs"
+            "a benchmark process was killed by the operating system; run with fewer jobs"
         ) from None
     finally:
         pool.shutdown(cancel_futures=True)

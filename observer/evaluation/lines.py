@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from observer.errors import InputError
+from observer.validation import validation_words, with_name
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
@@ -74,7 +75,7 @@ class Unseen(_Entry):
     @classmethod
     def _equally_long(cls, rows: tuple[str, ...]) -> tuple[str, ...]:
         if len({len(row) for row in rows}) > 1:
-            raise ValueError("all rows must be equally long")
+            raise ValueError("all rows must have the same length")
         return rows
 
 
@@ -112,7 +113,7 @@ def read_both(path: Path) -> tuple[tuple[Line, ...], tuple[dict[str, Any], ...]]
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}") from None
     except UnicodeDecodeError:
-        raise InputError(f"{path.name}: the file must be JSON lines in UTF-8") from None
+        raise InputError(f"{path.name}: the file must contain JSON lines in UTF-8") from None
     lines = []
     for number, text in contents:
         try:
@@ -129,9 +130,10 @@ def _line(content: Any, number: int) -> Line:
     try:
         return Line.model_validate(content)
     except ValidationError as error:
-        first = error.errors(include_url=False, include_context=False, include_input=False)[0]
+        first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part)[:60] for part in first["loc"]) or "the line"
-        raise InputError(f"line {number}, {place}: {first['msg']}") from None
+        said = with_name(place, validation_words(first))
+        raise InputError(f"line {number}, {said}") from None
 
 
 def _checked(contents: Iterable[tuple[int, Any]]) -> tuple[Line, ...]:
@@ -140,7 +142,7 @@ def _checked(contents: Iterable[tuple[int, Any]]) -> tuple[Line, ...]:
     for (_, before), (number, after) in pairwise(numbered):
         if after.segment == before.segment and after.time < before.time:
             raise InputError(
-                f"line {number} has the time {after.time:g} s, which is before the {before.time:g} "
-                f"s of the line above, in the same segment"
+                f"line {number} has the time {after.time:g} s, which is before {before.time:g} s "
+                "on the line above, in the same segment"
             )
     return tuple(line for _, line in numbered)

@@ -19,7 +19,7 @@ def benchmark_markdown(result: Benchmark) -> str:
     names = [p.preset for p in presets]
     parts = []
     if any(p.targets for p in presets):
-        parts += ["## To reach\n", targets_table({p.preset: p.targets for p in presets})]
+        parts += ["## Targets\n", targets_table({p.preset: p.targets for p in presets})]
     parts += ["## Accuracy\n", markdown_table(["figure", *names], _accuracy(presets))]
     broken_down = {p.preset: p.breakdown for p in presets if p.breakdown is not None}
     if broken_down:
@@ -72,7 +72,7 @@ def _calls(cost: OpenCvCost) -> str:
 
 _SOURCE_HEADER = [
     "source", "preset", "recall", "false / 100", "speed RMSE", "velocity RMSE", "centre RMSE",
-    "coverage", "box IoU", "surplus / 100", "not told", "delay s", "switches", "MOTA",
+    "coverage", "box IoU", "surplus / 100", "unflagged", "delay s", "switches", "MOTA",
     "degraded", "lost",
 ]  # fmt: skip
 

@@ -101,7 +101,7 @@ def run_opened(
     """
     calibration = opened.source.calibration
     if calibration is None:
-        raise InputError(f"{source.spec} brings no calibration, so it cannot be benchmarked")
+        raise InputError(f"{source.spec} has no calibration, so it cannot be benchmarked")
     observers = {
         name: Observer(calibration, parameters, mount=opened.source.info.mount, clock=clock)
         for name, parameters in presets.items()

@@ -10,8 +10,8 @@ The definitions:
 * A sample has the **direction** of its body's true motion then: towards the camera or away from it
   where most of the velocity lies along the line of sight, to the left or to the right otherwise;
   and its **way**: forward or backward by where the body's front points, as programmes count it.
-* **Coverage** is the share of errors within 1.96 of the stated standard deviations, of those
-  samples that state one.
+* **Coverage** is the share of errors within the stated 95 % interval, of those samples that state
+  one.
 * The **share seen** is that of the instants of truth at which the body moved in sight and a track
   was measured on it.
 """
@@ -26,10 +26,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
+from observer.intervals import SIGMAS_95
 
 MOVING_MPS = 0.05
-# Half of a normal distribution's middle 95 %, in standard deviations.
-BAND_95 = 1.96
 AT_REST = "at rest"
 DIRECTIONS = ("towards", "away", "left", "right")
 WAYS = ("forward", "backward")
@@ -198,7 +197,7 @@ def _group(
     errors = np.concatenate([empty, *(s.errors[c] for s, c in zip(samples, chosen, strict=True))])
     stds = np.concatenate([empty, *(s.stds[c] for s, c in zip(samples, chosen, strict=True))])
     stated = np.isfinite(stds)
-    covered = np.abs(errors[stated]) <= BAND_95 * stds[stated]
+    covered = np.abs(errors[stated]) <= SIGMAS_95 * stds[stated]
     count = len(errors)
     return SpeedErrors(
         group=group,

@@ -66,6 +66,7 @@ class Sample:
         box_iou: intersection over union of the reported and the true box; None where one is
             unknown.
         kind: of the obstacle. told: it was missed, and the line tells so.
+        segment, frame: of its line.
     """
 
     range_m: float
@@ -82,6 +83,8 @@ class Sample:
     box_iou: float | None = None
     kind: Kind | None = None
     told: bool = False
+    segment: int = 0
+    frame: int = 0
 
 
 @dataclass
@@ -326,7 +329,16 @@ class _Comparison:
         common = (float(np.linalg.norm(body.position - camera)), body.speed, _radial(body, camera))
         if instance is None:
             told = _told(line, body) or self._coasts(line, body)
-            self._tally.samples.append(Sample(*common, matched=False, kind=body.kind, told=told))
+            self._tally.samples.append(
+                Sample(
+                    *common,
+                    matched=False,
+                    kind=body.kind,
+                    told=told,
+                    segment=line.segment,
+                    frame=line.frame,
+                )
+            )
             return
         before = self._identity.get(body.id)
         self._identity[body.id] = instance.identity
@@ -351,6 +363,8 @@ class _Comparison:
                 switched=before is not None and before != instance.identity,
                 box_iou=self._box_iou(body, instance),
                 kind=body.kind,
+                segment=line.segment,
+                frame=line.frame,
             )
         )
 

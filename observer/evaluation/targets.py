@@ -133,7 +133,7 @@ def _robots(runs: Sequence[tuple[Tally, str | None]]) -> list[Target]:
         Target("centre RMSE, m", None, 0.08, rms(centres), len(centres)),
         Target("identity switches", None, 0.0, _switches(samples), len(samples)),
         _delay("delay s, lateral, median", 0.5, [e for e in episodes if _is_lateral(e.radial)]),
-        _delay(f"delay s, radial begun within {NEAR_M:g} m, median", 0.7, [
+        _delay(f"delay s, radial started within {NEAR_M:g} m, median", 0.7, [
             e for e in episodes if direction_of(e.radial) == "radial" and e.range_m <= NEAR_M
         ]),
         Target("coverage of velocity", 0.90, 0.98, coverage(stated), len(stated)),
@@ -156,7 +156,7 @@ def _people(tallies: Sequence[Tally]) -> list[Target]:
         Target(f"{place}: velocity RMSE, m/s", None, 0.10,
                rms(s.velocity_error_mps for s in pairs), len(pairs)),
         Target(f"{place}: box IoU, median", 0.6, None, box_iou_median(boxes), len(boxes)),
-        Target(f"{place}: misses not told", None, 0.0, not_told, len(samples)),
+        Target(f"{place}: unflagged misses", None, 0.0, not_told, len(samples)),
         Target("surplus boxes per 100 frames, scenarios with people", None, 0.5, surplus, frames),
         _false("false per 100 frames, scenarios with people", 0.5, among),
     ]  # fmt: skip

@@ -33,9 +33,9 @@ def explain_by_rays(
         return PixelAnswer(
             px,
             PixelVerdict.TOO_FEW_FEATURES,
-            f"No point is followed within {near.radius_px:.0f} px of here.",
+            f"No point is tracked within {near.radius_px:.0f} px of here.",
             near.numbers | dict(counts),
-            "More texture or light here would give points to follow.",
+            "More texture or light here would give points to track.",
         )
     chosen = near.speakers
     moves = evidence.moving[chosen] | (points.obstacle[chosen] != NO_OBSTACLE)
@@ -58,24 +58,25 @@ def explain_by_rays(
 def _judge(
     moving: bool, middle: float, threshold: float, distance: float, parameters: Parameters
 ) -> tuple[PixelVerdict, str, str]:
-    stands_out = f"{middle:.1f} standard deviations, of {threshold:.1f} that are needed"
+    stands_out = f"{middle:.1f} σ, where {threshold:.1f} σ is needed"
     rate = f"{_RATE} (now {parameters.evidence.false_alarms_per_frame:g})"
     if moving:
         return (
             PixelVerdict.DYNAMIC,
-            f"It moves: the points here cannot stand on one line of sight each, seen from where "
-            f"the camera was ({stands_out}).",
-            f"A lower {rate} would ask for more evidence.",
+            "It moves: the points here do not stay on the epipolar lines of static points "
+            f"({stands_out}).",
+            f"A lower {rate} would require more evidence.",
         )
     if not np.isfinite(distance):
         return (
             PixelVerdict.UNDECIDED,
-            "The points here have no depth yet: one camera knows it only after travelling.",
-            "It is decided once the camera has travelled on, across the line to this place.",
+            "The points here have no depth yet: monocular depth needs translation.",
+            "It can be decided once the camera has moved on, across the line of sight to this "
+            "place.",
         )
     return (
         PixelVerdict.STATIC,
-        f"It stands, {distance:.1f} m away: what shows here is noise ({stands_out}).",
-        f"A higher {rate} would ask for less evidence; motion straight along the line of sight "
-        f"may stay unseen by {count_of(1, 'camera')}.",
+        f"It is static, {distance:.1f} m away: the apparent motion is noise ({stands_out}).",
+        f"A higher {rate} would require less evidence; motion straight along the line of sight "
+        f"may remain invisible to {count_of(1, 'camera')}.",
     )

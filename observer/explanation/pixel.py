@@ -40,7 +40,7 @@ def explain_pixel(
         return PixelAnswer(
             px,
             PixelVerdict.UNDECIDED,
-            "There is no earlier frame to compare this one with, so nothing is known of motion.",
+            "There is no earlier frame to compare this one with, so motion is unknown.",
             {},
             "The next frame can be compared with this one.",
         )
@@ -63,13 +63,13 @@ def explain_pixel(
 def _not_begun(
     reasons: tuple[str, ...], px: tuple[float, float], counts: Mapping[str, float]
 ) -> PixelAnswer:
-    why = reasons[0] if reasons else "depth from one camera needs it to travel"
+    why = reasons[0] if reasons else "monocular depth needs translation"
     return PixelAnswer(
         px,
         PixelVerdict.UNDECIDED,
-        f"Nothing can be told apart here yet: {why}.",
+        f"Nothing can be decided here yet: {why}.",
         dict(counts),
-        "It is decided once the camera has travelled on.",
+        "It can be decided once the camera has moved on.",
     )
 
 
@@ -80,34 +80,34 @@ def _outside(camera: StereoCamera, px: tuple[float, float]) -> PixelAnswer:
         f"The pixel {px[0]:g}, {px[1]:g} is outside the image of {camera.width} x "
         f"{camera.height} pixels.",
         {},
-        f"Ask for u from 0 to {camera.width - 1} and v from 0 to {camera.height - 1}.",
+        f"Choose u from 0 to {camera.width - 1} and v from 0 to {camera.height - 1}.",
     )
 
 
 def _lost(trace: Mapping[str, Any], parameters: Parameters, px: tuple[float, float]) -> PixelAnswer:
     ego, p = trace["ego_motion"], parameters.ego_motion
     count = len(ego.inliers)
-    why = ego.reasons[0] if ego.reasons else "no reason was given"
+    why = ego.reasons[0] if ego.reasons else "the reason is unknown"
     least, _ = limits("ego_motion.min_inliers")
     if least <= count < p.min_inliers:
         change = (
             f"With ego_motion.min_inliers at {count} or below (now {p.min_inliers}) these matches "
-            f"would be tried; more texture or light in the scene would give more of them."
+            "would be enough to try; more texture or light in the scene would give more."
         )
     elif count < least:
         change = (
-            f"No setting can help: a motion needs at least {least:g} matches; more texture or "
-            f"light in the scene would give them."
+            f"No setting can help: estimating the ego-motion needs at least {least:g} matches; "
+            "more texture or light in the scene would give them."
         )
     else:
         change = (
             f"A value of ego_motion.min_inliers below {p.min_inliers}, or of "
-            f"ego_motion.ransac_threshold_px above {p.ransac_threshold_px:g} px, may find it."
+            f"ego_motion.ransac_threshold_px above {p.ransac_threshold_px:g} px, may recover it."
         )
     return PixelAnswer(
         px,
         PixelVerdict.EGO_MOTION_LOST,
-        f"The camera's own motion is lost, so nothing can be told apart from it: {why}.",
+        f"The ego-motion is lost, so nothing can be told apart from it: {why}.",
         {"matches": count, "min_inliers": p.min_inliers},
         change,
     )

@@ -74,7 +74,7 @@ def explain_by_flow(
         return PixelAnswer(
             px,
             PixelVerdict.UNDECIDED,
-            "Motion was not looked for in this frame.",
+            "Motion was not tested in this frame.",
             dict(counts),
             "The next frame may tell.",
         )
@@ -124,14 +124,12 @@ def _stood(place: _Place) -> _Judgement:
     threshold = p.flow.residual_threshold_px
     least = threshold * place.depth / (place.camera.fx * place.dt)
     sentence = (
-        f"It stands: {_speakers(place)} moved {residual:.2f} px otherwise than the camera's motion "
-        f"explains, which is within the {threshold:g} px that count as none."
+        f"It is static: the residual motion of {_speakers(place)} is {residual:.2f} px, below the "
+        f"threshold of {threshold:g} px."
     )
     change = _if_it_counted(residual, p)
     if np.isfinite(least):
-        faster = (
-            f"Anything that goes sideways faster than {least:.2f} m/s here would count as motion"
-        )
+        faster = f"Anything moving sideways faster than {least:.2f} m/s here would count as motion"
         change = f"{faster}. {change}"
     return PixelVerdict.STATIC, sentence, change, {"least_speed_mps": known(least)}
 
@@ -140,10 +138,10 @@ def _if_it_counted(residual: float, p: Parameters) -> str:
     lowest, _ = limits(_THRESHOLD)
     value = below(residual)
     if float(value) < lowest:
-        return f"No value of {_THRESHOLD} would make it dynamic: it ends at {lowest:g} px."
+        return f"No value of {_THRESHOLD} would make it dynamic: its minimum is {lowest:g} px."
     return (
         f"With {_THRESHOLD} at {value} px or below this would count as motion, and be dynamic if "
-        f"at least {p.clustering.min_points} such points stand out together."
+        f"at least {p.clustering.min_points} such points are found together."
     )
 
 
@@ -168,18 +166,17 @@ def _moved(place: _Place) -> _Judgement:
         return (
             PixelVerdict.UNDECIDED,
             f"It may move, at {group.speed:.2f} m/s, but its {count_of(group.points, 'point')} "
-            f"stand out by {group.significance:.1f} standard deviations only, of {needed:g} that "
-            f"are needed.",
+            f"reach a significance of only {group.significance:.1f} σ, where {needed:g} σ is "
+            "needed.",
             f"With motion.min_significance at {_at_most(group.significance)} or below it would "
             f"count as dynamic.",
             numbers,
         )
     return (
         PixelVerdict.DYNAMIC,
-        f"It moves at {group.speed:.2f} m/s: {_speakers(place)} moved {place.residual_px:.2f} px "
-        f"otherwise than the camera's motion explains, and the group of "
-        f"{count_of(group.points, 'point')} here stands out by {group.significance:.1f} standard "
-        f"deviations.",
+        f"It moves at {group.speed:.2f} m/s: the residual motion of {_speakers(place)} is "
+        f"{place.residual_px:.2f} px, and the group of {count_of(group.points, 'point')} here has "
+        f"a significance of {group.significance:.1f} σ.",
         _end_of_dynamic(place, group),
         numbers,
     )
@@ -188,21 +185,22 @@ def _moved(place: _Place) -> _Judgement:
 def _not_measured(place: _Place) -> _Judgement:
     p, depth = place.parameters, place.depth
     seen = (
-        f"Something moves: {_speakers(place)} moved {place.residual_px:.2f} px otherwise than the "
-        f"camera's motion explains"
+        f"Something moves: the residual motion of {_speakers(place)} is {place.residual_px:.2f} px"
     )
     if depth < p.stereo.min_depth_m:
         least, _ = limits("stereo.min_depth_m")
         value = below(depth)
         change = f"With stereo.min_depth_m at {value} m or below it would be measured."
         if float(value) < least:
-            change = f"No setting reaches so near: stereo.min_depth_m ends at {least:g} m."
-        why = f"but it is {depth:.2f} m away, nearer than {p.stereo.min_depth_m:g} m"
+            change = (
+                f"No setting reaches that near: the minimum of stereo.min_depth_m is {least:g} m."
+            )
+        why = f"but it is {depth:.2f} m away, closer than {p.stereo.min_depth_m:g} m"
         return PixelVerdict.UNDECIDED, f"{seen}, {why}.", change, {}
     return (
         PixelVerdict.UNDECIDED,
-        f"{seen}, but its depth is not known at both instants, or its speed exceeds "
-        f"{p.motion.max_speed_mps:g} m/s, so that it cannot be measured.",
+        f"{seen}, but its depth is not known in both frames, or its speed exceeds "
+        f"{p.motion.max_speed_mps:g} m/s, so it cannot be measured.",
         f"A value of stereo.uniqueness_percent below {p.stereo.uniqueness_percent}, a smaller "
         f"stereo.block_px or a larger stereo.max_disparity_px may give it a depth.",
         {},
@@ -223,8 +221,8 @@ def _too_small(place: _Place, motions: PointMotions, around: np.ndarray[Any, Any
         also = f" and motion.min_significance at {_at_most(group.significance)} or below"
     return (
         PixelVerdict.UNDECIDED,
-        f"Something moves, but only {count_of(size, 'point')} of it, of "
-        f"{p.clustering.min_points} that make an obstacle.",
+        f"Something moves, but with only {count_of(size, 'point')}, where an obstacle needs "
+        f"{p.clustering.min_points}.",
         f"With clustering.min_points at {size} or below{also} it would count as dynamic.",
         _figures(group, p) | {"group_points": size},
     )
@@ -242,13 +240,13 @@ def _end_of_dynamic(place: _Place, group: Detection) -> str:
             "motion.min_significance",
             group.significance,
             "",
-            "it would not stand out enough to count",
+            "it would not be significant enough to count",
         ),
     ]
     for _, name, value, unit, outcome in sorted(ways):
         if float(above(value)) <= limits(name)[1]:
             return f"With {name} at {above(value)}{unit} or above {outcome}."
-    return "No single threshold would change it: it moves by more than any of them reaches."
+    return "No single threshold would change it: its motion exceeds the range of each."
 
 
 def _groups(motions: PointMotions, parameters: ClusteringParameters) -> np.ndarray[Any, Any]:
@@ -282,9 +280,12 @@ def _too_far_words(depth: float, farthest: float) -> tuple[str, str]:
     """Return the sentence for a place beyond the farthest depth, and what would change it."""
     _, most = limits("stereo.max_depth_m")
     sentence = (
-        f"It is too far: {depth:.1f} m away, where only {farthest:g} m are measured reliably "
-        f"enough to be judged."
+        f"It is too far: {depth:.1f} m away, and measurements are reliable enough only up to "
+        f"{farthest:g} m."
     )
     if depth >= most:
-        return sentence, f"No setting reaches so far: stereo.max_depth_m ends at {most:g} m."
-    return sentence, f"With stereo.max_depth_m at {above(depth, 1)} m or above it would be judged."
+        return (
+            sentence,
+            f"No setting reaches that far: the maximum of stereo.max_depth_m is {most:g} m.",
+        )
+    return sentence, f"With stereo.max_depth_m at {above(depth, 1)} m or above it would be tested."

@@ -60,7 +60,7 @@ def explain_by_evidence(
         cause = None if unseen is None else unseen.cause_at(px)
         if cause is None:
             return answer
-        sentence = f"Motion could not be noticed here: {UNSEEN_BECAUSE[cause]}. {answer.sentence}"
+        sentence = f"Motion could not be detected here: {UNSEEN_BECAUSE[cause]}. {answer.sentence}"
         return replace(answer, sentence=sentence)
     chosen = near.speakers
     moving = int(np.count_nonzero(evidence.dynamic[chosen])) * 2 > len(chosen)
@@ -90,9 +90,7 @@ def _nothing_there(
         texture = texture_around(image, px, near.radius_px, parameters.klt_tracking.window_px)
         numbers["texture_grey_per_px"] = known(texture)
         why, change = _why_none(texture, around_px, parameters)
-    sentence = (
-        f"No feature is followed within {near.radius_px:.0f} px of here{why}; {near.nearest}."
-    )
+    sentence = f"No feature is tracked within {near.radius_px:.0f} px of here{why}; {near.nearest}."
     return PixelAnswer(px, PixelVerdict.TOO_FEW_FEATURES, sentence, numbers, change)
 
 
@@ -102,14 +100,14 @@ def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple
     if texture < tracking.min_texture:
         least, _ = limits("klt_tracking.min_texture")
         why = (
-            f": the texture, {texture:.2f} grey levels/px, is below the "
-            f"{tracking.min_texture:g} that are needed"
+            f": the texture, {texture:.2f} grey levels/px, is below the required "
+            f"{tracking.min_texture:g}"
         )
         if texture < max(least, 0.05):
-            return why, "No setting can help: there is nothing to follow without texture or light."
+            return why, "No setting can help: without texture or light there is nothing to track."
         return why, (
             f"With klt_tracking.min_texture at {below(texture, 1)} or below (now "
-            f"{tracking.min_texture:g}) one may be followed here, though it may slide along edges."
+            f"{tracking.min_texture:g}) one may be tracked here, though it may slide along edges."
         )
     # With such squares a feature lies near this place wherever it is in its square.
     closer = int(around_px / math.sqrt(2))
@@ -117,14 +115,14 @@ def _why_none(texture: float, around_px: float, parameters: Parameters) -> tuple
     if closer < tracking.spacing_px:
         return why, (
             f"With klt_tracking.spacing_px at {closer} or below (now {tracking.spacing_px}) one "
-            f"would be looked for at this very place."
+            "would be searched for at this very place."
         )
     if detector != "shi_tomasi":
         return why, (
             f"{detector} may find none here; with features.detector at shi_tomasi (now "
             f"{detector}) texture alone decides."
         )
-    return why, "One that is found here is followed from then on, if both cameras see it."
+    return why, "A feature found here is tracked from then on, if both cameras see it."
 
 
 def _numbers(
@@ -156,15 +154,15 @@ def _judge(
     speed = float(np.linalg.norm(evidence.velocity[speaker]))
     agreeing, obstacle = int(evidence.neighbours[speaker]), int(evidence.obstacle_id[speaker])
     pooled = count_of(agreeing, "feature")
-    stands_out = f"{middle:.1f} standard deviations, of {threshold:.1f} that are needed"
+    stands_out = f"{middle:.1f} σ, where {threshold:.1f} σ is needed"
     if moving:
         return (
             PixelVerdict.DYNAMIC,
-            f"It moves at {speed:.2f} m/s over ground, by the evidence of {pooled}"
-            f"{_whose(obstacle)}: {stands_out}."
+            f"It moves at {speed:.2f} m/s over ground, on the evidence of "
+            f"{pooled}{_whose(obstacle)}: {stands_out}."
             if middle > threshold or obstacle == NO_OBSTACLE
-            else f"It is part of {_name(obstacle)}, which was seen to move; what shows here now "
-            f"is {speed:.2f} m/s ({stands_out}).",
+            else f"It is part of {_name(obstacle)}, which was seen to move; the motion here is now "
+            f"{speed:.2f} m/s ({stands_out}).",
             _until_it_ends(evidence, speaker, parameters)
             if obstacle != NO_OBSTACLE
             else _until(middle, threshold, parameters),
@@ -172,29 +170,29 @@ def _judge(
     if np.isnan(depth):
         return (
             PixelVerdict.UNDECIDED,
-            "The features here have no depth: the other camera does not find them.",
+            "The features here have no depth: they have no match in the other camera.",
             "It changes once the right camera sees this place too; no threshold decides it.",
         )
     if not evidence.cornered[speaker]:
         return (
             PixelVerdict.UNDECIDED,
-            "The features here lie on a straight edge, along which they may slide: that is no "
+            "The features here lie on a straight edge, along which they may slide: this is not "
             "evidence of motion.",
             "It changes with texture across the edge; no threshold decides it.",
         )
     if middle == 0:
         return (
             PixelVerdict.UNDECIDED,
-            f"The features here have been seen in too few frames to be judged, for {age:.2f} s.",
-            f"It is judged once they have been seen in {parameters.evidence.min_sightings} "
-            f"frames (evidence.min_sightings).",
+            f"The features here have been tracked for only {age:.2f} s, too few frames to be "
+            "tested.",
+            f"They are tested once they have been seen in {parameters.evidence.min_sightings} "
+            "frames (evidence.min_sightings).",
         )
     if age < _YOUNG_S:
         return (
             PixelVerdict.UNDECIDED,
-            f"The features here have been followed for {age:.2f} s only, which is too short to "
-            f"tell.",
-            f"It is decided once they have been followed for {_YOUNG_S:.1f} s, "
+            f"The features here have been tracked for only {age:.2f} s, too short to decide.",
+            f"It can be decided once they have been tracked for {_YOUNG_S:.1f} s, "
             f"{_YOUNG_S - age:.2f} s more.",
         )
     if middle > threshold:
@@ -207,7 +205,7 @@ def _judge(
     if middle > _STANDING_LENGTH:
         return (
             PixelVerdict.UNDECIDED,
-            f"It may move, at {speed:.2f} m/s, but this does not stand out enough: {stands_out}.",
+            f"It may move, at {speed:.2f} m/s, but this is not significant enough: {stands_out}.",
             _sooner(middle, threshold, parameters),
         )
     least = _least_speed(evidence, speaker)
@@ -215,9 +213,9 @@ def _judge(
         return _too_far(depth, age, least, parameters.evidence.memory_s)
     return (
         PixelVerdict.STATIC,
-        f"It stands, by the evidence of {pooled}: what shows here, {speed:.2f} m/s, is noise "
-        f"({stands_out}).",
-        f"Anything faster than {least:.2f} m/s would stand out here. "
+        f"It is static, on the evidence of {pooled}: the apparent motion of {speed:.2f} m/s is "
+        f"noise ({stands_out}).",
+        f"Anything faster than {least:.2f} m/s would be detected here. "
         f"{_sooner(middle, threshold, parameters)}",
     )
 
@@ -229,27 +227,29 @@ def _too_far(
     if age < memory:
         return (
             PixelVerdict.UNDECIDED,
-            f"Nothing shows, but the features here, {depth:.1f} m away, have been followed for "
-            f"{age:.2f} s only: what is slower than {least:.1f} m/s would not stand out yet.",
-            f"It is told better once they have been followed for {memory:g} s (evidence.memory_s).",
+            f"No motion is visible, but the features here, {depth:.1f} m away, have been tracked "
+            f"for only {age:.2f} s: anything slower than {least:.1f} m/s would not be detected "
+            "yet.",
+            f"It can be decided better once they have been tracked for {memory:g} s "
+            "(evidence.memory_s).",
         )
     # The noise of a velocity grows with the depth squared.
     near = depth * math.sqrt(_SLOW_WALK_MPS / least)
     return (
         PixelVerdict.TOO_FAR,
-        f"It is too far to be told: {depth:.1f} m away, only what is faster than {least:.1f} m/s "
-        f"stands out, and nothing does.",
-        f"From about {near:.1f} m on, {_SLOW_WALK_MPS:g} m/s would stand out; a larger "
-        f"evidence.memory_s (now {memory:g} s) reaches farther and answers later.",
+        f"It is too far away to decide: at {depth:.1f} m only motion faster than {least:.1f} m/s "
+        "is significant, and none is.",
+        f"From about {near:.1f} m on, {_SLOW_WALK_MPS:g} m/s would be detected; a larger "
+        f"evidence.memory_s (now {memory:g} s) reaches farther and responds later.",
     )
 
 
 def _whose(obstacle: int) -> str:
-    return ", part of no obstacle yet" if obstacle == NO_OBSTACLE else f" of {_name(obstacle)}"
+    return ", not yet part of an obstacle" if obstacle == NO_OBSTACLE else f" of {_name(obstacle)}"
 
 
 def _name(obstacle: int) -> str:
-    return "an obstacle not confirmed yet" if is_provisional(obstacle) else f"obstacle {obstacle}"
+    return "an unconfirmed obstacle" if is_provisional(obstacle) else f"obstacle {obstacle}"
 
 
 def _until_it_ends(evidence: PointEvidence, speaker: int, parameters: Parameters) -> str:
@@ -257,20 +257,20 @@ def _until_it_ends(evidence: PointEvidence, speaker: int, parameters: Parameters
     obstacle = int(evidence.obstacle_id[speaker])
     if evidence.on_outline[speaker]:
         return (
-            f"No threshold decides it: the features on {_name(obstacle)} are its own for as long "
-            f"as it stands apart in depth."
+            f"No threshold decides it: the features on {_name(obstacle)} belong to it for as long "
+            "as it is separate in depth."
         )
     seen, now = int(np.count_nonzero(evidence.obstacle_id == obstacle)), parameters.obstacles
     _, most = limits("obstacles.min_points")
     if seen + 1 > most:
         return (
-            f"No value of obstacles.min_points (now {now.min_points}) would end "
-            f"{_name(obstacle)}, and for as long as it is followed its features count as dynamic."
+            f"No value of obstacles.min_points (now {now.min_points}) would end {_name(obstacle)}, "
+            "and for as long as it is tracked its features count as dynamic."
         )
     return (
         f"With obstacles.min_points at {seen + 1} or above (now {now.min_points}) "
         f"{_name(obstacle)} would not be seen any more, and end after {now.coast_s:g} s "
-        f"(obstacles.coast_s); as long as it is followed, its features count as dynamic."
+        "(obstacles.coast_s); as long as it is tracked, its features count as dynamic."
     )
 
 
@@ -278,13 +278,13 @@ def _until(middle: float, threshold: float, parameters: Parameters) -> str:
     """Say what would make a dynamic feature that is part of no obstacle static."""
     if middle <= threshold:
         return (
-            "It is kept as dynamic by what was seen before; it ends once its features have stood "
-            "for a while."
+            "It still counts as dynamic because of earlier motion; this ends once its features "
+            "have been static for a while."
         )
     now, (least, _) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
     value = _two_digits(_rate_for(middle, threshold, now), down=True)
     if value < least:
-        return f"No value of {_RATE} (now {now:g}) would change it: it ends at {least:g}."
+        return f"No value of {_RATE} (now {now:g}) would change it: the minimum is {least:g}."
     return f"With {_RATE} at {value:g} or below (now {now:g}) it would not count as dynamic."
 
 
@@ -293,7 +293,7 @@ def _sooner(middle: float, threshold: float, parameters: Parameters) -> str:
     now, (_, most) = parameters.evidence.false_alarms_per_frame, limits(_RATE)
     value = _two_digits(_rate_for(middle, threshold, now), down=False)
     if value > most:
-        return f"No value of {_RATE} (now {now:g}) would make it dynamic: it ends at {most:g}."
+        return f"No value of {_RATE} (now {now:g}) would make it dynamic: the maximum is {most:g}."
     return f"With {_RATE} at {value:g} or above (now {now:g}) it would count as dynamic."
 
 

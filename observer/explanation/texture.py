@@ -45,17 +45,17 @@ def _not_followed(
     texture = float(_texture(image, px, flow.window_px).max())
     sentence = (
         f"{count_of(len(px), 'feature')} within {near.radius_px:.0f} px of here could not be "
-        f"followed to the next image"
+        "tracked to the next image"
     )
     if texture < flow.min_texture:
         return (
             f"{sentence}: the texture, {texture:.2f} grey levels/px, is below "
             f"{flow.min_texture:g}.",
             f"With flow.min_texture at {below(max(texture, 0.01))} or below they would be "
-            f"followed, though they may slide along edges.",
+            "tracked, though they may slide along edges.",
         )
     return (
-        f"{sentence}: something covers them, or this place has left the image.",
+        f"{sentence}: they are occluded, or this place has left the image.",
         f"A value of flow.max_error above {flow.max_error:g} or of flow.back_check_px above "
         f"{flow.back_check_px:g} px may let them through.",
     )
@@ -101,8 +101,8 @@ def _to_get_one(
         lowest, _ = limits("features.fast_threshold")
         if score is None or score < lowest:
             return (
-                f"Nothing here can be followed, not even with features.fast_threshold at "
-                f"{lowest:g}: only texture or light would change it."
+                "Nothing here can be tracked, not even with features.fast_threshold at "
+                f"{lowest:g}: only more texture or light would change this."
             )
         if score < features.fast_threshold:
             ways.append(
@@ -114,8 +114,8 @@ def _to_get_one(
         if quality is None:
             lowest, _ = limits("features.quality")
             return (
-                f"There is no corner here, not even with features.quality at {lowest:g}: "
-                f"only texture or light would change it, or another features.detector."
+                f"There is no corner here, not even with features.quality at {lowest:g}: only more "
+                "texture or light, or another features.detector, would change this."
             )
         if quality < features.quality:
             ways.append(f"features.quality at {quality:g} or below (now {features.quality:g})")
@@ -123,15 +123,13 @@ def _to_get_one(
     count = _count_that_finds(image, place, features, near.radius_px)
     if count is None:
         return (
-            "Others nearby are stronger, at any features.max_count; more texture or light here, "
-            "or another features.detector, may give one."
+            "Features nearby are stronger, whatever features.max_count; more texture or light "
+            "here, or another features.detector, may give one."
         )
     if count > features.max_count:
         ways.append(f"features.max_count at {count} or above (now {features.max_count})")
     if not ways:
-        return (
-            "Features of this place were left out after they were found; the next frame may tell."
-        )
+        return "Features found here were rejected afterwards; the next frame may tell."
     return f"With {' and '.join(ways)} there would be a feature here."
 
 

@@ -51,10 +51,10 @@ def write_archive(
         archive.add_cloud(cloud_position, cloud_frame)
         run = msgspec.json.format(msgspec.json.encode(facts), indent=2)
         archive.add("run.json", run, "source, cameras, versions and clocks of the run")
-        told = "as the run was observed with, OpenCV's format"
+        told = "calibration used in the run, OpenCV format"
         archive.add("calibration.yaml", facts.calibration_yaml, told)
         if facts.rig_yaml is not None:
-            archive.add("rig.yaml", facts.rig_yaml, "how the camera stood on its robot")
+            archive.add("rig.yaml", facts.rig_yaml, "camera mount on the robot")
         archive.add_lines()
         file.writestr("README.md", archive.readme())
 
@@ -76,7 +76,7 @@ class _Archive:
     def add_table(self, table: Table, format_: TableFormat) -> None:
         recording = self._recording
         if next(table.rows(recording), None) is None:
-            self._absent.append(f"{table.name}: nothing of it was recorded")
+            self._absent.append(f"{table.name}: none were recorded")
             return
         name = f"{table.name}.{format_}"
         if format_ == "parquet":
@@ -96,7 +96,9 @@ class _Archive:
             codec = write_run_video(self._recording, video, progress).codec
             # It is packed already.
             self._file.write(video, "overlay.mp4", compress_type=zipfile.ZIP_STORED)
-            self._told.append(("overlay.mp4", f"what was found, over the left image; {codec}"))
+            self._told.append(
+                ("overlay.mp4", f"overlay of the detected obstacles on the left image; {codec}")
+            )
         except ExportError as error:
             self._absent.append(f"overlay.mp4: {error}")
         finally:
@@ -121,7 +123,7 @@ class _Archive:
         with self._file.open("observations.jsonl", "w") as lines:
             for line in self._recording.lines():
                 lines.write(json.dumps(line, allow_nan=False).encode() + b"\n")
-        self._told.append(("observations.jsonl", "one JSON line for each frame, as observe's"))
+        self._told.append(("observations.jsonl", "one JSON line per frame, as written by observe"))
 
     def readme(self) -> str:
         facts = self._recording.facts
@@ -134,12 +136,13 @@ class _Archive:
             "SI units, named at the end of each column: _m, _mps (m/s), _s, _rad, _radps (rad/s), "
             "_px, _m2, _m2ps2. time_s is the source's clock, received_s the host's monotonic one. "
             "The world is the camera frame at a segment's first pose: x right, y down, z forward. "
-            "An empty cell is what is not known.",
+            "An empty cell means unknown. Uncertainties (_std, _cov) are standard deviations and "
+            "covariances, not 95 % intervals.",
             "",
             *(f"- {name}: {help_}" for name, help_ in self._told),
         ]
         if self._absent:
-            lines += ["", "Not here:", "", *(f"- {sentence}" for sentence in self._absent)]
+            lines += ["", "Not included:", "", *(f"- {sentence}" for sentence in self._absent)]
         for table, count in self._tables:
             lines += ["", f"## {table.name}", "", f"{table.help}; {count} rows.", ""]
             lines += [f"- {column.name} ({column.kind}): {column.help}" for column in table.columns]

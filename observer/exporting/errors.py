@@ -16,6 +16,6 @@ def missing_extra(package: str, extra: str, purpose: str) -> ExportError:
         package: what was imported. extra: of ours, which brings it. purpose: what needs it.
     """
     return ExportError(
-        f"{purpose} needs the package {package}, which is not installed; install it with "
-        f"pip install 'dynamic-observer[{extra}]'"
+        f"{purpose} needs the package {package}, which is not installed; install it with: pip "
+        f"install 'dynamic-observer[{extra}]'"
     )

@@ -27,11 +27,9 @@ def whole_output(path: Path, *, overwrite: bool = False) -> Iterator[Path]:
     if os.path.lexists(path) and not overwrite:
         raise ExportError(f"{path} exists; name another output, or add --overwrite to replace it")
     if path.is_dir() and any(path.iterdir()) and not (path / "metadata.yaml").is_file():
-        raise ExportError(f"{path} is a folder that is no bag, so it is not replaced")
+        raise ExportError(f"{path} is a folder but not a bag, so it is not replaced")
     if not path.parent.is_dir() or not os.access(path.parent, os.W_OK):
-        raise ExportError(
-            f"cannot write {path}; name an output in a folder that exists and may be written"
-        )
+        raise ExportError(f"cannot write {path}; name an output in an existing, writable folder")
     beside = path.with_name(f".{path.name}.part")
     _remove(beside)
     try:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from observer.drawing import color_copy, draw_obstacle, draw_text, obstacle_color
+from observer.intervals import half_95
 from observer.types import Image
 
 _TEXT = (235, 235, 235)
@@ -24,7 +25,7 @@ def draw_overlay(left: Image, line: Mapping[str, Any]) -> Image:
     scale = max(0.35, left.shape[1] * _LETTERS_PER_WIDTH)
     for entry in line["obstacles"]:
         std = entry["speed_std"]
-        sure = "" if std is None else f" +-{std:.2f}"
+        sure = "" if std is None else f" ± {half_95(std):.2f}"
         text = f"#{entry['id']}  {entry['speed']:.2f}{sure} m/s"
         color = obstacle_color(entry["state"], entry["motion"])
         # Recordings of before tell no silhouettes.

@@ -108,7 +108,9 @@ class _Run:
         self._calibration = recording.calibration()
         self._rectified = Rectification(self._calibration)
         if not recording.frames:
-            raise ExportError(f"{recording.path.name} holds no frame, so there is nothing to play")
+            raise ExportError(
+                f"{recording.path.name} contains no frames, so there is nothing to play"
+            )
         self._clock = ExposureClock(recording)
 
     def messages(self) -> Iterator[_Told]:

@@ -37,8 +37,8 @@ def write_run_video(
     """
     if not recording.images_held:
         raise ExportError(
-            f"{recording.path.name} was recorded without images, so there is no video of it; "
-            f"record with jpeg or lossless images"
+            f"{recording.path.name} was recorded without images, so no video can be made; record "
+            "with jpeg or lossless images"
         )
     rectified = Rectification(recording.calibration())
     positions = {

@@ -87,33 +87,42 @@ _BOX = ("box_u0_px", "box_v0_px", "box_u1_px", "box_v1_px")
 
 _INSTANT = (
     Column("frame", "int", "number of the frame in its source"),
-    Column("time_s", "float", "exposure of the left image, the source's clock", "time"),
+    Column("time_s", "float", "exposure of the left image, on the source's clock", "time"),
 )
-_SEGMENT = Column("segment", "int", "number of the stretch that shares one world frame")
+_SEGMENT = Column(
+    "segment", "int", "number of the segment, in which all frames share one world frame"
+)
 
 _OBSTACLE_COLUMNS = (
     *_INSTANT,
     _SEGMENT,
     Column("status", "text", "of the frame: ok, degraded or lost"),
-    Column("id", "int", "of the track, lasting within its segment"),
-    Column("state", "text", "confirmed or coasting (not seen in this frame); tentative if asked"),
+    Column("id", "int", "track id, constant within its segment"),
+    Column(
+        "state", "text", "confirmed or coasting (not seen in this frame); tentative if requested"
+    ),
     Column("motion", "text", "moving or stopped"),
     *_vector("centre of the obstacle in the world", "position", *_POSITION),
-    *_vector("its velocity in the world", "velocity", *_VELOCITY),
-    Column("speed_mps", "float", "length of the velocity", "speed"),
-    Column("speed_std_mps", "float", "one standard deviation of the speed", "speed_std"),
-    Column("velocity_time_s", "float", "the instant that the velocity belongs to", "velocity_time"),
+    *_vector("velocity in the world", "velocity", *_VELOCITY),
+    Column("speed_mps", "float", "magnitude of the velocity", "speed"),
+    Column(
+        "speed_std_mps",
+        "float",
+        "standard deviation of the speed",
+        "speed_std",
+    ),
+    Column("velocity_time_s", "float", "time to which the velocity refers", "velocity_time"),
     *_covariance("covariance of the position, world axes", "position_cov", "cov_{}{}_m2"),
     *_covariance("covariance of the velocity, world axes", "velocity_cov", "cov_v{}v{}_m2ps2"),
-    *_vector("extent along the box's own axes", "size", *_SIZE),
-    *_vector("the box's attitude in the world, a unit quaternion", "orientation_wxyz", *_TURN),
+    *_vector("extent along the axes of the box", "size", *_SIZE),
+    *_vector("orientation of the box in the world, unit quaternion", "orientation_wxyz", *_TURN),
     Column("range_m", "float", "distance from the camera", "range"),
     Column("bearing_rad", "float", "angle to the right of the optical axis", "bearing"),
-    Column("closing_speed_mps", "float", "positive while the range shrinks", "closing_speed"),
-    Column("points", "int", "feature points that support it in this frame"),
-    Column("significance", "float", "how far its motion stands out, standard deviations"),
+    Column("closing_speed_mps", "float", "positive while the range decreases", "closing_speed"),
+    Column("points", "int", "feature points supporting it in this frame"),
+    Column("significance", "float", "significance of its motion: standard deviations above zero"),
     *_vector("rectangle in the rectified left image", "box_px", *_BOX),
-    Column("why", "text", "why it counts as dynamic"),
+    Column("why", "text", "why it counts as moving"),
 )
 
 
@@ -126,16 +135,14 @@ def _obstacles(recording: Recording) -> Iterator[Row]:
 _FRAME_COLUMNS = (
     *_INSTANT,
     _SEGMENT,
-    Column("status", "text", "how far the frame may be trusted: ok, degraded or lost"),
-    Column("reasons", "text", "why not further, sentences with ; between them"),
+    Column("status", "text", "reliability of the frame: ok, degraded or lost"),
+    Column("reasons", "text", "reasons for it, separated by ;"),
     Column("parameters_revision", "int", "of the parameters in force, see the table parameters"),
+    *_vector("camera position in the world", "position", *(f"camera_{name}" for name in _POSITION)),
     *_vector(
-        "the camera's place in the world", "position", *(f"camera_{name}" for name in _POSITION)
+        "camera orientation, unit quaternion", "orientation_wxyz", *(f"camera_{n}" for n in _TURN)
     ),
-    *_vector(
-        "its attitude, a unit quaternion", "orientation_wxyz", *(f"camera_{n}" for n in _TURN)
-    ),
-    Column("obstacles", "int", "how many were reported"),
+    Column("obstacles", "int", "number of reported obstacles"),
 )
 
 
@@ -153,15 +160,15 @@ _TRUTH_COLUMNS = (
     Column("role", "text", "obstacle or observer"),
     *_vector("its centre", "position", *_POSITION),
     *_vector("its velocity", "velocity", *_VELOCITY),
-    Column("speed_mps", "float", "length of the velocity", "speed"),
+    Column("speed_mps", "float", "magnitude of the velocity", "speed"),
     Column("commanded_speed_mps", "float", "as commanded, where that is known", "commanded_speed"),
     *_vector("length, width and height", "size", "length_m", "width_m", "height_m"),
     Column("yaw_rad", "float", "its heading", "yaw"),
-    Column("visible", "float", "share of it that the camera can see, 0 to 1"),
+    Column("visible", "float", "fraction visible to the camera, 0 to 1"),
 )
 _MATCHED_COLUMNS = (
     *_TRUTH_COLUMNS,
-    Column("track_id", "int", "of the obstacle that it was taken for, as in obstacles"),
+    Column("track_id", "int", "id of the track matched to it, as in obstacles"),
 )
 
 
@@ -185,9 +192,9 @@ def _matched(recording: Recording) -> Iterator[Row]:
 
 _ODOMETRY_COLUMNS = (
     *_INSTANT,
-    Column("x_m", "float", "the robot's place by its wheels since its start", "x"),
-    Column("y_m", "float", "the robot's place by its wheels since its start", "y"),
-    Column("yaw_rad", "float", "its heading by its wheels, positive to the left", "yaw"),
+    Column("x_m", "float", "robot position by wheel odometry since the start", "x"),
+    Column("y_m", "float", "robot position by wheel odometry since the start", "y"),
+    Column("yaw_rad", "float", "heading by wheel odometry, positive to the left", "yaw"),
 )
 
 
@@ -199,14 +206,14 @@ def _odometry(recording: Recording) -> Iterator[Row]:
 
 _ROBOT_COLUMNS = (
     Column("received_s", "float", "the host's monotonic clock", "received"),
-    Column("time_s", "float", "the source's clock, where known", "time"),
+    Column("time_s", "float", "the source's clock, if known", "time"),
     Column("role", "text", "observer or obstacle"),
-    Column("sent_speed_mps", "float", "as really sent", "sent_speed"),
-    Column("sent_turn_rate_radps", "float", "as really sent", "sent_turn_rate"),
-    Column("encoder_speed_mps", "float", "as the robot told", "encoder_speed"),
-    Column("encoder_turn_rate_radps", "float", "as the robot told", "encoder_turn_rate"),
-    Column("x_m", "float", "its place by its wheels", "x"),
-    Column("y_m", "float", "its place by its wheels", "y"),
+    Column("sent_speed_mps", "float", "as actually sent", "sent_speed"),
+    Column("sent_turn_rate_radps", "float", "as actually sent", "sent_turn_rate"),
+    Column("encoder_speed_mps", "float", "as reported by the robot", "encoder_speed"),
+    Column("encoder_turn_rate_radps", "float", "as reported by the robot", "encoder_turn_rate"),
+    Column("x_m", "float", "position by wheel odometry", "x"),
+    Column("y_m", "float", "position by wheel odometry", "y"),
     Column("yaw_rad", "float", "its heading by its wheels", "yaw"),
 )
 
@@ -216,8 +223,8 @@ def _robots(recording: Recording) -> Iterator[Row]:
 
 
 _PARAMETER_COLUMNS = (
-    Column("revision", "int", "counted up with every change, but those of the guard"),
-    Column("from_position", "int", "of the first recorded frame that they act on, from 0"),
+    Column("revision", "int", "incremented by every change except those of the guard"),
+    Column("from_position", "int", "index of the first recorded frame they apply to, from 0"),
     Column("name", "text", "of the parameter"),
     Column("value", "text", "as JSON"),
 )
@@ -235,38 +242,38 @@ TABLES: Mapping[str, Table] = {
     for table in (
         Table(
             "obstacles",
-            "one row for each obstacle at each frame, tracks by segment and id",
+            "one row per obstacle and frame, tracks by segment and id",
             _OBSTACLE_COLUMNS,
             _obstacles,
         ),
-        Table("frames", "one row for each observed frame", _FRAME_COLUMNS, _frames),
+        Table("frames", "one row per observed frame", _FRAME_COLUMNS, _frames),
         Table(
             "truth",
-            "one row for each true body at each frame, in the truth's own world",
+            "one row per ground-truth body and frame, in the world frame of the ground truth",
             _TRUTH_COLUMNS,
             _truth,
         ),
         Table(
             "matched_truth",
-            "the same in the world of the obstacles, with the track it was taken for",
+            "the same in the world frame of the obstacles, with the matched track",
             _MATCHED_COLUMNS,
             _matched,
         ),
         Table(
             "odometry",
-            "one row for each frame at which the robot's wheels told something",
+            "one row per frame with wheel odometry",
             _ODOMETRY_COLUMNS,
             _odometry,
         ),
         Table(
             "robots",
-            "one row for each robot at each instant it was heard",
+            "one row per robot and status message",
             _ROBOT_COLUMNS,
             _robots,
         ),
         Table(
             "parameters",
-            "all parameters that were in force, by revision",
+            "all parameters in force, by revision",
             _PARAMETER_COLUMNS,
             _parameters,
         ),

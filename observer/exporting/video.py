@@ -21,7 +21,7 @@ from observer.exporting.errors import ExportError
 from observer.types import Image
 
 H264 = "H.264"
-MPEG4 = "MPEG-4 (mp4v), which browsers do not play; with ffmpeg installed it would be H.264"
+MPEG4 = "MPEG-4 (mp4v), which browsers cannot play; install ffmpeg to get H.264"
 # Of H.264, lower is better: text stays sharp at this.
 _QUALITY = 20
 _PATIENCE_S = 60.0
@@ -109,7 +109,7 @@ class OverlayVideo:
         """
         encoder, self._encoder = self._encoder, None
         if encoder is None:
-            raise ExportError("there is no picture to make a video of")
+            raise ExportError("there are no frames to make a video of")
         encoder.finish()
 
     def abort(self) -> None:
@@ -215,8 +215,7 @@ class _OpenCv:
         self._writer = cv2.VideoWriter(str(self._working), code, float(rate), (width, height))
         if not self._writer.isOpened():
             raise ExportError(
-                f"the video {path} cannot be written; name a file in a folder that exists and may "
-                f"be written"
+                f"the video {path} cannot be written; name a file in an existing, writable folder"
             )
 
     def write(self, picture: Image) -> None:

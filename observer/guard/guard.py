@@ -58,21 +58,24 @@ def sight_trouble(sight: Sight | None, now: float, world: str) -> str | None:
         now: the host's monotonic clock. world: in which the robot drives, as ``Sight.world``.
     """
     if sight is None:
-        return "nothing is seen: no source with cameras is observed"
+        return "no camera source is open, so nothing can be seen"
     if not sight.world:
-        return "what is observed is a recording, not what the robot has before it"
+        return "the open source is a recording, not a live view from the robot"
     if sight.world != world:
-        return f"what is observed is another world ({sight.world}) than the robot's ({world})"
+        return f"the open source shows another world ({sight.world}) than the robot's ({world})"
     if now - sight.received > SIGHT_FRESH_S:
         age = now - sight.received
         # The exact age changes all the time; the sentence should not.
         return (
-            "no frame came for more than a second"
+            "no camera frame for more than a second"
             if age > 1.0
-            else f"no frame came for {1e3 * SIGHT_FRESH_S:.0f} ms"
+            else f"no camera frame for {1e3 * SIGHT_FRESH_S:.0f} ms"
         )
     if not sight.mount_known:
-        return "where the cameras sit on the robot is not known: fill in the rig's height and tilt"
+        return (
+            "the camera mount on the robot is unknown: enter height and tilt under Camera on the "
+            "robot"
+        )
     if sight.status is not Status.OK:
         why = f": {sight.reasons[0]}" if sight.reasons else ""
         return f"vision is {sight.status.value}{why}"

@@ -66,21 +66,21 @@ def _limit_by_coming(
     near = approach(places, (0.0, 0.0, 0.0), 0.0, wanted, outline, p)
     limit = _limit_by_obstacles(near, p)
     sonar = near.stopper if limit.share == near.stop_share else near.nearest
-    return Limit(limit.share, f"sonar {sonar} hears something come nearer", comes=True)
+    return Limit(limit.share, f"sonar {sonar} detects something approaching", comes=True)
 
 
 def _limit_by_obstacles(near: Approach, p: GuardParameters) -> Limit:
     slow = 1.0 if near.contact_s is None else near.contact_s / p.slow_time_s
     if near.stop_share <= min(slow, WHOLE):
-        return Limit(near.stop_share, f"{_named(near.stopper)} is too near to stop for later")
+        return Limit(near.stop_share, f"{_named(near.stopper)} is within the stopping distance")
     if slow < 1.0:
-        return Limit(slow, f"{_named(near.nearest)} would be met soon")
+        return Limit(slow, f"the time to contact with {_named(near.nearest)} is short")
     return Limit(1.0)
 
 
 def _named(number: int | None) -> str:
     # A track has no lasting number yet while it is tentative.
-    return "something that begins to move" if number is None or number < 0 else f"obstacle {number}"
+    return "an object that starts to move" if number is None or number < 0 else f"obstacle {number}"
 
 
 def _limit_by_ground(
@@ -115,12 +115,12 @@ def _limit_by_ground(
     known_s = min(_first(times, unknown) - step, seen_s)
     share, slow = stopping.share_within(known_s), max(0.0, seen_s / p.slow_time_s)
     if slow < min(share, WHOLE):
-        return Limit(slow, "what stands ahead would be met soon")
+        return Limit(slow, "the time to contact with an obstruction ahead is short")
     if known_s < seen_s:
         return Limit(
-            share, "the ground ahead is not known to be free: neither seen nor covered by sonar"
+            share, "the ground ahead is not known to be free: neither visible nor covered by sonar"
         )
-    return Limit(share, "what stands ahead is too near to stop for later")
+    return Limit(share, "an obstruction ahead is within the stopping distance")
 
 
 def _limit_by_echo(
@@ -136,7 +136,7 @@ def _limit_by_echo(
         return Limit(0.0, f"sonar {near} has an echo within {p.sonar_stop_m:.2f} m")
     echoed = np.asarray(echo_at(points, view, p).any(axis=0), np.bool_)
     share = stopping.share_within(_first(times, echoed) - step)
-    return Limit(share, "the sonar has an echo ahead")
+    return Limit(share, "sonar reports an echo ahead")
 
 
 def _near_echo(

@@ -28,9 +28,9 @@ class GuardParameters(Stage):
     )
     """Deceleration that is assumed; measure that of your robot."""
     reaction_s: Real = number(0.3, unit="s", ge=0.05, le=2.0, step=0.05, title="Reaction time")
-    """From an event in front of the cameras until the robot begins to brake."""
+    """Time from an event in front of the cameras until the robot starts to brake."""
     margin_m: Real = number(0.08, unit="m", ge=0.0, le=1.0, step=0.01, title="Margin")
-    """Distance to everything at which the robot must have stopped."""
+    """Clearance to every obstacle at which the robot must have stopped."""
     sigmas: Real = number(
         2.0, unit="standard deviations", ge=0.0, le=5.0, step=0.5, title="Uncertainty factor"
     )
@@ -38,14 +38,14 @@ class GuardParameters(Stage):
     slow_time_s: Real = number(2.0, unit="s", ge=0.1, le=10.0, step=0.1, title="Slow-down time")
     """A shorter time to contact slows the robot down in proportion."""
     creep_mps: Real = number(0.03, unit="m/s", ge=0.0, le=0.5, step=0.01, title="Min. speed")
-    """Where less is permitted, the robot stops."""
+    """If only less is permitted, the robot stops."""
     release_s: Real = number(0.4, unit="s", ge=0.0, le=5.0, step=0.1, title="Release time")
     """A limit is relaxed after a looser one has sufficed for this long, so that the speed does not
     oscillate."""
     robot_height_m: Real = number(0.5, unit="m", ge=0.05, le=3.0, step=0.05, title="Robot height")
-    """Whatever hangs higher above the ground is passed under."""
+    """Objects higher above the ground than this can be passed under."""
     step_m: Real = number(0.06, unit="m", ge=0.01, le=0.5, step=0.01, title="Min. obstacle height")
-    """Whatever rises less above the ground counts as ground."""
+    """Objects lower than this count as ground."""
     intruder_mps: Real = number(0.5, unit="m/s", ge=0.0, le=3.0, step=0.1, title="Intruder speed")
     """Speed at which something unseen may enter ground that was seen free and is out of view."""
     memory_s: Real = number(1.0, unit="s", ge=0.0, le=30.0, step=0.1, title="Free ground memory")
@@ -54,7 +54,7 @@ class GuardParameters(Stage):
     sonar_stop_m: Real = number(
         0.2, unit="m", ge=0.0, le=2.0, step=0.05, title="Sonar stop distance"
     )
-    """An echo this near ahead of the robot stops it, whatever is seen."""
+    """An echo closer than this ahead of the robot stops it, whatever the cameras see."""
     sonar_reach_m: Real = number(2.0, unit="m", ge=0.1, le=6.0, step=0.1, title="Sonar range")
     """Without an echo, the cone of a sonar counts as free up to here."""
     sonar_half_angle_deg: Real = number(
@@ -66,7 +66,7 @@ class GuardParameters(Stage):
     thing_width_m: Real = number(
         0.35, unit="m", ge=0.0, le=1.0, step=0.05, title="Min. obstacle width"
     )
-    """Narrower things between the cones of two sonars may go undetected."""
+    """Narrower objects between the cones of two sonars may go undetected."""
 
 
 class AllParameters(Parameters):

@@ -45,7 +45,9 @@ def image_names(folder: Path) -> list[str]:
     # Files that macOS leaves on foreign disks look like images and are none.
     names = [name for name in names if not name.startswith(".")]
     if not names:
-        raise SourceError(f"the folder {folder} holds no images (PNG, JPEG, BMP, PGM, TIFF, WebP)")
+        raise SourceError(
+            f"the folder {folder} contains no images (PNG, JPEG, BMP, PGM, TIFF, WebP)"
+        )
     return sorted(names, key=natural_order)
 
 
@@ -83,7 +85,7 @@ def read_lines(path: Path) -> list[tuple[int, str]]:
         text = path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise SourceError(
-            f"{path} is missing; without the time of each frame no speed can be measured"
+            f"{path} is missing; speeds cannot be measured without the time of each frame"
         ) from None
     except OSError as error:
         raise SourceError(f"{path} cannot be read: {error.strerror}") from None
@@ -114,16 +116,16 @@ def pairs_by_name(
     names = sorted(left_names | right_names, key=natural_order)
     if not left_names & right_names:
         raise SourceError(
-            f"no file name is in both {left.name} and {right.name} of {left.parent}; "
-            f"the two images of a pair must have equal names"
+            f"no file name occurs in both {left.name} and {right.name} of {left.parent}; the two "
+            "images of a pair must have the same name"
         )
     by_line = dict(enumerate(names))
     if len(times) != len(names):
         by_line = _by_number(names)
         if len(by_line) != len(names) or not any(line < len(times) for line in by_line):
             raise SourceError(
-                f"{times_name} holds {len(times)} times for {len(names)} pairs of images in "
-                f"{left.parent}; it needs one line for each"
+                f"{times_name} contains {len(times)} times for {len(names)} image pairs in "
+                f"{left.parent}; it needs one line per pair"
             )
     entries: list[FilePair | MissingPair] = []
     for line in range(min(by_line), max(by_line) + 1):
@@ -141,7 +143,7 @@ def pairs_by_name(
             entries.append(FilePair(left / name, right / name, times[line], right_time))
     beyond = len(times) - 1 - max(by_line)
     if beyond > 0:
-        entries.append(MissingPair(f"{times_name} goes on for {beyond} lines after the last image"))
+        entries.append(MissingPair(f"{times_name} has {beyond} more lines after the last image"))
     return entries
 
 

@@ -84,7 +84,7 @@ def decoded_image(
     if image is not None and image.dtype != np.uint8:
         image = _decoded(content, flag)
     if image is None:
-        raise SourceError(f"{name} is damaged or no image that OpenCV can decode")
+        raise SourceError(f"{name} is damaged or not an image that OpenCV can decode")
     return np.asarray(image, dtype=np.uint8)
 
 
@@ -126,15 +126,15 @@ def _png_damage(content: bytes) -> str | None:
         if checked.startswith(b"IEND"):
             return None
         position = end
-    return "is cut off: the PNG has no end"
+    return "is truncated: the PNG has no end marker"
 
 
 def _jpeg_damage(content: bytes) -> str | None:
-    cut_off = "is cut off: the JPEG has no end"
+    cut_off = "is truncated: the JPEG has no end marker"
     position = 2
     while position + 4 <= len(content):
         if content[position] != 0xFF:
-            return "is damaged: a JPEG segment does not begin where it should"
+            return "is damaged: a JPEG segment does not start where it should"
         marker = content[position + 1]
         if marker == 0xFF or marker in _JPEG_BARE:
             position += 1 if marker == 0xFF else 2
@@ -160,7 +160,7 @@ def _netpbm_damage(content: bytes) -> str | None:
 def _cut_off(declared: int, actual: int) -> str | None:
     if actual >= declared:
         return None
-    return f"is cut off: it should have {declared} bytes and has {actual}"
+    return f"is truncated: it should have {declared} bytes and has {actual}"
 
 
 def _named(path: Path) -> str:

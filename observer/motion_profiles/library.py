@@ -37,7 +37,7 @@ def library_text(name: str) -> str:
         InputError: there is none of this name; the sentence lists the existing ones.
     """
     if name not in (names := profile_names()):
-        raise InputError(f"there is no programme {name[:60]!r}; there are {', '.join(names)}")
+        raise InputError(f"there is no programme {name[:60]!r}; available are {', '.join(names)}")
     return _folder().joinpath(f"{name}.yaml").read_text(encoding="utf-8")
 
 

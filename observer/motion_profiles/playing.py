@@ -46,7 +46,7 @@ def duration_s(profile: MotionProfile, repeat: int = 1) -> float:
         InputError: ``repeat`` is not from 1 to ``MAX_REPEAT``.
     """
     if not 1 <= repeat <= MAX_REPEAT:
-        raise InputError(f"a programme is played 1 to {MAX_REPEAT} times, not {repeat}")
+        raise InputError(f"a programme can be repeated 1 to {MAX_REPEAT} times, not {repeat}")
     return _opening_s(profile) + repeat * round_s(profile)
 
 

@@ -46,18 +46,19 @@ class Step:
     def __post_init__(self) -> None:
         values = (self.seconds, self.speed_mps, self.turn_rate_radps)
         if not all(math.isfinite(value) for value in values) or self.seconds <= 0:
-            raise InputError("a step needs finite numbers and a duration above 0 seconds")
+            raise InputError("a step needs finite numbers and a duration greater than 0 seconds")
         if self.seconds > MAX_SECONDS:
-            raise InputError(f"a step lasts at most {MAX_SECONDS:g} seconds, not {self.seconds:g}")
+            raise InputError(
+                f"a step may last at most {MAX_SECONDS:g} seconds, not {self.seconds:g}"
+            )
         if abs(self.speed_mps) > MAX_SPEED_MPS:
             raise InputError(
-                f"a step's speed must lie within +-{MAX_SPEED_MPS} m/s, not {self.speed_mps:g}"
+                f"a step's speed must be within ±{MAX_SPEED_MPS} m/s, not {self.speed_mps:g}"
             )
         if abs(self.turn_rate_radps) > MAX_TURN_RATE_RADPS:
             raise InputError(
-                f"a step's turn rate must lie within "
-                f"+-{math.degrees(MAX_TURN_RATE_RADPS):g} degrees per second, "
-                f"not {math.degrees(self.turn_rate_radps):g}"
+                f"a step's turn rate must be within ±{math.degrees(MAX_TURN_RATE_RADPS):g} degrees "
+                f"per second, not {math.degrees(self.turn_rate_radps):g}"
             )
 
 
@@ -84,8 +85,8 @@ class MotionProfile:
     def __post_init__(self) -> None:
         if _NAME.fullmatch(self.name) is None:
             raise InputError(
-                f"{self.name[:40]!r} cannot be a programme's name; take up to 64 letters, "
-                f"digits, - and _"
+                f"{self.name[:40]!r} is not a valid programme name; use up to 64 letters, digits, "
+                "- and _"
             )
         for key, text, most in (("title", self.title, _MAX_TITLE), ("help", self.help, _MAX_HELP)):
             if len(text) > most or not text.isprintable() or text != text.strip():
@@ -94,17 +95,17 @@ class MotionProfile:
                     f"printable characters"
                 )
         if not any(self.steps.values()):
-            raise InputError(f"the programme {self.name} moves no robot; give steps for a role")
+            raise InputError(f"the programme {self.name} moves no robot; add steps for a role")
         for role, steps in self.steps.items():
             if role not in ROLES:
                 raise InputError(
-                    f"the programme {self.name}: {str(role)[:40]!r} is no role; "
-                    f"the roles are {' and '.join(ROLES)}"
+                    f"the programme {self.name}: {str(role)[:40]!r} is not a role; the roles are "
+                    f"{' and '.join(ROLES)}"
                 )
             if len(steps) > MAX_STEPS or sum(step.seconds for step in steps) > MAX_SECONDS:
                 raise InputError(
                     f"the programme {self.name}: the {role} may have at most {MAX_STEPS} steps "
-                    f"of {MAX_SECONDS:g} seconds together; let it be repeated instead"
+                    f"lasting {MAX_SECONDS:g} seconds in total; repeat the programme instead"
                 )
 
     @property

@@ -54,7 +54,7 @@ class _Step(FileModel):
 
 def _step(read: _Step) -> Step:
     if read.seconds is None:
-        raise ValueError("has no seconds; say how long it lasts")
+        raise ValueError("has no seconds; specify its duration")
     try:
         return Step(read.seconds, read.speed_mps, math.radians(read.turn_rate_deg), read.ramp)
     except InputError as error:
@@ -66,7 +66,7 @@ def _listed(value: PlainData) -> PlainData:
     if value in ("", "null", "~"):
         return []
     if not isinstance(value, list):
-        raise ValueError("must be a list of steps, each beginning with -")
+        raise ValueError("must be a list of steps, each starting with -")
     return value
 
 
@@ -122,13 +122,13 @@ def profile_from_text(text: str, name: str | None = None) -> MotionProfile:
     label = "the programme" if name is None else f"the programme {name[:60]}"
     size = len(text.encode("utf-8", "replace"))
     if size > MAX_BYTES:
-        raise InputError(f"{label} has {size} bytes; at most {MAX_BYTES} are taken")
+        raise InputError(f"{label} has {size} bytes; at most {MAX_BYTES} are allowed")
     form = "YAML with name, title, help and steps"
     data = parse_text(text, name=label, what="a programme", form=form)
     read = validated(_Profile, data, label, _place)
     given = read.name or name
     if given is None:
-        raise InputError(f"{label} has no name; give one, such as name: to_and_fro")
+        raise InputError(f"{label} has no name; add one, for example name: to_and_fro")
     return MotionProfile(
         name=given,
         title=read.title,

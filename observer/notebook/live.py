@@ -79,9 +79,7 @@ class ObservedSource:
         source = opened.source
         used = calibration or source.calibration
         if used is None:
-            raise CalibrationError(
-                f"{source.info.spec} brings no calibration; give calibration=FILE"
-            )
+            raise CalibrationError(f"{source.info.spec} has no calibration; pass calibration=FILE")
         self.calibration = used
         self.skipped: list[SkippedFrame] = []
         self._revision = 0

@@ -226,7 +226,7 @@ class LoadedRun:
             SourceError: they were not recorded.
         """
         if not 0 <= position < len(self):
-            raise SourceError(f"there is no frame {position}; there are 0 to {len(self) - 1}")
+            raise SourceError(f"there is no frame {position}; frames are 0 to {len(self) - 1}")
         return self.recording.pair(position)
 
     def picture(self, position: int) -> Image:
@@ -242,7 +242,7 @@ class LoadedRun:
             None,
         )
         if line is None:
-            raise SourceError(f"what was found in frame {at.index} was not recorded")
+            raise SourceError(f"the observation of frame {at.index} was not recorded")
         rectified, _ = Rectification(self.recording.calibration()).apply(left, right)
         return np.ascontiguousarray(draw_overlay(rectified, line)[:, :, ::-1])
 

@@ -111,11 +111,11 @@ def find_contents(file: BinaryIO, name: str) -> Contents:
     """
     file.seek(0)
     if file.read(len(MAGIC)) != MAGIC:
-        raise SourceError(f"{name} is no MCAP file; give a recording.mcap of a run")
+        raise SourceError(f"{name} is not an MCAP file; give the recording.mcap of a run")
     try:
         return _by_index(file) or _by_scanning(file)
     except (struct.error, ValueError, EOFError, McapError) as error:
-        raise SourceError(f"{name} is damaged: {error}; give an undamaged recording") from None
+        raise SourceError(f"{name} is damaged: {error}; give an intact recording") from None
 
 
 def chunk_records(file: BinaryIO, chunk: ChunkPlace, name: str) -> bytes:
@@ -127,7 +127,7 @@ def chunk_records(file: BinaryIO, chunk: ChunkPlace, name: str) -> bytes:
     records = _unpacked(file, chunk)
     if records is None:
         raise SourceError(
-            f"{name} is damaged at byte {chunk.offset}: what was recorded there is lost"
+            f"{name} is damaged at byte {chunk.offset}: the data recorded there is lost"
         )
     return records
 

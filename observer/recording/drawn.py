@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from observer.intervals import half_95
 from observer.recording.payloads import MatchedBody
 
 Rgba = tuple[float, float, float, float]
@@ -67,7 +68,7 @@ def drawn_obstacles(line: Mapping[str, Any]) -> list[DrawnBody]:
         if entry["position"] is None or entry["orientation_wxyz"] is None:
             continue
         std = entry["speed_std"]
-        sure = "" if std is None else f" ± {std:.2f}"
+        sure = "" if std is None else f" ± {half_95(std):.2f}"
         found.append(
             DrawnBody(
                 kind="obstacle",

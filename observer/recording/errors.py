@@ -30,9 +30,9 @@ class RecordingError(DynamicObserverError):
         """
         full = error.errno in _FULL
         why = "the disk is full" if full else f"it cannot be written: {error.strerror or error}"
-        help_ = "make room and begin a new one" if full else "begin a new one elsewhere"
+        help_ = "free some space and start a new one" if full else "start a new one elsewhere"
         return RecordingError(
-            f"the recording {name} ended because {why}; what was written until then can be "
-            f"read, {help_}",
+            f"the recording {name} ended because {why}; everything written until then can be "
+            f"read; {help_}",
             full=full,
         )

@@ -39,7 +39,7 @@ def raw_pixels(message: memoryview) -> Image:
         or not isinstance(data, memoryview)
         or len(data) != height * width * channels
     ):
-        raise SourceError("an image of the recording is neither grey nor BGR, or it is damaged")
+        raise SourceError("an image of the recording is damaged or neither grey nor BGR")
     pixels = np.frombuffer(data, np.uint8)
     return pixels.reshape((height, width) if channels == 1 else (height, width, 3))
 
@@ -93,11 +93,11 @@ def message_fields(message: memoryview) -> dict[int, int | memoryview]:
                 raise SourceError("a message of the recording is damaged")
             part = message[at : at + size]
             if len(part) != size:
-                raise SourceError("a message of the recording is cut off")
+                raise SourceError("a message of the recording is truncated")
             at += size
             found[number] = part if wire == _BYTES else int.from_bytes(part, "little")
     except IndexError:
-        raise SourceError("a message of the recording is cut off") from None
+        raise SourceError("a message of the recording is truncated") from None
     return found
 
 

@@ -81,8 +81,8 @@ class RunFacts(msgspec.Struct, frozen=True, kw_only=True):
             return CameraMount(**known)
         except (TypeError, ValueError):
             raise SourceError(
-                "the recording is damaged: its camera's mount is not as this program writes it; "
-                "give an undamaged recording"
+                "the recording is damaged: the camera mount has an unexpected format; give an "
+                "intact recording"
             ) from None
 
 

@@ -184,7 +184,7 @@ class Recording:
             return None
         bodies = rising_samples(samples)
         dropped = len(samples) - sum(map(len, bodies.values()))
-        notes = [f"{dropped} samples with a stamp that did not rise were left out"]
+        notes = [f"{dropped} samples with a non-increasing timestamp were skipped"]
         trajectories = {name: _trajectory(name, kept) for name, kept in bodies.items()}
         return Capture("recorded live", None, trajectories, tuple(notes if dropped else ()))
 
@@ -214,8 +214,8 @@ class Recording:
         number = self.frames[position].image
         if number is None:
             raise SourceError(
-                f"{self.path.name} was recorded without images; choose jpeg or lossless to be "
-                f"able to play a recording"
+                f"{self.path.name} was recorded without images; choose jpeg or lossless images for "
+                "recordings that can be played"
             )
         left, right = (self._image(side, number) for side in _SIDES)
         return left, right
@@ -239,7 +239,7 @@ class Recording:
         places = self._image_places[side]
         k = number - self._first_image
         if not 0 <= k < len(places):
-            raise SourceError(f"{self.path.name} has lost the images of this frame")
+            raise SourceError(f"{self.path.name} has no images for this frame")
         chunk, offset = places[k]
         message = self._message_at(chunk, offset)
         if message.sequence != number:
@@ -305,8 +305,8 @@ class Recording:
 
     def _unlike_ours(self, topic: str) -> SourceError:
         return SourceError(
-            f"{self.path.name} is damaged: a message of {topic} is not as this program writes it; "
-            f"give an undamaged recording"
+            f"{self.path.name} is damaged: a message of {topic} has an unexpected format; give an "
+            "intact recording"
         )
 
     def _first_facts(self) -> RunFacts:
@@ -316,8 +316,8 @@ class Recording:
             facts = None
         if facts is None:
             raise SourceError(
-                f"{self.path.name} is no recording of a run, or it was cut off before its first "
-                f"second; give a recording.mcap that this program wrote"
+                f"{self.path.name} is not a recording of a run, or it ends within its first "
+                "second; give a recording.mcap written by this program"
             )
         return facts
 

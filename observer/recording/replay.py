@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from observer.mount import CameraMount
 from observer.observer import Observer
 from observer.parameters import Parameters
 from observer.recording.reader import Recording
@@ -37,7 +38,11 @@ def replay_revisions(
 
 
 def replay(
-    source: RecordingSource, revisions: Revisions, trace: Trace = _NO_TRACE
+    source: RecordingSource,
+    revisions: Revisions,
+    trace: Trace = _NO_TRACE,
+    *,
+    mount: CameraMount | None = None,
 ) -> Iterator[Observation]:
     """Observe a recording from its first frame on.
 
@@ -47,8 +52,9 @@ def replay(
     Args:
         revisions: as of ``replay_revisions``; the newest one before a frame acts on it.
         trace: as of ``Observer.observe``.
+        mount: of the camera, for a run that was observed without knowing it.
     """
-    mount = source.recording.facts.camera_mount()
+    mount = source.recording.facts.camera_mount() or mount
     newest = revisions[0]
     observer: Observer | None = None
     source.rewind()

@@ -27,7 +27,9 @@ def find_recording(run: Path | str, data: Path | None = None) -> Path:
     if (path / RECORDING).is_file():
         return path / RECORDING
     if path.exists():
-        raise SourceError(f"{run} holds no {RECORDING}; give a run's folder or a recording's file")
+        raise SourceError(
+            f"{run} contains no {RECORDING}; give the folder of a run or a recording file"
+        )
     name = str(run)
     if data is None or path.suffix or path.name != name:
         raise SourceError(
@@ -37,12 +39,12 @@ def find_recording(run: Path | str, data: Path | None = None) -> Path:
     found = [runs / name] if (runs / name).is_dir() else sorted(runs.glob(f"{escape(name)}*"))
     if len(found) > 1:
         names = ", ".join(each.name for each in found[:5])
-        raise SourceError(f"{name} is the beginning of several runs ({names}); give more of the id")
+        raise SourceError(f"{name} matches several runs ({names}); give more of the id")
     if not found:
         raise SourceError(
-            f"there is no run {name} in {data}; give its id, its folder or a recording's file"
+            f"there is no run {name} in {data}; give its id, its folder or a recording file"
         )
     recording = found[0] / RECORDING
     if not recording.is_file():
-        raise SourceError(f"the run {found[0].name} was not recorded, so there is nothing to read")
+        raise SourceError(f"the run {found[0].name} has no recording to read")
     return recording

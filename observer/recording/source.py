@@ -48,11 +48,11 @@ class RecordingSource:
     def _check(self) -> None:
         frames, name = self.recording.frames, self.recording.path.name
         if not frames:
-            raise SourceError(f"{name} holds no frame; give the recording of a run that went on")
+            raise SourceError(f"{name} contains no frames; give the recording of a longer run")
         if not self.recording.images_held:
             raise SourceError(
-                f"{name} was recorded without images, so it cannot be played; its observations "
-                f"can be read, and a run with images kept as jpeg or lossless can be played"
+                f"{name} was recorded without images, so it cannot be played (its observations can "
+                "be read); record with jpeg or lossless images instead"
             )
 
     @property
@@ -83,7 +83,7 @@ class RecordingSource:
         count = len(self.recording.frames)
         if not 0 <= position <= count:
             raise SourceError(
-                f"there is no frame {position} in {self.info.spec}; it has 0 to {count - 1}"
+                f"there is no frame {position} in {self.info.spec}; frames are 0 to {count - 1}"
             )
         self.position = position
 
@@ -99,6 +99,6 @@ def _info(facts: RunFacts, spec: str, frame_count: int) -> SourceInfo:
     try:
         recorded = msgspec.convert(facts.info, SourceInfo, strict=False)
     except msgspec.ValidationError as error:
-        raise SourceError(f"{spec} is damaged: what it says of its source is {error}") from None
+        raise SourceError(f"{spec} is damaged: its source description is {error}") from None
     # Whatever it was, it comes from a file now.
     return replace(recorded, spec=spec, kind=KIND, frame_count=frame_count, live=False, devices=())

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from observer.geometry import Float64Array, rotation_matrix
+from observer.intervals import half_95
 from observer.mount import CameraMount
 from observer.rig.drive_stretches import DriveSample, Stretch, WheelPaths, drive_stretches
 from observer.rig.estimates import Estimated, Refused
@@ -49,7 +50,7 @@ _STRAIGHT = math.radians(3)
 # Of what wheels report; beyond, its unit or sign is another one.
 _POSSIBLE_SCALE, _POSSIBLE_TURN = (0.5, 2.0), (0.7, 1.4)
 
-TURN_ON_THE_SPOT = "turn by 60 degrees on the spot, to both sides where there is room"
+TURN_ON_THE_SPOT = "turn on the spot by 60 degrees, to both sides if there is room"
 DRIVE_STRAIGHT = "drive 1 m straight"
 
 
@@ -100,7 +101,7 @@ def estimate_drive(
     turned = sum(stretch.seen_rad for stretch in stretches)
     if len(stretches) < _FEWEST_STRETCHES:
         return Refused(
-            f"the robot has hardly moved (by {way:.2f} m and {math.degrees(turned):.0f} degrees): "
+            f"the robot has hardly moved ({way:.2f} m and {math.degrees(turned):.0f} degrees): "
             f"{TURN_ON_THE_SPOT}, then {DRIVE_STRAIGHT}"
         )
     straight = [stretch for stretch in stretches if stretch.seen_rad < _STRAIGHT]
@@ -111,9 +112,9 @@ def estimate_drive(
     turn_scale = _turn_scale(stretches, values) if turned_enough else None
     if turn_scale and not _POSSIBLE_TURN[0] <= turn_scale.value <= _POSSIBLE_TURN[1]:
         return Refused(
-            f"the camera turned by {turn_scale.value:.2f} degrees for each degree that the wheels "
-            f"report, but by about 1 would be right; see that the odometry's yaw is in radians "
-            f"and positive to the left"
+            f"the camera turned {turn_scale.value:.2f} degrees for each degree reported by the "
+            "wheels, where about 1 is expected; check that the odometry's yaw is in radians and "
+            "positive to the left"
         )
     went_straight = sum(stretch.driven_m for stretch in straight) >= _LEAST_WAY_M
     # Where ahead is, and with it the offset's direction, only a straight way shows.
@@ -244,8 +245,8 @@ def _impossible_way(straight: Sequence[Stretch]) -> str | None:
     if told < _LEAST_WAY_M or low <= seen / told <= high:
         return None
     return (
-        f"the camera saw {seen:.2f} m of a straight way that the wheels report as {told:.2f} m; "
-        f"see that the odometry is in metres, and that the calibration's baseline is right"
+        f"the camera measured {seen:.2f} m of straight driving where the wheels report {told:.2f} "
+        "m; check that the odometry is in metres and that the calibration's baseline is right"
     )
 
 
@@ -259,16 +260,20 @@ def _sentence(
     told = []
     if forward is not None and left is not None:
         told.append(
-            f"the left camera is {100 * forward.value:.1f} +- {100 * forward.sigma:.1f} cm ahead "
-            f"and {100 * left.value:.1f} +- {100 * left.sigma:.1f} cm to the left of the axle"
+            f"the left camera is {100 * forward.value:.1f} ± {100 * half_95(forward.sigma):.1f} cm "
+            f"ahead of the axle's centre and {100 * left.value:.1f} ± "
+            f"{100 * half_95(left.sigma):.1f} cm to its left"
         )
     if pan is not None:
         told.append(
-            f"the left camera looks {pan.degrees.value:.1f} +- {pan.degrees.sigma:.1f} degrees to "
-            f"the left of where the robot drives"
+            f"it is panned {pan.degrees.value:.1f} ± {half_95(pan.degrees.sigma):.1f} degrees to "
+            "the left of the direction of travel"
         )
     if scale is not None:
-        told.append(f"it sees {scale.value:.3f} +- {scale.sigma:.3f} m for each m of the wheels")
+        told.append(
+            f"it measures {scale.value:.3f} ± {half_95(scale.sigma):.3f} m for each metre "
+            "reported by the wheels"
+        )
     if needed:
         told.append(f"still needed: {', then '.join(needed)}")
     return "; ".join(told)

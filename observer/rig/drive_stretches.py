@@ -106,13 +106,13 @@ def drive_stretches(samples: Sequence[DriveSample]) -> list[Stretch] | Refused:
     """
     if not any(sample.odometry is not None for sample in samples):
         return Refused(
-            "the robot's wheels report nothing, so the camera's place on it cannot be told from a "
-            "drive; type it in, or use a source with odometry"
+            "the robot reports no wheel odometry, so the camera's position on it cannot be "
+            "estimated from a drive; enter it by hand, or use a source with odometry"
         )
     if not any(sample.T_world_camera is not None for sample in samples):
         return Refused(
-            "the camera's own motion is unknown in every frame; see that it sees something with "
-            "texture, and is calibrated"
+            "the ego-motion is unknown in every frame; check that the camera sees a textured scene "
+            "and is calibrated"
         )
     return [stretch for run in _unbroken(samples) for stretch in _cut(run)]
 

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from observer.calibration.uncertainty import numeric_jacobian
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
+from observer.intervals import half_95
 from observer.mount import CameraMount
 from observer.rig.estimates import Estimated, Refused
 from observer.rig.ground_planes import DisparityPoints, LevelPlane, level_planes, stand_of
@@ -86,7 +87,7 @@ def estimate_ground(views: Sequence[ArrayLike], camera: StereoCamera) -> GroundE
         else:
             found.append(one)
     if not found and not refused:
-        return Refused("no view of the floor was given; at least one stereo cloud is needed")
+        return Refused("no view of the floor was given; at least one stereo point cloud is needed")
     if len(found) < _LEAST_SHARE_OF_VIEWS * len(views):
         return Refused(max(refused, key=refused.count))
     return _combined(found, len(refused), camera)
@@ -116,22 +117,23 @@ def _ground_of_view(
 ) -> _GroundView | Refused:
     if len(points) < _FEWEST_POINTS:
         return Refused(
-            f"only {len(points)} points have a depth, and {_FEWEST_POINTS} are needed; see that "
-            f"both cameras are uncovered, in focus and calibrated"
+            f"only {len(points)} points have a depth, and {_FEWEST_POINTS} are needed; check that "
+            "both cameras are uncovered, in focus and calibrated"
         )
     planes = level_planes(points, camera.fx * camera.baseline, _SIGMA_PX, number)
     if not planes:
         return Refused(
-            "no level plane is seen below the camera; turn the robot towards open floor, and "
-            "check that the camera looks ahead and stands upright"
+            "no level plane is visible below the camera; turn the robot towards open floor, and "
+            "check that the camera looks ahead and is mounted upright"
         )
     floor = _lowest(planes)
     if isinstance(floor, Refused):
         return floor
     if floor.support < _FEWEST_POINTS:
         return Refused(
-            f"the floor shows only {floor.support} points, and {_FEWEST_POINTS} are needed; turn "
-            f"the robot towards more of it, or put newspapers on a floor without texture"
+            f"only {floor.support} points are visible on the floor, and {_FEWEST_POINTS} are "
+            "needed; turn the robot towards more open floor, or lay newspapers on a floor without "
+            "texture"
         )
     covariance = _covariance(points.chosen(floor.members), floor)
     return _GroundView(floor.coefficients, covariance, floor.support / len(points))
@@ -145,8 +147,9 @@ def _lowest(planes: list[LevelPlane]) -> LevelPlane | Refused:
     nothing_beneath = [plane for plane in planes if plane.beneath <= _MOST_BENEATH]
     if not nothing_beneath:
         return Refused(
-            f"a level plane lies {planes[0].words}, but {100 * planes[0].beneath:.0f} % of what is "
-            f"seen there lies beneath it, so it is not the floor; turn the robot towards open floor"
+            f"a level plane was found {planes[0].words}, but {100 * planes[0].beneath:.0f} % of "
+            "the points there lie beneath it, so it is not the floor; turn the robot towards open "
+            "floor"
         )
     floor = nothing_beneath[0]
     for lower in nothing_beneath[1:]:
@@ -162,7 +165,7 @@ def _lowest(planes: list[LevelPlane]) -> LevelPlane | Refused:
         ):
             return Refused(
                 f"two planes could be the floor: one {floor.words}, one {rival.words}; turn the "
-                f"robot to where the floor is open and flat"
+                "robot towards open, flat floor"
             )
     return floor
 
@@ -212,10 +215,10 @@ def _combined(
     useless_m = max(_USELESS_HEIGHT_M, _USELESS_HEIGHT * middle[0])
     if sigma[0] > useless_m or sigma[1] > _USELESS_ANGLE or sigma[2] > _USELESS_ANGLE:
         return Refused(
-            f"too little of the floor is seen, or the views differ: height {middle[0]:.2f} +- "
-            f"{sigma[0]:.2f} m, tilt {math.degrees(middle[1]):.1f} +- "
-            f"{math.degrees(sigma[1]):.1f} degrees; turn the robot towards more open floor and "
-            f"let it stand still"
+            f"too little of the floor is visible, or the views disagree: height {middle[0]:.2f} ± "
+            f"{half_95(sigma[0]):.2f} m, tilt {math.degrees(middle[1]):.1f} ± "
+            f"{math.degrees(half_95(sigma[1])):.1f} degrees (95 % intervals); turn the robot "
+            "towards more open floor and keep it still"
         )
     height, tilt, roll = (Estimated(float(v), float(s)) for v, s in zip(middle, sigma, strict=True))
     share = float(np.median([view.share for view in found]))
@@ -226,8 +229,8 @@ def _combined(
 
 def _sentence(height: Estimated, tilt: Estimated, roll: Estimated, share: float) -> str:
     return (
-        f"the left camera is {100 * height.value:.1f} +- {100 * height.sigma:.1f} cm above the "
-        f"floor, looks down by {tilt.degrees.value:.1f} +- {tilt.degrees.sigma:.1f} degrees and "
-        f"is rolled by {roll.degrees.value:.1f} +- {roll.degrees.sigma:.1f} degrees; "
-        f"{100 * share:.0f} % of what it sees is floor"
+        f"the left camera is {100 * height.value:.1f} ± {100 * half_95(height.sigma):.1f} cm above "
+        f"the floor, tilted down by {tilt.degrees.value:.1f} ± {half_95(tilt.degrees.sigma):.1f} "
+        f"degrees and rolled by {roll.degrees.value:.1f} ± {half_95(roll.degrees.sigma):.1f} "
+        f"degrees (95 % intervals); {100 * share:.0f} % of the image is floor"
     )

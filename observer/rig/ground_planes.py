@@ -104,7 +104,7 @@ class LevelPlane:
     @property
     def words(self) -> str:
         height, tilt, _ = self.stand
-        return f"{height:.2f} m below the camera (tilted by {np.degrees(tilt):.0f} degrees)"
+        return f"{height:.2f} m below the camera (tilted {np.degrees(tilt):.0f} degrees)"
 
 
 def stand_of(coefficients: Float64Array, fb: float) -> Float64Array:

@@ -59,7 +59,7 @@ class RigValue:
             raise InputError(f"a value of the rig must be a finite number, not {self.value}")
         if self.sigma is not None and not (math.isfinite(self.sigma) and self.sigma > 0):
             raise InputError(
-                f"an estimate's standard deviation (sigma) must be positive, not {self.sigma}"
+                f"the standard deviation of an estimate must be positive, not {self.sigma}"
             )
 
     @property
@@ -94,7 +94,7 @@ class RigMount:
             if not low <= known.value <= high:
                 unit = "metres" if key.endswith("_m") else "degrees"
                 raise InputError(
-                    f"{key} must lie between {low:g} and {high:g} {unit}, not {known.value:g}"
+                    f"{key} must be between {low:g} and {high:g} {unit}, not {known.value:g}"
                 )
 
     def values(self) -> dict[str, RigValue]:
@@ -142,13 +142,13 @@ class Rig:
         for name, T_body_base in self.T_body_base.items():
             if not _BODY_NAME.fullmatch(name):
                 raise InputError(
-                    f"T_body_base: a body's name must be up to 64 letters, digits, blanks or "
-                    f". : / ( ) # + - and begin with a letter or digit, not {name[:40]!r}"
+                    "T_body_base: a body's name must be up to 64 letters, digits, spaces or . : / "
+                    f"( ) # + - and start with a letter or digit, not {name[:40]!r}"
                 )
             if abs(T_body_base.translation).max() > _LARGEST_BODY_OFFSET_M:
                 raise InputError(
-                    f"T_body_base.{name} must lie within {_LARGEST_BODY_OFFSET_M:g} metres of the "
-                    f"body; millimetres must be divided by 1000"
+                    f"T_body_base.{name} must be within {_LARGEST_BODY_OFFSET_M:g} metres of the "
+                    "body; divide millimetres by 1000"
                 )
         for role, model in self.models.items():
             _check_role("models", role)
@@ -162,7 +162,7 @@ class Rig:
             if not _PORT.fullmatch(port) or not port.isprintable():
                 raise InputError(
                     f"ports.{role} must be a path or address of up to 200 characters without "
-                    f"quotes or backslashes, as in /dev/ttyUSB0 or socket://192.168.1.20:8101"
+                    "quotes or backslashes, for example /dev/ttyUSB0 or socket://192.168.1.20:8101"
                 )
         if len(set(self.ports.values())) < len(self.ports):
             raise InputError("ports must name two different ports, one for each robot")
@@ -177,7 +177,9 @@ class Rig:
 
 def _check_role(key: str, role: str) -> None:
     if role not in ROLES:
-        raise InputError(f"{key}.{str(role)[:40]} is no role; the roles are {' and '.join(ROLES)}")
+        raise InputError(
+            f"{key}.{str(role)[:40]} is not a role; the roles are {' and '.join(ROLES)}"
+        )
 
 
 def camera_mount(values: Mapping[str, RigValue]) -> CameraMount | None:

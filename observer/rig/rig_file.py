@@ -45,7 +45,7 @@ def _known(data: PlainData) -> PlainData:
     if data in _UNKNOWN:
         return {}
     if not isinstance(data, dict):
-        raise ValueError(f"must hold keys with values, not {shown(data)}")
+        raise ValueError(f"must contain keys with values, not {shown(data)}")
     return {key: value for key, value in data.items() if value not in _UNKNOWN}
 
 
@@ -84,8 +84,8 @@ def _pose(value: PlainData) -> Pose:
 class _Estimate(FileModel):
     noun = "an estimate"
     missing = (
-        "is missing; an estimate is written as {estimated: VALUE, sigma: STANDARD DEVIATION}, "
-        "a typed value as a plain number"
+        "is missing; write an estimate as {estimated: VALUE, sigma: STANDARD DEVIATION}, a typed "
+        "value as a plain number"
     )
 
     estimated: Annotated[float, PlainValidator(_number)]
@@ -115,9 +115,10 @@ class _Keys(FileModel):
         )
         if meant:
             unit = "metres" if meant.endswith("_m") else "degrees"
-            return f"is no key of a rig; it is given in {unit} as {meant}"
+            return f"is not a key of a rig; it is given in {unit} as {meant}"
         return (
-            f"is no key of a rig; there are {', '.join(cls.prefix + k for k in cls.model_fields)}"
+            "is not a key of a rig; the keys are "
+            f"{', '.join(cls.prefix + k for k in cls.model_fields)}"
         )
 
 
@@ -154,7 +155,7 @@ def read_rig(text: str, name: str) -> Rig:
         InputError: one sentence naming the file, the key and what would be right. Unknown keys
             are refused, so a misspelt one is not silently left out.
     """
-    form = "YAML or JSON that holds at least mount: with height_m"
+    form = "YAML or JSON with at least mount: and height_m in it"
     data = parse_text(text, name=name, what="a rig", form=form, most=_MAX_CHARACTERS)
     read = validated(_Rig, data, name)
     try:

@@ -63,7 +63,7 @@ def packet(data: bytes) -> bytes:
         ValueError: it is empty or longer than ``LONGEST_PAYLOAD``.
     """
     if not 1 <= len(data) <= LONGEST_PAYLOAD:
-        raise ValueError(f"a packet carries 1 to {LONGEST_PAYLOAD} bytes, not {len(data)}")
+        raise ValueError(f"a packet must carry 1 to {LONGEST_PAYLOAD} bytes, not {len(data)}")
     return HEADER + bytes([len(data) + 2]) + data + checksum(data).to_bytes(2, "big")
 
 
@@ -78,15 +78,17 @@ def command(number: int, argument: int | bytes | None = None) -> bytes:
         ValueError: the number or the argument does not fit.
     """
     if not 0 <= number <= 255:
-        raise ValueError(f"a command's number is 0 to 255, not {number}")
+        raise ValueError(f"a command number must be 0 to 255, not {number}")
     if argument is None:
         return packet(bytes([number]))
     if isinstance(argument, bytes):
         if len(argument) > 200:
-            raise ValueError(f"a command's text has at most 200 bytes, not {len(argument)}")
+            raise ValueError(
+                f"the text of a command may have at most 200 bytes, not {len(argument)}"
+            )
         return packet(bytes([number, _TEXT, len(argument)]) + argument)
     if not -32768 <= argument <= 65535:
-        raise ValueError(f"a command's number is -32768 to 65535, not {argument}")
+        raise ValueError(f"the argument of a command must be -32768 to 65535, not {argument}")
     kind = _POSITIVE if argument >= 0 else _NEGATIVE
     return packet(struct.pack("<BBH", number, kind, abs(argument)))
 

@@ -58,7 +58,9 @@ def decode_config(payload: bytes) -> ConfigReply:
         ValueError: it is no such reply.
     """
     if not payload or payload[0] != CONFIG_REPLY:
-        raise ValueError(f"a reply to CONFIG begins with 20, not {payload[:1].hex() or 'nothing'}")
+        raise ValueError(
+            f"a reply to CONFIG must start with 20, not {payload[:1].hex() or 'nothing'}"
+        )
     found: dict[str, Any] = {}
     at = 1
     for name, kind in _FIELDS:

@@ -86,11 +86,11 @@ def shake_hands(line: PacketLine) -> Identity:
         step = 0
     if answered:
         raise NoSession(
-            f"the robot at {line.port.name} answers, but comes to no session; switch it off and on"
+            f"the robot at {line.port.name} answers but opens no session; power-cycle it"
         )
     raise NoSession(
-        f"nothing at {line.port.name} answers as a robot; is it switched on, its cable in place, "
-        "and does no other program drive it?"
+        f"no robot answers at {line.port.name}; check that it is switched on, that its cable is "
+        "plugged in and that no other program is driving it"
     )
 
 
@@ -104,7 +104,7 @@ def open_session(line: PacketLine) -> None:
         line.send(command(Command.OPEN), *STANDSTILL, MOTORS_OFF, command(Command.PULSE))
         if line.wait_for(is_status, _FIRST_STATUS_S) is not None:
             return
-    raise NoSession(f"the robot at {line.port.name} opened no session: it tells no status")
+    raise NoSession(f"the robot at {line.port.name} opened no session: it sends no status")
 
 
 def ask_config(line: PacketLine) -> ConfigReply:

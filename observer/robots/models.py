@@ -67,7 +67,7 @@ def robot_spec(model: str) -> RobotSpec:
         InputError: it is not known; the sentence lists those that are.
     """
     if model not in SPECS:
-        raise InputError(f"there is no robot model {model!r}; there are {', '.join(SPECS)}")
+        raise InputError(f"there is no robot model {model!r}; available are {', '.join(SPECS)}")
     return SPECS[model]
 
 

@@ -225,8 +225,8 @@ class Pioneer:
         if spec is None:
             line.send(command(Command.CLOSE))
             raise UnknownRobot(
-                f"the robot at {line.port.name} calls itself {identity.subtype!r}, of which "
-                f"nothing is known; say as which model to drive it: {', '.join(SPECS)}"
+                f"the robot at {line.port.name} identifies itself as {identity.subtype!r}, which "
+                f"is not a known model; choose the model to drive it as: {', '.join(SPECS)}"
             )
         open_session(line)
         self._take_config(ask_config(line))
@@ -261,7 +261,7 @@ class Pioneer:
             if writer.frozen:
                 writer.frozen = False
                 if self._watch.switched_on:
-                    self._watch.blame("this computer did not attend to it for a second or more")
+                    self._watch.blame("this computer was too busy to serve it for a second or more")
                     bad = True
             writer.in_outage(self._watch.in_outage(now, self._watchdog_s))
             if bad:
@@ -272,7 +272,7 @@ class Pioneer:
         if writer.broken is not None:
             raise PortLost(writer.broken)
         if silence > _SILENCE_LOST_S:
-            raise PortLost(f"the robot at {line.port.name} told nothing for {silence:.0f} s")
+            raise PortLost(f"the robot at {line.port.name} sent nothing for {silence:.0f} s")
 
     def _take(self, payload: bytes, writer: SetpointWriter) -> None:
         spec = self._spec
@@ -356,7 +356,9 @@ class Pioneer:
         watch, spec, identity = self._watch, self._spec, self._identity
         warnings = list(watch.warnings(now))
         if spec is not None and identity is not None and identity.subtype != spec.model:
-            warnings.append(f"it calls itself {identity.subtype!r} and is driven as {spec.model}")
+            warnings.append(
+                f"it identifies itself as {identity.subtype!r} but is driven as {spec.model}"
+            )
         counters = dict.fromkeys(_COUNTERS, 0) | self._counters
         if (line := self._line) is not None:
             counters["packets"] += line.parser.packets

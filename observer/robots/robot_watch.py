@@ -121,20 +121,20 @@ class RobotWatch:
             if status.motors_enabled:
                 self._seen_on = True
             elif self._seen_on and now - self._on_since > _SWITCHING_S:
-                self.blame("its motors went off by themselves; look at the robot, then arm it")
+                self.blame("its motors switched off by themselves; check the robot, then arm it")
         return self.fault is not before
 
     def tick(self, now: float) -> bool:
         """Check the time limits, every 0.1 s or more often; return whether that brought a fault."""
         before = self.fault
         if self._connected and now - self._heard >= SILENCE_FAULT_S:
-            self.blame(f"it told no status for {SILENCE_FAULT_S:g} s")
+            self.blame(f"it sent no status for {SILENCE_FAULT_S:g} s")
         if (
             self._on_since is not None
             and not self._seen_on
             and now - self._on_since > _ENABLE_IN_VAIN_S
         ):
-            self.blame("its motors did not go on; look at the robot's own switches")
+            self.blame("its motors did not switch on; check the robot's own switches")
         return self.fault is not before
 
     def silent(self, now: float) -> bool:
@@ -178,7 +178,7 @@ class RobotWatch:
             return
         self.fault = None
         if now - self._heard >= SILENCE_FAULT_S:
-            self.blame(f"it told no status for {now - self._heard:.1f} s")
+            self.blame(f"it sent no status for {now - self._heard:.1f} s")
         if self.status is not None:
             self.blame(_cause(self.status))
 
@@ -196,9 +196,9 @@ class RobotWatch:
                 and not self.switched_on
                 and now - self._off_since > _DISABLE_AGAIN_S
             ):
-                found.append("its motors are on though it is not armed")
+                found.append("its motors are on although it is not armed")
             if status.joystick:
-                found.append("somebody drives it by its own joystick")
+                found.append("somebody is driving it with its own joystick")
             if status.sonar_overrun:
                 found.append("its sonar readings cannot be read")
         return tuple(found)
@@ -216,10 +216,10 @@ def _cause(status: RobotStatus) -> str | None:
     left, right = status.stalled
     if left or right:
         which = "both wheels" if left and right else f"its {'left' if left else 'right'} wheel"
-        return f"{which} stalled: something holds the robot"
+        return f"{which} stalled: something is blocking the robot"
     for end, bumpers in (("front", status.front_bumpers), ("rear", status.rear_bumpers)):
         if any(bumpers):
-            return f"its {end} bumper {bumpers.index(True) + 1} touches something"
+            return f"its {end} bumper {bumpers.index(True) + 1} is pressed"
     if status.stop_pressed:
         return "its own stop button is pressed"
     if status.e_stalled:

@@ -153,7 +153,7 @@ class _PySerialPort:
             ready, _, _ = select.select([self._device.fileno()], [], [], timeout_s)
             return bytes(self._device.read(_LONGEST_READ)) if ready else b""
         except _FAILURES as error:
-            raise PortLost(f"the connection to {self.name} is lost: {_reason(error)}") from error
+            raise PortLost(f"the connection to {self.name} was lost: {_reason(error)}") from error
 
     def write(self, data: bytes) -> None:
         import serial
@@ -161,9 +161,9 @@ class _PySerialPort:
         try:
             self._device.write(data)
         except serial.SerialTimeoutException as error:
-            raise PortLost(f"{self.name} takes no bytes any more") from error
+            raise PortLost(f"{self.name} no longer accepts data") from error
         except _FAILURES as error:
-            raise PortLost(f"the connection to {self.name} is lost: {_reason(error)}") from error
+            raise PortLost(f"the connection to {self.name} was lost: {_reason(error)}") from error
 
     def change_baud(self, baud: int) -> None:
         if not self.serial_line:
@@ -228,11 +228,11 @@ def _reason(error: BaseException) -> str:
 
 def _words(number: int, text: str) -> str:
     if number == errno.EACCES:
-        return "this user may not open it; the group dialout may, as a rule"
+        return "this user has no permission to open it; members of the group dialout usually do"
     if number in (errno.EAGAIN, errno.EWOULDBLOCK):
-        return "another program holds it"
+        return "it is in use by another program"
     if number == errno.ENOTTY:
-        return "it is no serial port"
+        return "it is not a serial port"
     if number == errno.ENOENT:
         return "there is no such device; is it plugged in?"
     return text.split("] ")[-1].lower()

@@ -65,7 +65,7 @@ def port_trouble(file: Path, shown: str, machine: Machine) -> str | None:
     try:
         return permission_advice(file.resolve(), machine.root, machine.user)
     except (OSError, ValueError):
-        return f"{shown} may not be used by you"
+        return f"you have no permission to use {shown}"
 
 
 def _on_usb(root: Path) -> Iterator[Path]:

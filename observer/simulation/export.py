@@ -25,6 +25,7 @@ def export_stereo_folder(
     seed: int,
     output: Path,
     progress: Callable[[int, int], None] | None = None,
+    frames: int | None = None,
 ) -> int:
     """Write every frame of a scenario; equal scenario and seed write equal files.
 
@@ -35,6 +36,7 @@ def export_stereo_folder(
             ``calibration.yaml`` (what the scenario hands out; absent where that is none) and
             ``truth.csv``.
         progress: called after every frame with the number written and the total.
+        frames: ends after so many; None writes all.
 
     Returns:
         The number of frames.
@@ -45,12 +47,17 @@ def export_stereo_folder(
     """
     world = World(load_scenario(scenario_name), seed)
     try:
-        return _export(world, output, progress)
+        return _export(world, output, progress, frames)
     except OSError as error:
         raise InputError(f"{output} cannot be written: {error.strerror or error}") from None
 
 
-def _export(world: World, output: Path, progress: Callable[[int, int], None] | None) -> int:
+def _export(
+    world: World,
+    output: Path,
+    progress: Callable[[int, int], None] | None,
+    frames: int | None,
+) -> int:
     if output.exists() and not output.is_dir():
         raise InputError(f"{output} is a file; name a new or empty folder")
     if output.is_dir() and next(output.iterdir(), None) is not None:
@@ -58,9 +65,11 @@ def _export(world: World, output: Path, progress: Callable[[int, int], None] | N
     for side in ("left", "right"):
         (output / side).mkdir(parents=True, exist_ok=True)
     source, truth = SimulatedSource(world), SimulatedTruth(world)
-    total = world.scenario.frame_count
+    total = (
+        world.scenario.frame_count if frames is None else min(frames, world.scenario.frame_count)
+    )
     samples: list[TruthSample] = []
-    while (frame := source.read()) is not None:
+    while len(samples) < total and (frame := source.read()) is not None:
         name = f"{frame.index:06d}.png"
         _write_png(output / "left" / name, frame.left)
         _write_png(output / "right" / name, frame.right)

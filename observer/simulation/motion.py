@@ -156,8 +156,8 @@ class Ramp:
         reachable = math.sqrt((2 * acceleration * length + start**2 + end**2) / 2)
         if reachable < max(start, end) - 1e-9:
             raise ScenarioError(
-                f"a leg of {length:g} is too short to change its speed from {start:g} to {end:g} "
-                f"at an acceleration of {acceleration:g}; make it longer or slower"
+                f"a leg of {length:g} m is too short to change the speed from {start:g} to {end:g} "
+                f"m/s at {acceleration:g} m/s^2; make it longer or slower"
             )
         slower = cruise < start
         return Ramp(length, start, cruise if slower else min(cruise, reachable), end, acceleration)

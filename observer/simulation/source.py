@@ -11,7 +11,10 @@ from observer.simulation.imaging import StereoImager
 from observer.simulation.odometry import SimulatedOdometry
 from observer.simulation.world import World
 from observer.sources.contract import SourceInfo
-from observer.types import StereoFrame
+from observer.types import Image, StereoFrame
+
+# By then whatever moves has come into view in every built-in scenario.
+_STILL_S = 2.0
 
 
 class DrivenVehicles(Protocol):
@@ -92,6 +95,21 @@ class SimulatedSource:
             right_time=self._imager.right_time(now) if tells_skew else None,
             odometry=self._odometry.read(now),
         )
+
+    def skip(self, count: int) -> None:
+        """Pass over frames without drawing them."""
+        rate = self._world.scenario.frame_rate
+        for index in range(self._next, self._next + count):
+            if self._driven is not None:
+                self._driven.advance(index / rate)
+            self._odometry.read(index / rate)
+        self._next += count
+
+    def still(self) -> Image:
+        """Render the left image (H, W, 3) that stands for the scenario; no frame is taken."""
+        s = self._world.scenario
+        index = min(round(_STILL_S * s.frame_rate), s.frame_count - 1)
+        return self._imager.pair(index, index / s.frame_rate)[0]
 
     def rewind(self) -> None:
         """Begin again with the first frame."""

@@ -91,7 +91,9 @@ def _legs_between(x: float, y: float, heading: float, spec: WaypointsSpec) -> li
     for px, py in points:
         way = math.hypot(px - x, py - y)
         if way < 1e-9:
-            raise ScenarioError(f"the waypoint ({px:g}, {py:g}) is where the vehicle is already")
+            raise ScenarioError(
+                f"the waypoint ({px:g}, {py:g}) equals the vehicle's current position"
+            )
         turn = math.remainder(math.atan2(py - y, px - x) - heading, 2 * math.pi)
         if abs(turn) > 1e-9:
             legs.append(Leg(angle=turn, rate=rate))

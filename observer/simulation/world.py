@@ -103,7 +103,7 @@ class World:
 
     def __init__(self, scenario: Scenario, seed: int = 0) -> None:
         if seed < 0:
-            raise ScenarioError(f"the seed must be a whole number from 0 on, not {seed}")
+            raise ScenarioError(f"the seed must be a whole number of at least 0, not {seed}")
         self.seed = seed
         self.beginnings = 0
         self.scenario = varied(scenario, seed)
@@ -259,7 +259,7 @@ class World:
             ScenarioError: the scenario has none.
         """
         if self.board is None:
-            raise ScenarioError(f"nobody holds a board in the scenario {self.scenario.name}")
+            raise ScenarioError(f"nobody is holding a board in the scenario {self.scenario.name}")
         # A person stands in the room and does not move with the cameras.
         return self.T_room_left(0.0) @ self.board.motion.pose(time)
 
@@ -301,9 +301,9 @@ class World:
                 state = body.motion.state(k / 10)
                 if not (x0 + m <= state.x <= x1 - m and y0 + m <= state.y <= y1 - m):
                     raise ScenarioError(
-                        f"scenario {s.name}: {body.name} leaves the room at {k / 10:.1f} s "
-                        f"(x {state.x:.2f} m, y {state.y:.2f} m); the room reaches from "
-                        f"x {x0:g} to {x1:g} and y {y0:g} to {y1:g}"
+                        f"scenario {s.name}: {body.name} leaves the room at {k / 10:.1f} s (x "
+                        f"{state.x:.2f} m, y {state.y:.2f} m); the room extends from x {x0:g} to "
+                        f"{x1:g} and y {y0:g} to {y1:g}"
                     )
 
 

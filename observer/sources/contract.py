@@ -174,6 +174,15 @@ class SeekableSource(Protocol):
         ...
 
 
+@runtime_checkable
+class SkippingSource(Protocol):
+    """Ability of a source to pass over frames faster than by reading them."""
+
+    def skip(self, count: int) -> None:
+        """Pass over so many frames."""
+        ...
+
+
 class Source(Protocol):
     """A sequence of stereo frames, opened by its constructor.
 

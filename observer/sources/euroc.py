@@ -49,14 +49,14 @@ def read_image_list(path: Path) -> dict[int, str]:
         stamp, _, name = (part.strip() for part in line.partition(","))
         if not (stamp.isascii() and stamp.isdecimal() and len(stamp) < 20) or not name:
             raise SourceError(
-                f"{where} line {number} must be a stamp in nanoseconds and a file name, "
-                f"not {line[:60]!r}"
+                f"{where} line {number} must be a timestamp in nanoseconds and a file name, not "
+                f"{line[:60]!r}"
             )
         # A list of images must not reach outside its own folder.
         if name in (".", "..") or "/" in name or "\\" in name:
             raise SourceError(f"{where} line {number} must name a file in data, not {name[:60]!r}")
         if int(stamp) in names:
-            raise SourceError(f"{where} line {number} repeats the stamp {stamp}")
+            raise SourceError(f"{where} line {number} repeats the timestamp {stamp}")
         names[int(stamp)] = name
     return names
 
@@ -66,15 +66,17 @@ def _entries(left: Path, right: Path) -> list[FilePair | MissingPair]:
     right_names = read_image_list(right / "data.csv")
     if not left_names.keys() & right_names.keys():
         raise SourceError(
-            f"no stamp is in both {left.name}/data.csv and {right.name}/data.csv of "
-            f"{left.parent}; the two images of a pair must have equal stamps"
+            f"no timestamp occurs in both {left.name}/data.csv and {right.name}/data.csv of "
+            f"{left.parent}; the two images of a pair must have the same timestamp"
         )
     stamps = sorted(left_names.keys() | right_names.keys())
     entries: list[FilePair | MissingPair] = []
     for stamp in stamps:
         if stamp not in left_names or stamp not in right_names:
             lacking = right if stamp in left_names else left
-            entries.append(MissingPair(f"the image of stamp {stamp} is missing in {lacking.name}"))
+            entries.append(
+                MissingPair(f"the image with timestamp {stamp} is missing in {lacking.name}")
+            )
             continue
         entries.append(
             FilePair(

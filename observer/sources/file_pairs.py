@@ -54,8 +54,8 @@ class FilePairSource:
             found = "only one stereo pair" if pairs else "no stereo pair"
             why = next((e.reason for e in self._entries if isinstance(e, MissingPair)), "")
             raise SourceError(
-                f"{spec} holds {found}{f' ({why})' if why else ''}; "
-                f"at least two are needed to see motion"
+                f"{spec} contains {found}{f' ({why})' if why else ''}; at least two are needed to "
+                "detect motion"
             )
         width, height = _first_size(pairs, spec)
         self.calibration = calibrate(width, height)
@@ -95,6 +95,10 @@ class FilePairSource:
             right_time=entry.right_time,
         )
 
+    def skip(self, count: int) -> None:
+        """Pass over frames without reading their files."""
+        self._next += count
+
     def rewind(self) -> None:
         self._next = 0
 
@@ -126,7 +130,7 @@ def _first_size(pairs: Sequence[FilePair], spec: str) -> tuple[int, int]:
             f"{pair.left.name} is {left.shape[1]}x{left.shape[0]} pixels on the left and "
             f"{right.shape[1]}x{right.shape[0]} on the right"
         )
-    raise SourceError(f"{spec} holds no pair of images that can be used: {first_problem}")
+    raise SourceError(f"{spec} contains no usable image pair: {first_problem}")
 
 
 def check_size(
@@ -153,14 +157,14 @@ def _without_time_jumps(
     kept = _longest_rise([pair.time for _, pair in pairs])
     if len(kept) < 2 <= len(pairs):
         raise SourceError(
-            f"the times of {spec} do not rise from frame to frame; they must be the exposures "
-            f"in seconds, in the order of the images"
+            f"the times of {spec} do not increase from frame to frame; they must be the exposure "
+            "times in seconds, in the order of the images"
         )
     for position, (k, pair) in enumerate(pairs):
         if position not in kept:
             result[k] = MissingPair(
-                f"{pair.left.name} has the time {pair.time:g} s, which does not lie between "
-                f"those of the frames around it"
+                f"{pair.left.name} has the time {pair.time:g} s, which is not between those of the "
+                "neighbouring frames"
             )
     return result
 

@@ -36,7 +36,7 @@ def open_folder(path: Path) -> FilePairSource:
         if any((path / sign).exists() for sign in signs):
             return open_layout(path)
     raise SourceError(
-        f"{path} holds no stereo images in a known layout; it needs left/ and right/ with "
-        f"times.txt (stereo folder), image_0/ and image_1/ (KITTI odometry), image_00/data/ and "
-        f"image_01/data/ (KITTI raw), or mav0/cam0/ and mav0/cam1/ (EuRoC)"
+        f"{path} contains no stereo images in a known layout; it needs left/ and right/ with "
+        "times.txt (stereo folder), image_0/ and image_1/ (KITTI odometry), image_00/data/ and "
+        "image_01/data/ (KITTI raw), or mav0/cam0/ and mav0/cam1/ (EuRoC)"
     )

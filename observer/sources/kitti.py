@@ -156,6 +156,6 @@ def _left_camera(folder: Path, name: str, layout: str) -> int:
         if all((folder / each).is_dir() for each in names[left : left + 2]):
             return left
     raise SourceError(
-        f"{folder} has images of one camera only; {layout} needs {names[0]} and {names[1]}, "
+        f"{folder} contains images of only one camera; {layout} needs {names[0]} and {names[1]}, "
         f"or {names[2]} and {names[3]}"
     )

@@ -35,8 +35,8 @@ def open_video(spec: str) -> VideoSource:
     paths = [Path(spec)] if Path(spec).is_file() else [Path(p.strip()) for p in spec.split(",")]
     if len(paths) > 2:
         raise SourceError(
-            f"video: takes two files with a comma between them or one side-by-side file, "
-            f"not {len(paths)}"
+            "video: takes two files separated by a comma or one side-by-side file, not "
+            f"{len(paths)}"
         )
     return VideoSource(paths, spec=f"video:{spec}")
 
@@ -68,8 +68,8 @@ class VideoSource:
             _check_belongs(paths[0], first, path, probe)
         if len(paths) == 1 and first.width % 2:
             raise SourceError(
-                f"{paths[0].name} is {first.width} pixels wide; a side-by-side video needs an "
-                f"even width (two videos are given as LEFT,RIGHT)"
+                f"{paths[0].name} is {first.width} pixels wide; a side-by-side video needs an even "
+                "width (give two videos as LEFT,RIGHT)"
             )
         self._stamped = all(probe.stamped for probe in probes)
         self._rate = first.rate
@@ -99,7 +99,7 @@ class VideoSource:
         if any(image is None for image in images):
             ended = self._paths[0 if images[0] is None else 1]
             return SkippedFrame(
-                index, f"{ended.name} ended before frame {index}, which only the other video has"
+                index, f"{ended.name} ends before frame {index}; the other video is longer"
             )
         present = [image for image in images if image is not None]
         left, right = present if len(present) == 2 else _halves(present[0])
@@ -107,8 +107,8 @@ class VideoSource:
             if image.shape[:2] != (self.info.height, self.info.width):
                 return SkippedFrame(
                     index,
-                    f"frame {index} is {image.shape[1]}x{image.shape[0]} pixels on the {side} "
-                    f"where the video began with {self.info.width}x{self.info.height}",
+                    f"frame {index} is {image.shape[1]}x{image.shape[0]} pixels on the {side}, "
+                    f"but the video started with {self.info.width}x{self.info.height}",
                 )
         now = self._time(index)
         if now <= self._last_time:
@@ -146,8 +146,8 @@ class VideoSource:
         names = " and ".join(path.name for path in self._paths)
         return SkippedFrame(
             index,
-            f"{names} announced {announced} frames but ended after {index}: "
-            f"the rest is missing or damaged",
+            f"{names} should have {announced} frames but ends after {index}: the rest is missing "
+            "or damaged",
         )
 
 
@@ -176,7 +176,7 @@ def _probe(path: Path) -> _Probe:
         capture.release()
     if image is None or len(stamps) < 2:
         raise SourceError(
-            f"{path} holds fewer than two frames that can be decoded; it is cut off or no video"
+            f"fewer than two frames of {path} can be decoded; it is truncated or not a video"
         )
     rate_known = math.isfinite(rate) and 0 < rate <= 1000
     steps = np.diff(stamps)
@@ -187,8 +187,8 @@ def _probe(path: Path) -> _Probe:
     if not rate_known:
         if not stamped:
             raise SourceError(
-                f"{path.name} tells neither its frame rate nor the time of its frames; "
-                f"convert it to a container that does, such as MP4 or Matroska"
+                f"{path.name} contains neither a frame rate nor frame times; convert it to a "
+                "container that does, such as MP4 or Matroska"
             )
         rate = 1 / float(np.median(steps))
     return _Probe(
@@ -204,12 +204,12 @@ def _check_belongs(left_path: Path, left: _Probe, right_path: Path, right: _Prob
     if (left.width, left.height) != (right.width, right.height):
         raise SourceError(
             f"{left_path.name} is {left.width}x{left.height} pixels and {right_path.name} "
-            f"{right.width}x{right.height}; the two images of a pair must be of one size"
+            f"{right.width}x{right.height}; both videos must have the same image size"
         )
     if abs(left.rate - right.rate) > 0.01 * left.rate:
         raise SourceError(
-            f"{left_path.name} has {left.rate:g} frames a second and {right_path.name} "
-            f"{right.rate:g}; the two must have been taken at one rate"
+            f"{left_path.name} has {left.rate:g} fps and {right_path.name} {right.rate:g} fps; "
+            "both must have the same frame rate"
         )
 
 
@@ -220,7 +220,7 @@ def _open(path: Path) -> cv2.VideoCapture:
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     if not capture.isOpened():
         capture.release()
-        raise SourceError(f"{path} is cut off or no video that FFmpeg can read")
+        raise SourceError(f"{path} is truncated or not a video that FFmpeg can read")
     return capture
 
 

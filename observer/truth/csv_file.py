@@ -214,7 +214,7 @@ def _read_samples(lines: Iterable[str], name: str) -> tuple[TruthSample, ...]:
         if camera is not None:
             cameras.setdefault(frame, camera)
     if not times:
-        raise TruthError(f"{name}: the file holds no rows below its header")
+        raise TruthError(f"{name}: the file contains no rows below its header")
     frames = sorted(times)
     for before, after in pairwise(frames):
         if times[after] <= times[before]:
@@ -252,8 +252,8 @@ def _rows(lines: Iterable[str], name: str) -> Iterator[_Row]:
             where = f"{name} line {reader.line_num}"
             if None in cells or None in cells.values():
                 raise TruthError(
-                    f"{where}: the row must have {len(reader.fieldnames or ())} cells, "
-                    f"one for each column"
+                    f"{where}: the row must have {len(reader.fieldnames or ())} cells, one per "
+                    "column"
                 )
             yield _Row(cells, where)
     except csv.Error as error:
@@ -275,7 +275,7 @@ class _Row:
             return None
         visible = self._optional("visible")
         if visible is not None and not 0 <= visible <= 1:
-            raise TruthError(f"{self.where}: visible must lie from 0 to 1, not {visible:g}")
+            raise TruthError(f"{self.where}: visible must be between 0 and 1, not {visible:g}")
         size = self._vector(_SIZE)
         if (size < 0).any():
             raise TruthError(f"{self.where}: size_x, size_y and size_z must not be negative")

@@ -60,11 +60,13 @@ class Trajectory:
     def __post_init__(self) -> None:
         count = len(self.times)
         if self.times.shape != (count,) or self.positions.shape != (count, 3):
-            raise TruthError(f"{self.name}: times and positions must be of one length")
+            raise TruthError(f"{self.name}: times and positions must have the same length")
         if self.rotations is not None and self.rotations.shape != (count, 3, 3):
             raise TruthError(f"{self.name}: there must be one rotation for each time")
         if not np.isfinite(self.times).all() or (np.diff(self.times) <= 0).any():
-            raise TruthError(f"{self.name}: times must be finite and rise from sample to sample")
+            raise TruthError(
+                f"{self.name}: times must be finite and increase from sample to sample"
+            )
 
     @property
     def seen(self) -> NDArray[np.bool_]:

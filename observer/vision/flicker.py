@@ -25,8 +25,8 @@ def flicker_reason(levels: Sequence[float]) -> str | None:
         return None
     swing = max(levels) - min(levels)
     return (
-        f"the exposure flickers: the brightness changes by {100 * math.expm1(swing):.0f} % and "
-        f"back within a second; fix the exposure, or match it to the lamps' mains frequency"
+        f"the image flickers: its brightness changes by {100 * math.expm1(swing):.0f} % within a "
+        "second; set a fixed exposure, or match it to the mains frequency of the lights"
     )
 
 

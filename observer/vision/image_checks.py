@@ -50,17 +50,17 @@ def exposure_reason(left: Image, right: Image) -> str | None:
     views = {"left": _quantiles(left), "right": _quantiles(right)}
     dead = {name: what for name, view in views.items() if (what := _emptiness(view)) is not None}
     if len(dead) == 2 and len(set(dead.values())) == 1:
-        return f"both images are {dead['left']}: no light, covered lenses or nothing but one wall"
+        return f"both images are {dead['left']}: no light, covered lenses or a blank wall"
     if dead:
         told = " and ".join(f"the {name} image is {what}" for name, what in dead.items())
-        return f"{told}: a covered lens, a wrong exposure or a dead camera"
+        return f"{told}: covered lens, wrong exposure or dead camera"
     detail = _detail(left) / max(_detail(right), 1e-9)
     if not _DETAIL_RATIO <= detail <= 1 / _DETAIL_RATIO:
         worse, better = ("left", "right") if detail < 1 else ("right", "left")
         share = 100 * min(detail, 1 / detail)
         return (
-            f"the {worse} image has only {share:.0f} % of the {better} one's detail: its lens is "
-            f"covered, dirty or out of focus"
+            f"the {worse} image has only {share:.0f} % of the detail of the {better} one: its lens "
+            "is covered, dirty or out of focus"
         )
     ratio = float(np.median(views["right"][1:4] / np.maximum(views["left"][1:4], 1.0)))
     if not 1 / _GAIN_RATIO <= ratio <= _GAIN_RATIO:
@@ -95,7 +95,7 @@ def frozen_reason(
     if not frozen:
         return None
     which = "both images are" if len(frozen) == 2 else f"the {frozen[0]} image is"
-    return f"{which} the same as in the frame before, to the last pixel: frozen camera"
+    return f"{which} identical to the previous frame: frozen camera"
 
 
 @dataclass(frozen=True)
@@ -193,9 +193,9 @@ def rectification_reason(error: VerticalError | None, warn_px: float = 1.0) -> s
     if error is None or error.typical_px - _SURE_SIGMAS * error.typical_std_px <= warn_px:
         return None
     return (
-        f"the rows of left and right are {error.typical_px:.1f} px apart (median "
-        f"{error.median_px:+.1f} px, 95 % within {error.p95_px:.1f} px, turned by "
-        f"{np.degrees(error.roll_rad):+.2f} deg, {warn_px:g} px are allowed): calibrate anew"
+        f"the epipolar error is {error.typical_px:.1f} px (median {error.median_px:+.1f} px, 95 % "
+        f"within {error.p95_px:.1f} px, rotation {np.degrees(error.roll_rad):+.2f} deg; the limit "
+        f"is {warn_px:g} px): recalibrate"
     )
 
 
@@ -245,9 +245,9 @@ def mismatch_reason(left: Image, right: Image, max_disparity_px: int) -> str | N
     best = int(np.argmax(shifted))
     if shifted[best] >= max(_SWAP_MIN_SUPPORT, _ROWS_RATIO * as_given):
         return (
-            f"the rows of left and right are about {abs(shifts[best]) * shrink:.0f} px apart: "
-            f"{100 * shifted[best]:.0f} % of the image have a stereo partner there and "
-            f"{100 * as_given:.0f} % in their own row; calibrate anew"
+            f"the epipolar error is about {abs(shifts[best]) * shrink:.0f} px: "
+            f"{100 * shifted[best]:.0f} % of the image has a stereo match there and "
+            f"{100 * as_given:.0f} % in its own row; recalibrate"
         )
     return None
 

@@ -36,4 +36,4 @@ def closing_speed(
 
 def out_of_sight(missed_s: float, known: str) -> str:
     """Explain a coasting obstacle: not seen for so many seconds, and what is known of it."""
-    return f"not seen for {missed_s:.1f} s, expected where it should be by now; {known}"
+    return f"not seen for {missed_s:.1f} s, position predicted; {known}"

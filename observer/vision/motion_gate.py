@@ -144,8 +144,8 @@ def jump_reason(
     turn = float(np.linalg.norm(motion.turn_rate))
     if not (speed <= _MAX_SPEED and turn <= _MAX_TURN_RATE):
         return (
-            f"the camera's motion jumps: {speed:.3g} m/s and {np.degrees(turn):.3g} deg/s are "
-            f"more than any camera does"
+            f"the ego-motion jumps: {speed:.3g} m/s and {np.degrees(turn):.3g} deg/s is more than "
+            "any camera moves"
         )
     if not recent:
         return None
@@ -172,8 +172,8 @@ def _contradiction(motion: CameraMotion, earlier: CameraMotion, gap: float) -> s
     allowed = possible + min(noise, possible) + late
     if change > allowed:
         return (
-            f"the camera's motion jumps: {change:.3g} m/s of change within {gap:.2g} s "
-            f"({change / gap:.3g} m/s^2), {allowed:.2g} m/s are possible"
+            f"the ego-motion jumps: {change:.3g} m/s of change within {gap:.2g} s "
+            f"({change / gap:.3g} m/s^2), {allowed:.2g} m/s is possible"
         )
     change = float(np.linalg.norm(motion.turn_rate - earlier.turn_rate))
     possible = _BUMP_RADPS + _MAX_ANGULAR_ACCELERATION * gap
@@ -182,8 +182,8 @@ def _contradiction(motion: CameraMotion, earlier: CameraMotion, gap: float) -> s
     allowed = possible + min(noise, possible) + late
     if change > allowed:
         return (
-            f"the camera's motion jumps: {np.degrees(change):.3g} deg/s of change within "
-            f"{gap:.2g} s, {np.degrees(allowed):.3g} deg/s are possible"
+            f"the ego-motion jumps: {np.degrees(change):.3g} deg/s of change within {gap:.2g} s, "
+            f"{np.degrees(allowed):.3g} deg/s is possible"
         )
     return None
 
@@ -200,6 +200,6 @@ def _beyond_reach(motion: CameraMotion, earlier: CameraMotion, reach: ImageReach
     if shift <= reach.reach_px + min(noise, reach.reach_px):
         return None
     return (
-        f"the camera's motion jumps: it would move the image {shift:.0f} px otherwise than "
-        f"expected, and features are followed over {reach.reach_px:.0f} px at most"
+        f"the ego-motion jumps: it would shift the image {shift:.0f} px from where it is expected, "
+        f"and features are tracked over at most {reach.reach_px:.0f} px"
     )

@@ -68,7 +68,7 @@ class Rectification:
             if not _is_one_view(maps[0], size):
                 raise CalibrationError(
                     f"this calibration cannot be rectified: with {name} the image would fold over "
-                    f"or leave its frame; check that K1, D1, K2 and D2 belong to "
+                    "or leave its frame; check that K1, D1, K2 and D2 belong to "
                     f"{size[0]}x{size[1]} images of these cameras"
                 )
 
@@ -87,7 +87,7 @@ class Rectification:
                 raise CalibrationError(
                     f"the {name} image is {width}x{height} pixels, but the calibration is for "
                     f"{self._calibration.width}x{self._calibration.height}; use the calibration "
-                    f"made at the images' size"
+                    "made at this image size"
                 )
         if self._maps is None:
             return left, right

@@ -17,8 +17,8 @@ def swapped_sentence(swapped: float, as_given: float) -> str:
         swapped, as_given: share of the image with a stereo partner, in either order.
     """
     return (
-        f"{_BEGIN}: {100 * swapped:.0f} % of the image have a stereo partner in the other order "
-        f"and {100 * as_given:.0f} % in this one"
+        f"{_BEGIN}: {100 * swapped:.0f} % of the image has a stereo match in the swapped order and "
+        f"{100 * as_given:.0f} % in this one"
     )
 
 

@@ -413,6 +413,25 @@ export interface components {
       sentence: string;
       alignment: components["schemas"]["LiveAlignment"] | null;
     };
+    LogEntry: {
+      /** @description Rises from 1 since the server started. */
+      number: number;
+      /** @description Wall clock, seconds since 1970. */
+      time: number;
+      /** @enum {string} */
+      severity: "info" | "warning" | "error";
+      text: string;
+    };
+    /** @description Something has happened that a person should know. */
+    LogMessage: {
+      /** @description Oldest first; what was before, `/api/log` has. */
+      entries: components["schemas"]["LogEntry"][];
+      /**
+       * @default log
+       * @constant
+       */
+      type: "log";
+    };
     /** @description Mount of the left camera, as the method uses it. */
     MountStatus: {
       height_m: number;
@@ -528,6 +547,20 @@ export interface components {
       dropped: number;
       /** @description Why nothing is recorded any more. */
       trouble: string | null;
+    };
+    /** @description A run whose recording is being observed again, beside the open source. */
+    RerunStatus: {
+      /** @description Of the new run. */
+      id: string;
+      name: string;
+      rerun_of: string;
+      /**
+       * @description waiting: for another re-run; held: as long as a robot is armed; finishing: its speeds are stored and ground truth is added.
+       * @enum {string}
+       */
+      state: "waiting" | "observing" | "held" | "finishing";
+      /** @description Of the frames that are observed, from 0 to 1. */
+      share: number;
     };
     /** @description Something stopped a robot, or took its motors away. */
     RobotIncident: {
@@ -719,6 +752,10 @@ export interface components {
     };
     SourceStatus: {
       spec: string;
+      /** @description For people: names the run whose recording it is; else the spec. */
+      name: string;
+      /** @description What was open before a run's recording: POST /source/back opens it. */
+      before: string | null;
       kind: string;
       width: number;
       height: number;
@@ -824,7 +861,7 @@ export interface components {
     AlignStart: {
       /** @description None: the motion capture that was received live with the run. */
       truth_id?: string | null;
-      /** @description The body that carries the cameras; none: it is found out. */
+      /** @description The body that carries the cameras; None: detected. */
       observer?: string | null;
       /** @description Bodies that are neither observer nor obstacle. */
       ignore?: string[];
@@ -832,20 +869,20 @@ export interface components {
       matches?: {
         [key: string]: string | null;
       };
-      /** @description To be added to truth's times, to within 2 s; for motions that repeat themselves. None: it is found out. */
+      /** @description Approximate time offset to add to the times of the ground truth, within 2 s; for periodic motion. None: it is estimated. */
       expected_offset_s?: number | null;
-      /** @description Of the left camera, on the observer's body. None: it is found out, or as the rig says. */
+      /** @description Of the left camera, on the observer's body. None: estimated, or from the rig. */
       camera_on_body?: components["schemas"]["CameraOnBodyIn"] | null;
     };
     /** @description A run with the truth that was just laid over it. */
     AlignedRunEntry: components["schemas"]["Run"] & {
-      /** @description None: truth was on the run's clock. */
+      /** @description None: the ground truth was on the run's clock. */
       alignment: components["schemas"]["AlignmentFacts"] | null;
       sentence: string;
     };
     /** @description Alignment of ground truth with a run. */
     AlignmentFacts: {
-      /** @description To be added to truth's times. */
+      /** @description To be added to the times of the ground truth. */
       offset_s: number;
       sigma_s: number;
       drift_ppm: number;
@@ -881,7 +918,7 @@ export interface components {
     Body_post_calibration_api_calibrations_post: {
       /** @description One file, or two that belong together. */
       file: string[];
-      /** @description As in 1280x720, where no file tells it. */
+      /** @description For example 1280x720, if the files do not state it. */
       size: string | null;
       /** @description Of lengths, where it is not the format's own: m, cm, mm or in, or the length of one unit of the file, as in 25mm for squares of a board of 25 mm. */
       unit: string | null;
@@ -889,7 +926,7 @@ export interface components {
       cameras: ("grey" | "colour") | null;
     };
     Body_post_images_api_calibrating_images_post: {
-      /** @description left/ and right/ with equal file names. */
+      /** @description left/ and right/ with the same file names. */
       file: string;
       /** @enum {string} */
       kind: "chessboard" | "charuco";
@@ -900,9 +937,9 @@ export interface components {
     Body_post_truth_api_truth_post: {
       /** @description Motion capture, or a truth.csv. */
       file: string;
-      /** @description Where no file tells it. */
+      /** @description If the file does not state it. */
       rate_hz: number | null;
-      /** @description How Vicon's three angles are meant, where that cannot be found out. */
+      /** @description Meaning of Vicon's three angles, if it cannot be detected. */
       angles: ("helical" | "euler_xyz") | null;
     };
     /** @description Name of the person who asks, shown to others; the address is added. */
@@ -916,13 +953,13 @@ export interface components {
       /** @default false */
       undo: boolean;
       remove?: string | null;
-      /** @description Capture new poses by itself. */
+      /** @description Capture new poses automatically. */
       automatic?: boolean | null;
       cover_check?: boolean | null;
     };
     /** @description The board is named by its inner corners, as OpenCV names it. */
     CalibratingStart: {
-      /** @description None: what is open. */
+      /** @description None: the open source. */
       source?: string | null;
       /**
        * @default chessboard
@@ -1042,6 +1079,41 @@ export interface components {
       /** @description Why to check (again), one sentence. */
       advice: string | null;
     };
+    ComparisonProgress: {
+      /** @description For people. */
+      source_name: string;
+      /** @description What is being done, as in frame 12 of 120. */
+      words: string;
+      /** @description Of the whole, from 0 to 1. */
+      share: number;
+      /** @description Whether it stands still, because a robot is armed. */
+      held: boolean;
+    };
+    ComparisonStart: {
+      /** @description None: what is open; of live cameras the last seconds are taken. */
+      source?: string | null;
+      /**
+       * @description Of the source.
+       * @default 8
+       */
+      seconds: number;
+      /**
+       * @description A run is made with each, from the same frames.
+       * @default [
+       *       "paper",
+       *       "default"
+       *     ]
+       */
+      presets: string[];
+    };
+    ComparisonStatus: {
+      /** @description None: nothing is being compared. */
+      going: components["schemas"]["ComparisonProgress"] | null;
+      /** @description The runs of the newest comparison since the server started, one for each method. */
+      runs: string[] | null;
+      /** @description Why the newest one failed, one sentence. */
+      trouble: string | null;
+    };
     ComputeStart: {
       /**
        * @description equidistant is for fisheye lenses.
@@ -1096,6 +1168,67 @@ export interface components {
       views: number;
       sentence: string;
     };
+    /** @description A true obstacle in sight. */
+    FrameBody: {
+      name: string;
+      /** @description m/s. */
+      speed: number;
+      /** @description u0, v0, u1, v1 in the rectified left image, pixels. */
+      box_px: number[];
+    };
+    /** @description Comparison with ground truth, from the run's first frame up to this one. */
+    FrameCounts: {
+      /** @description False obstacles, summed over frames. */
+      false: number;
+      /** @description True moving obstacles that were found, summed over frames. */
+      found: number;
+      /** @description And those that were not. */
+      missed: number;
+      /** @description Of those found; None before the first. */
+      velocity_rmse_mps: number | null;
+    };
+    FrameEntry: {
+      /** @description Its number on the source. */
+      frame: number;
+      /** @description On the source's clock, s. */
+      time: number;
+      /** @enum {string} */
+      status: "ok" | "degraded" | "lost";
+      obstacles: components["schemas"]["FrameObstacle"][];
+      truth: components["schemas"]["FrameBody"][];
+      /** @description None without ground truth. */
+      counts: components["schemas"]["FrameCounts"] | null;
+      /** @description Time that the method took. */
+      observed_ms: number | null;
+      plan: components["schemas"]["FramePlan"];
+    };
+    FrameObstacle: {
+      id: number;
+      /** @enum {string} */
+      state: "tentative" | "confirmed" | "coasting";
+      /** @enum {string} */
+      motion: "moving" | "in_place" | "stopped";
+      /** @description m/s. */
+      speed: number;
+      speed_std: number | null;
+      /** @description u0, v0, u1, v1 in the rectified left image, pixels. */
+      box_px: number[];
+      /** @description From its middle to where it will be in a second; None where that is unknown. */
+      arrow_px: number[] | null;
+      /** @description Closed polygons; None where unknown. */
+      silhouette: number[][][] | null;
+      /** @description Whether it is a false obstacle: no true one moves near it. */
+      false: boolean;
+    };
+    FramePlan: {
+      /** @description On the run's clock, as in its chart, s. */
+      time: number;
+      segment: number;
+      /** @description Metres ahead of and to the left of the camera's place at the segment's beginning. Then the angle from ahead to the left, rad; None where it is lost. */
+      camera: number[] | null;
+      obstacles: components["schemas"]["PlanObstacle"][];
+      truth: components["schemas"]["PlanBody"][];
+    };
     HTTPValidationError: {
       detail: components["schemas"]["ValidationError"][];
     };
@@ -1122,13 +1255,81 @@ export interface components {
     LiveTruthChoice: {
       /** @description ``vrpn:HOST[:PORT][/NAME,NAME]`` or ``vicon-udp:PORT``; null listens to none. */
       spec: string | null;
-      /** @description The body that carries the camera; null: it is found out. */
+      /** @description The body that carries the camera; null: detected automatically. */
       observer?: string | null;
       /**
        * @description Bodies that are neither observer nor obstacle.
        * @default []
        */
       ignore: string[];
+    };
+    LogPage: {
+      /** @description The last few hundred at most, oldest first. */
+      entries: components["schemas"]["LogEntry"][];
+    };
+    MethodStep: {
+      /** @description From 1 to 9. */
+      number: number;
+      /** @description For files and scripts. */
+      key: string;
+      title: string;
+      /** @description One or two sentences. */
+      text: string;
+      /** @description What the colours in its picture mean. */
+      caption: string;
+      /** @description As MathML, one for each of its parts. */
+      formula: string[];
+      /** @description The same as one line of text. */
+      formula_text: string;
+      /** @description Of this pair. */
+      numbers: components["schemas"]["StepNumber"][];
+      /** @description Names of those that act in this step. */
+      parameters: string[];
+      /** @description Why it has no result in this frame. */
+      missing: string | null;
+    };
+    /** @description All nine steps, and what they were observed with; the same for each picture's address. */
+    MethodSteps: {
+      /** @description The text that names it. */
+      source: string;
+      /** @description Position in the source of the image of t+dt, from 0. */
+      frame: number;
+      /** @description Of the source; None where it is not known. */
+      frame_count: number | null;
+      /** @description From it on frames were observed, so that tracks are confirmed. */
+      first_frame: number;
+      /** @description Of the image of t+dt, on the source's clock, s. */
+      time: number;
+      /** @description Between the two images, s. */
+      dt: number;
+      preset: string;
+      /** @description All values of the preset. */
+      preset_values: {
+        [key: string]: unknown;
+      };
+      /** @description All values in use. */
+      values: {
+        [key: string]: unknown;
+      };
+      /** @description Values of ego_motion.model that have these steps. */
+      models: string[];
+      /** @description Whether there is ground truth. */
+      truth: boolean;
+      steps: components["schemas"]["MethodStep"][];
+    };
+    /** @description What a preset's file holds. */
+    NewPreset: {
+      help?: string | null;
+      /** @description Over the defaults, former names included; the values in force if left out. */
+      values?: {
+        [key: string]: boolean | number | string;
+      } | null;
+      /**
+       * @default dynamic-observer preset
+       * @constant
+       */
+      format: "dynamic-observer preset";
+      name: string;
     };
     /** @description All that a form needs to know of one parameter. */
     ParameterEntry: {
@@ -1148,6 +1349,11 @@ export interface components {
        * @default false
        */
       cloud: boolean;
+      /**
+       * @description Whether it is one of the eight that are shown first with its methods.
+       * @default false
+       */
+      basic: boolean;
       minimum: number | null;
       maximum: number | null;
       step: number | null;
@@ -1167,6 +1373,8 @@ export interface components {
       };
       /** @description The preset with exactly these values. */
       preset: string | null;
+      /** @description The preset that they come from; values that differ were changed by hand. */
+      based_on: string;
       /** @description The first frame they act on, as far as known. */
       frame: number | null;
     };
@@ -1203,6 +1411,26 @@ export interface components {
       depth_m: number;
       disparity_px: number;
     };
+    /** @description A true obstacle. */
+    PlanBody: {
+      name: string;
+      /** @description Metres ahead of and to the left of the camera's place at the segment's beginning. */
+      at: number[];
+      velocity: number[];
+    };
+    PlanObstacle: {
+      id: number;
+      /** @enum {string} */
+      state: "tentative" | "confirmed" | "coasting";
+      /** @enum {string} */
+      motion: "moving" | "in_place" | "stopped";
+      /** @description Metres ahead of and to the left of the camera's place at the segment's beginning. */
+      at: number[];
+      /** @description m/s along the same axes. */
+      velocity: number[] | null;
+      /** @description 95 % of where it may be: half axes, metres, and the first one's angle from ahead to the left, rad. */
+      ellipse: number[] | null;
+    };
     /** @description Changes the given settings. */
     PlaybackChange: {
       paused?: boolean | null;
@@ -1232,11 +1460,6 @@ export interface components {
       };
       built_in: boolean;
     };
-    PresetName: {
-      name: string;
-      /** @default  */
-      help: string;
-    };
     ProgrammeDetail: components["schemas"]["ProgrammeEntry"] & {
       /** @description YAML. */
       text: string;
@@ -1256,7 +1479,7 @@ export interface components {
       /** @default 1 */
       repeat: number;
       /**
-       * @description The same way back.
+       * @description The same path in reverse.
        * @default false
        */
       reverse: boolean;
@@ -1267,6 +1490,13 @@ export interface components {
     };
     ProgrammeText: {
       text: string;
+    };
+    ReplacingPreset: {
+      help?: string | null;
+      /** @description Over the defaults, former names included; the values in force if left out. */
+      values?: {
+        [key: string]: boolean | number | string;
+      } | null;
     };
     RerunStart: {
       name?: string | null;
@@ -1373,6 +1603,8 @@ export interface components {
       /** @enum {string} */
       state: "running" | "finished" | "interrupted" | "failed";
       source: string;
+      /** @description For people: names the run whose recording the source is; else the source. */
+      source_name: string;
       calibration_id: string | null;
       preset: string | null;
       parameters: {
@@ -1398,7 +1630,7 @@ export interface components {
       tags: string[];
       /** @description A person's own words. */
       notes: string;
-      /** @description The truth file that it is compared with. */
+      /** @description The ground-truth file that it is compared with. */
       truth_id: string | null;
       /** @description Whether motion capture was laid over it. */
       aligned: boolean;
@@ -1415,9 +1647,9 @@ export interface components {
       notes?: string | null;
     };
     RunChart: {
-      /** @description Whether there is truth to compare with. */
+      /** @description Whether there is ground truth to compare with. */
       aligned: boolean;
-      /** @description Where truth comes from, or why there is none. */
+      /** @description Where ground truth comes from, or why there is none. */
       sentence: string | null;
       alignment: components["schemas"]["AlignmentFacts"] | null;
       curves: components["schemas"]["ChartCurve"][];
@@ -1426,6 +1658,17 @@ export interface components {
       run: components["schemas"]["Run"];
       /** @description What was said for the alignment; None where there is none. */
       choices: components["schemas"]["AlignChoicesEntry"] | null;
+    };
+    RunFrames: {
+      /** @description Of the rectified left image, pixels. */
+      width: number;
+      height: number;
+      /** @description In order: the image of the first is /runs/ID/frames/0.jpg, and so on. */
+      frames: components["schemas"]["FrameEntry"][];
+      /** @description Whether there is ground truth to compare with. */
+      truth: boolean;
+      /** @description Median time that the method took per frame. */
+      observed_ms: number | null;
     };
     RunStart: {
       name?: string | null;
@@ -1447,6 +1690,33 @@ export interface components {
        */
       record: "none" | "jpeg" | "lossless";
     };
+    SceneFacts: {
+      layers: components["schemas"]["SceneLayer"][];
+      /** @description Level axes: ahead at the start, left, up. */
+      display_node: string;
+      /** @description Left camera: x right, y down, z forward. */
+      camera_node: string;
+      /** @description Along the robot's heading. */
+      follow: components["schemas"]["SceneView"];
+      /** @description Along the first heading, whatever the robot's is. */
+      top_down: components["schemas"]["SceneView"];
+    };
+    /** @description Part of the scene that can be hidden. */
+    SceneLayer: {
+      /** @enum {string} */
+      name: "cloud" | "boxes" | "arrows" | "trails" | "guard" | "truth";
+      title: string;
+      help: string;
+      /** @description Above everything of the layer; the server never hides it itself. */
+      node: string;
+      /** @description RGB; empty: those of the camera image. */
+      colors: [number, number, number][];
+    };
+    /** @description Eye and what it looks at: metres ahead, left and up from the ground below the camera. */
+    SceneView: {
+      eye: [number, number, number];
+      look_at: [number, number, number];
+    };
     SerialPortNow: {
       path: string;
       /** @description Its name by maker and serial number, which stays. */
@@ -1458,15 +1728,56 @@ export interface components {
       /** @description Why it cannot be used, and what to do. */
       trouble: string | null;
     };
+    /** @description The session, or the token, of the one who asks. */
+    SessionNow: {
+      /**
+       * @description An operator changes things; a read-only link watches.
+       * @enum {string}
+       */
+      access: "operator" | "read_only";
+    };
+    ShareLink: {
+      /** @description Without the token, to be shown. */
+      address: string;
+      /** @description Signs a browser in: treat it as a password. */
+      link: string;
+      /** @description Whether only the server's own computer can open it. */
+      here: boolean;
+    };
+    ShareLinks: {
+      /** @enum {string} */
+      access: "operator" | "read_only";
+      /** @description The likeliest first. */
+      links: components["schemas"]["ShareLink"][];
+      /** @description Why other computers cannot open them, and what to do. */
+      note: string | null;
+    };
     SourceChoice: {
       source: string;
       /** @description None: the source's own. */
       calibration?: string | null;
     };
     SourceEntry: {
+      /** @description The text that opens it. */
       spec: string;
       title: string;
       help: string;
+      /** @enum {string} */
+      group: "simulated" | "cameras" | "recordings" | "folders";
+      /**
+       * @description Whether the words in capitals of the spec stand for what is to be typed.
+       * @default false
+       */
+      template: boolean;
+      /**
+       * @description Whether it can be seen at ``GET /api/sources/picture.jpg``.
+       * @default false
+       */
+      picture: boolean;
+      /** @description The board that is shown to its cameras: it is there to be calibrated. */
+      board: components["schemas"]["BoardFacts"] | null;
+      /** @description Place among the sources opened lately, 0 is the last; None: of none. */
+      recent: number | null;
     };
     SpeedEntry: {
       /** @description On the run's clock, s. */
@@ -1491,7 +1802,7 @@ export interface components {
       bias_mps: number | null;
       rmse_mps: number | null;
       maximum_mps: number | null;
-      /** @description Share within the band of 95 %. */
+      /** @description Share within the 95 % interval. */
       coverage: number | null;
       covered_of: number;
       seen_share: number | null;
@@ -1506,6 +1817,8 @@ export interface components {
       playback: components["schemas"]["PlaybackStatus"] | null;
       camera: components["schemas"]["CameraStatus"] | null;
       run: components["schemas"]["RunReference"] | null;
+      /** @description In the order in which they are done. */
+      reruns: components["schemas"]["RerunStatus"][];
       /** @description None: it is not known. */
       mount: components["schemas"]["MountStatus"] | null;
       /** @description How the calibration in use holds. */
@@ -1540,10 +1853,18 @@ export interface components {
       warnings: string[];
       version: string;
     };
+    StepNumber: {
+      name: string;
+      /** @description None: not known. */
+      value: number | null;
+      unit: string;
+      /** @description Worth showing after the point. */
+      digits: number;
+    };
     TapeCheck: {
       measured_m: number;
       stated_m: number;
-      /** @description Two standard deviations of the difference. */
+      /** @description Half of the 95 % interval of the difference. */
       expected_m: number;
       agrees: boolean;
       sentence: string;
@@ -1632,7 +1953,8 @@ export interface components {
       | components["schemas"]["StatusMessage"]
       | components["schemas"]["RobotsMessage"]
       | components["schemas"]["ObservationMessage"]
-      | components["schemas"]["HeartbeatMessage"];
+      | components["schemas"]["HeartbeatMessage"]
+      | components["schemas"]["LogMessage"];
     DriveMessage:
       | components["schemas"]["OperatorMessage"]
       | components["schemas"]["LinkMessage"]
@@ -1682,6 +2004,8 @@ export type LiveCamera = components["schemas"]["LiveCamera"];
 export type LiveLine = components["schemas"]["LiveLine"];
 export type LiveStatus = components["schemas"]["LiveStatus"];
 export type LiveTruthStatus = components["schemas"]["LiveTruthStatus"];
+export type LogEntry = components["schemas"]["LogEntry"];
+export type LogMessage = components["schemas"]["LogMessage"];
 export type MountStatus = components["schemas"]["MountStatus"];
 export type ObservationMessage = components["schemas"]["ObservationMessage"];
 export type ObstacleEntry = components["schemas"]["ObstacleEntry"];
@@ -1691,6 +2015,7 @@ export type PoseEntry = components["schemas"]["PoseEntry"];
 export type ProgrammeNow = components["schemas"]["ProgrammeNow"];
 export type Rates = components["schemas"]["Rates"];
 export type RecordingStatus = components["schemas"]["RecordingStatus"];
+export type RerunStatus = components["schemas"]["RerunStatus"];
 export type RobotIncident = components["schemas"]["RobotIncident"];
 export type RobotLimits = components["schemas"]["RobotLimits"];
 export type RobotNow = components["schemas"]["RobotNow"];
@@ -1739,6 +2064,9 @@ export type ChartCurve = components["schemas"]["ChartCurve"];
 export type CheckEntry = components["schemas"]["CheckEntry"];
 export type CheckStart = components["schemas"]["CheckStart"];
 export type ChecksNow = components["schemas"]["ChecksNow"];
+export type ComparisonProgress = components["schemas"]["ComparisonProgress"];
+export type ComparisonStart = components["schemas"]["ComparisonStart"];
+export type ComparisonStatus = components["schemas"]["ComparisonStatus"];
 export type ComputeStart = components["schemas"]["ComputeStart"];
 export type DeviceControl = components["schemas"]["DeviceControl"];
 export type DeviceMode = components["schemas"]["DeviceMode"];
@@ -1746,24 +2074,35 @@ export type Devices = components["schemas"]["Devices"];
 export type DiskUse = components["schemas"]["DiskUse"];
 export type DriveNow = components["schemas"]["DriveNow"];
 export type FloorEstimate = components["schemas"]["FloorEstimate"];
+export type FrameBody = components["schemas"]["FrameBody"];
+export type FrameCounts = components["schemas"]["FrameCounts"];
+export type FrameEntry = components["schemas"]["FrameEntry"];
+export type FrameObstacle = components["schemas"]["FrameObstacle"];
+export type FramePlan = components["schemas"]["FramePlan"];
 export type HTTPValidationError = components["schemas"]["HTTPValidationError"];
 export type History = components["schemas"]["History"];
 export type IdentityChange = components["schemas"]["IdentityChange"];
 export type LiveTruthChoice = components["schemas"]["LiveTruthChoice"];
+export type LogPage = components["schemas"]["LogPage"];
+export type MethodStep = components["schemas"]["MethodStep"];
+export type MethodSteps = components["schemas"]["MethodSteps"];
+export type NewPreset = components["schemas"]["NewPreset"];
 export type ParameterEntry = components["schemas"]["ParameterEntry"];
 export type ParametersChanged = components["schemas"]["ParametersChanged"];
 export type ParametersNow = components["schemas"]["ParametersNow"];
 export type Pixel = components["schemas"]["Pixel"];
 export type PixelObstacle = components["schemas"]["PixelObstacle"];
 export type PlaceDepth = components["schemas"]["PlaceDepth"];
+export type PlanBody = components["schemas"]["PlanBody"];
+export type PlanObstacle = components["schemas"]["PlanObstacle"];
 export type PlaybackChange = components["schemas"]["PlaybackChange"];
 export type PortChoice = components["schemas"]["PortChoice"];
 export type Preset = components["schemas"]["Preset"];
-export type PresetName = components["schemas"]["PresetName"];
 export type ProgrammeDetail = components["schemas"]["ProgrammeDetail"];
 export type ProgrammeEntry = components["schemas"]["ProgrammeEntry"];
 export type ProgrammeStart = components["schemas"]["ProgrammeStart"];
 export type ProgrammeText = components["schemas"]["ProgrammeText"];
+export type ReplacingPreset = components["schemas"]["ReplacingPreset"];
 export type RerunStart = components["schemas"]["RerunStart"];
 export type RigChange = components["schemas"]["RigChange"];
 export type RigFile = components["schemas"]["RigFile"];
@@ -1776,14 +2115,22 @@ export type RobotsNow = components["schemas"]["RobotsNow"];
 export type Run = components["schemas"]["Run"];
 export type RunChange = components["schemas"]["RunChange"];
 export type RunChart = components["schemas"]["RunChart"];
+export type RunFrames = components["schemas"]["RunFrames"];
 export type RunStart = components["schemas"]["RunStart"];
+export type SceneFacts = components["schemas"]["SceneFacts"];
+export type SceneLayer = components["schemas"]["SceneLayer"];
+export type SceneView = components["schemas"]["SceneView"];
 export type SerialPortNow = components["schemas"]["SerialPortNow"];
+export type SessionNow = components["schemas"]["SessionNow"];
+export type ShareLink = components["schemas"]["ShareLink"];
+export type ShareLinks = components["schemas"]["ShareLinks"];
 export type SourceChoice = components["schemas"]["SourceChoice"];
 export type SourceEntry = components["schemas"]["SourceEntry"];
 export type SpeedEntry = components["schemas"]["SpeedEntry"];
 export type SpeedErrorsEntry = components["schemas"]["SpeedErrorsEntry"];
 export type StartedRun = components["schemas"]["StartedRun"];
 export type Status = components["schemas"]["Status"];
+export type StepNumber = components["schemas"]["StepNumber"];
 export type TapeCheck = components["schemas"]["TapeCheck"];
 export type TapeCheckStart = components["schemas"]["TapeCheckStart"];
 export type TruthBody = components["schemas"]["TruthBody"];

@@ -171,7 +171,7 @@ class FakeDrive:
 
     def _check(self, role: Role, lease: str) -> None:
         if self.leases.get(role, ("", ""))[0] != lease:
-            raise ProcessRefused(f"this lease of the {role} is not in force", "state")
+            raise ProcessRefused(f"you no longer control the {role} is not in force", "state")
 
     def _arm(self, command: ArmRobot) -> None:
         if self.stopped is not None:
@@ -188,7 +188,7 @@ class FakeDrive:
         if age > COMMAND_FRESH_S:
             raise ProcessRefused("the command is too old", "state")
         if command.sequence <= self.sequences.get(command.lease, -1):
-            raise ProcessRefused("the command's number is old", "state")
+            raise ProcessRefused("the sequence number of the command is old", "state")
         self.sequences[command.lease] = command.sequence
         if isinstance(command, Presence):
             return None

@@ -187,7 +187,7 @@ class PeerEngine:
                 return record and self.recording(bytes=4096)
             case SaveClip():
                 if self.opened is None or self.opened.run_id is None:
-                    raise ProcessRefused("what is open can be played again", "state")
+                    raise ProcessRefused("the open source can simply be replayed", "state")
                 return KeptClip(512, 29.9)
             case WatchViews():
                 new = set(command.names) - set(self.watched)
@@ -231,14 +231,14 @@ class PeerEngine:
 
     def _change(self, command: ChangeCalibration) -> tuple[str, ...]:
         if self.calibrating is None:
-            raise ProcessRefused("nothing is being calibrated", "state")
+            raise ProcessRefused("no calibration is in progress", "state")
         if command.capture:
             if not self.board_seen:
-                raise ProcessRefused("the board is not in both views now", "state")
+                raise ProcessRefused("the board is not visible to both cameras right now", "state")
             self.capture()
         if command.undo:
             if not self.captured:
-                raise ProcessRefused("there is no view to take back", "state")
+                raise ProcessRefused("there is no view to undo", "state")
             self.captured.pop()
             self.publish(BoardViewsEvent(self._names()))
         if command.remove is not None:
@@ -261,7 +261,7 @@ class PeerEngine:
 
     def look(self, **more: Any) -> None:
         """One more pair was looked at."""
-        look = BoardLook(words="Hold it still", frame=self.frame, seen=[54, 54])
+        look = BoardLook(words="Hold the board still", frame=self.frame, seen=[54, 54])
         self.publish(BoardLookEvent(replace(look, **more), time.monotonic()))
 
     def _measure(self, command: MeasureDepth) -> PlaceDepth:
@@ -273,9 +273,11 @@ class PeerEngine:
         if command.source == "missing":
             raise ProcessRefused("there is no folder missing; name one that exists", "input")
         if command.source == "uncalibrated" and command.calibration_yaml is None:
-            raise ProcessRefused("uncalibrated brings no calibration", "input")
+            raise ProcessRefused("uncalibrated has no calibration", "input")
         if command.source == "no room":
-            raise ProcessRefused("the recording cannot go on: 3 MB are left on the disk", "full")
+            raise ProcessRefused(
+                "the recording cannot continue: only 3 MB are left on the disk", "full"
+            )
         self.opened, self.calibrating = command, None
         self.parameters = dict(command.parameters)
         self.frame = 0
@@ -327,7 +329,7 @@ class PeerEngine:
                 truth=None
                 if opened.truth is None
                 else truth_facts(
-                    opened.truth, CONNECTING, None, None, "not yet aligned: only a peer"
+                    opened.truth, CONNECTING, None, None, "not aligned yet: only a peer"
                 ),
             )
             if not more

@@ -229,7 +229,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     hands.stands_at("Calibrate: Result")
     verdict = page.locator("observer-result-step .verdict.big")
     expect(verdict).to_have_text(
-        re.compile(r"At 3 m depth is right to \d+(\.\d)? c?m\b.* at \d+(\.\d+)? m/s")
+        re.compile(r"At 3 m, depth is accurate to ± \d+(\.\d)? c?m\b.* at \d+(\.\d+)? m/s")
     )
     _tell(verdict.inner_text())
     expect(page.locator("observer-result-step")).to_contain_text(

@@ -105,6 +105,12 @@ def _card(page: Page, role: str = "obstacle") -> Locator:
     return page.locator(f".role-card:has([value={role}])")
 
 
+def _open_run_options(page: Page) -> None:
+    """Have a field to type in: that of a run's name."""
+    if not page.locator("#run-name").is_visible():
+        page.get_by_role("button", name="Run options").click()
+
+
 def _press_pad(page: Page, right: float = 0.5, down: float = 0.15) -> None:
     """Hold the pad at a place, 0 to 1 of its width and height."""
     box = page.locator(".drive-pad").bounding_box()
@@ -170,6 +176,7 @@ def test_keys_drive_only_where_nobody_types(room: Server, seat: Callable[..., Pa
             start = time.monotonic()
             page.keyboard.up(key)
             report(f"key {key} let go", witness.zero_after(start))
+        _open_run_options(page)
         page.locator("#run-name").focus()
         page.keyboard.down("w")
         witness.stays_zero(0.3)
@@ -308,6 +315,7 @@ def test_space_and_esc_stop_wherever_one_is(
             witness.stays_zero(0.2)
             _arm(page)
             expect(page.locator(".stop-keys")).to_contain_text("always stop")
+            _open_run_options(page)
             page.locator("#run-name").focus()
             page.keyboard.press(key)
             reset()
@@ -324,8 +332,21 @@ def test_space_and_esc_stop_wherever_one_is(
     page.locator("dialog").get_by_role("button", name="Cancel").click()
 
 
+def test_esc_stops_while_armed_also_where_a_view_is_enlarged(seat: Callable[..., Page]) -> None:
+    page = seat()
+    view = page.locator('observer-live-view[data-view="left"]')
+    view.get_by_role("button", name="Enlarge").click()
+    page.keyboard.press("Escape")
+    expect(page.locator(".stop-latched")).to_be_visible()
+    expect(view).to_have_attribute("data-enlarged", "")
+    # Nothing is armed any more.
+    page.keyboard.press("Escape")
+    expect(view).not_to_have_attribute("data-enlarged", "")
+
+
 def test_the_keys_keep_their_meaning_while_nothing_is_armed(seat: Callable[..., Page]) -> None:
     page = seat(armed=False)
+    _open_run_options(page)
     page.locator("#run-name").press("Space")
     expect(page.locator("#run-name")).to_have_value(" ")
     page.get_by_text("Port and model").focus()
@@ -346,8 +367,8 @@ def test_a_slow_link_stops_and_says_so(room: Server, seat: Callable[..., Page]) 
         start = time.monotonic()
         road.delay_s = 0.4
         road.go_on(1.2)
-        report("link too slow", witness.zero_after(start))
-        expect(page.locator("observer-drive-pad")).to_contain_text("link too slow")
+        report("connection too slow", witness.zero_after(start))
+        expect(page.locator("observer-drive-pad")).to_contain_text("connection too slow")
         road.delay_s = 0
         good = page.locator("observer-drive-pad .state-chip", has_text="Link good")
         assert road.go_on(8.0, good.is_visible)
@@ -415,7 +436,7 @@ def test_a_check_outlasts_the_page_that_is_closed(
     page = seat()
     page.get_by_text("Guard check").click()
     section = page.locator("observer-guard-check")
-    expect(section.locator(".check-advice")).to_contain_text("not checked yet")
+    expect(section.locator(".check-advice")).to_contain_text("not been checked yet")
     page.locator("#check-note").fill("a test")
     page.get_by_role("button", name="Start check").click()
     expect(section.locator(".check-instruction")).to_contain_text("steps in front")

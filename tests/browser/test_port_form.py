@@ -10,7 +10,7 @@ from playwright.sync_api import Locator, Page, expect
 from .conftest import Eventually, Json, OpenPanel, Server
 
 _BY_ID = "/dev/serial/by-id/usb-Prolific_2303-if00-port0"
-_LOCKED = "/dev/ttyACM1 may be used by the group dialout only; join it"
+_LOCKED = "only the group dialout may use /dev/ttyACM1; join it"
 
 
 def _port(path: str, **changed: Any) -> Json:

@@ -73,7 +73,7 @@ def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confi
     assert {"dynamic", "static", "too_few_features"} <= verdicts
     of_it = [a for a in answers if a["obstacle"] and a["obstacle"]["id"] == number]
     # What stands out beside it and is no point of it yet is told otherwise.
-    ending = re.compile(r"obstacles\.min_points|stands apart in depth")
+    ending = re.compile(r"obstacles\.min_points|is separate in depth")
     points = [
         a
         for a in of_it
@@ -107,10 +107,11 @@ def test_the_model_is_changed_live_and_back(
     page.locator("input[name=view][value=warped]").check()
     page.get_by_role("tab", name="Parameters").click()
     expect(page.locator(_MODEL)).to_have_value("rigid")
-    flow = page.locator("details", has=page.locator("#parameter-flow-window_px"))
-    bodies = page.locator("details", has=page.locator("#parameter-obstacles-margin"))
-    expect(flow.locator("summary")).to_contain_text("not used by the rigid model")
-    expect(bodies.locator("summary")).not_to_contain_text("not used")
+    unused = page.locator("observer-parameters .unused-groups")
+    flow, bodies = "#parameter-flow-window_px", "#parameter-obstacles-margin"
+    expect(unused.locator("summary").first).to_contain_text("not used by the rigid method")
+    expect(unused.locator(flow)).to_have_count(1)
+    expect(unused.locator(bodies)).to_have_count(0)
     line = page.locator(".first-line-text")
     numbers = []
     for model, has_parts in (("affine", True), ("rigid", False)):
@@ -125,8 +126,9 @@ def test_the_model_is_changed_live_and_back(
             )
         )
         assert (ego["decomposition"] is not None) == has_parts
-        summary = (flow if model == "rigid" else bodies).locator("summary")
-        expect(summary).to_contain_text(f"not used by the {model} model")
+        idle = f"not used by the {model} method"
+        expect(unused.locator("summary").first).to_contain_text(idle)
+        expect(unused.locator(flow if model == "rigid" else bodies)).to_have_count(1)
         keep_picture(page, f"changed-to-{model}")
     expect(line).to_have_text(_MOVES, timeout=40_000)
     numbers.append(int(_MOVES.search(line.inner_text()).group(1)))

@@ -71,7 +71,7 @@ def _stored(name: str, rerun_of: str | None = None, rmse: float = 0.02) -> dict[
                 "started_at": "2026-01-01T00:00:00Z", "ended_at": "2026-01-01T00:00:20Z",
                 "begin_s": 0.0, "duration_s": 20.0,
                 "rerun_of": rerun_of},
-        "aligned": True, "sentence": "Truth was recorded with the run.", "alignment": None,
+        "aligned": True, "sentence": "Ground truth was recorded with the run.", "alignment": None,
         "curves": [
             *(curve("estimate", f"track 0:{n}", own, track_id=n, segment=0, body="cart")
               for n, own in tracks.items()),
@@ -193,9 +193,9 @@ def test_stored_runs_are_drawn_read_zoomed_and_compared(
 
     expect(chart.locator(".chart-note")).to_have_count(0)
     unaligned = {**_stored("still"), "aligned": False, "errors": [], "changes": []}
-    unaligned["sentence"] = "not yet aligned: nothing moved"
+    unaligned["sentence"] = "not aligned yet: nothing moved"
     page.evaluate(_SHOW, [unaligned])
-    expect(chart.locator(".chart-note")).to_have_text("Not yet aligned: nothing moved.")
+    expect(chart.locator(".chart-note")).to_have_text("Not aligned yet: nothing moved.")
     expect(chart.locator(".chart-errors")).to_contain_text("No speed errors: there is no ground")
     assert chart.locator(".chart-errors table").count() == 0
 
@@ -223,7 +223,7 @@ def test_live_curves_break_where_nothing_is_known(
     truth = {"spec": f"vicon-udp:{free_port}", "observer": None, "ignore": []}
     server.api.put("/api/truth/live", json=truth).raise_for_status()
     try:
-        expect(note).to_contain_text("Not yet aligned", timeout=10_000)
+        expect(note).to_contain_text("Not aligned yet", timeout=10_000)
     finally:
         server.api.put("/api/truth/live", json={**truth, "spec": None}).raise_for_status()
     expect(note).to_be_hidden(timeout=10_000)
@@ -248,11 +248,12 @@ def test_what_is_seen_of_a_run_is_saved_in_two_clicks(
     expect(chart.locator(".uplot")).to_be_visible(timeout=60_000)
     expect(chart.locator(".chart-errors tbody tr").first).to_contain_text("Whole run")
     _see(page, 0.5, 1.5)
-    chart.get_by_role("button", name="Export").click()
+    export = page.locator("observer-run-export")
+    export.get_by_role("button", name="Export").click()
     with page.expect_download(timeout=60_000) as saved:
-        chart.get_by_role("button", name=re.compile(r"^CSV\. ")).click()
+        export.get_by_role("menuitem", name="Chart, CSV").click()
     rows = list(csv.DictReader(saved.value.path().read_text().splitlines()))
     assert {"estimate", "truth"} <= {row["source"] for row in rows}
     assert all(0.5 <= float(row["time_s"]) <= 1.5 for row in rows)
-    expect(chart.get_by_role("button", name="Export")).to_be_focused()
+    expect(export.get_by_role("button", name="Export")).to_be_focused()
     server.api.delete(f"/api/runs/{run}").raise_for_status()

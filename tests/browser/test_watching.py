@@ -10,7 +10,8 @@ from playwright.sync_api import Page, expect
 from .conftest import Eventually, KeepPicture, OpenPanel, Pixels, Server
 
 _FIRST_LINE = re.compile(
-    r"Obstacle \d+ moves at (\d+\.\d\d)( ± \d+\.\d\d)? m/s.*, \d+\.\d m .* — truth \d\.\d\d m/s"
+    r"Obstacle \d+ moves at (\d+\.\d\d)( ± \d+\.\d\d)? m/s.*, \d+\.\d m .*"
+    r" — ground truth \d\.\d\d m/s"
 )
 
 
@@ -74,7 +75,7 @@ def test_playback_pauses_steps_and_goes_on(
     page.get_by_role("button", name="Pause").click()
     eventually(lambda: server.get("/status")["playback"]["paused"])
     expect(page.locator("html")).to_have_attribute("data-freshness", "held", timeout=5_000)
-    expect(page.locator("observer-scene .stale-mark")).to_contain_text("Paused at frame")
+    expect(page.locator(".first-line-context")).to_contain_text("Paused at frame")
     before = server.get("/status")["playback"]["frame"]
     page.get_by_role("button", name="Step forward").click()
     eventually(lambda: server.get("/status")["playback"]["frame"] == before + 1)
@@ -93,10 +94,10 @@ def test_a_source_that_is_not_there_is_refused_beside_its_field(
 ) -> None:
     page = open_panel(refusals=True)
     page.get_by_role("tab", name="Source").click()
-    expect(page.locator(".source[aria-current=true] code")).to_have_text("simulated:lab")
+    expect(page.locator(".source[aria-current=true] b")).to_have_text("The lab")
     field = page.get_by_label("Source", exact=True).and_(page.locator("input"))
     field.fill("/there/is/nothing")
-    page.get_by_role("button", name="Open source").click()
+    page.get_by_role("button", name="Open", exact=True).click()
     expect(page.locator("#source-error")).to_contain_text("/there/is/nothing", timeout=10_000)
     expect(field).to_have_attribute("aria-invalid", "true")
     assert server.get("/status")["source"]["spec"] == "simulated:lab"

@@ -87,7 +87,7 @@ def test_a_camera_reader_is_killed(system: System) -> None:
         told = wait_until(
             "a sentence", lambda: system.server.request("GET", "/status")["live"]["trouble"]
         )
-        assert "its process ended unexpectedly" in told
+        assert "its process exited unexpectedly" in told
         stood = time.monotonic()
         system.wait_for_sight()
         backs.append(time.monotonic() - killed)

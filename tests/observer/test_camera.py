@@ -84,7 +84,7 @@ def test_any_difference_between_the_cameras_is_not_rectified() -> None:
         ({"T": [np.nan, 0, 0]}, "T must hold finite numbers"),
         ({"T": ["a", 0, 0]}, "T must be an array of numbers"),
         ({"T": [0, 0, 0]}, "need a baseline"),
-        ({"T": [-120, 0, 0]}, "in millimetres it would fit, so divide T by 1000"),
+        ({"T": [-120, 0, 0]}, "if T is in millimetres, divide it by 1000"),
         ({"T": [-1e-5, 0, 0]}, "outside 0.001 to 2 m"),
     ],
 )

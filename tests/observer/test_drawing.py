@@ -5,7 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from observer.drawing import color_copy, draw_obstacle, obstacle_color, silhouette_mask, tint
+from observer.drawing import (
+    color_copy,
+    draw_obstacle,
+    draw_text,
+    obstacle_color,
+    silhouette_mask,
+    tint,
+)
 from observer.types import MotionState, TrackState
 
 GREY = 80
@@ -105,3 +112,14 @@ def test_what_is_out_of_view_is_not_drawn_nor_named(box: tuple[float, ...]) -> N
     image = canvas()
     draw_obstacle(image, box, None, "#1", COLOR)
     assert (image == GREY).all()
+
+
+def test_a_plus_minus_sign_is_a_plus_above_a_line() -> None:
+    plain, signed = canvas(), canvas()
+    draw_text(plain, "0.40 + 0.02", (10, 100), COLOR, 1.0)
+    draw_text(signed, "0.40 ± 0.02", (10, 100), COLOR, 1.0)
+    rows = np.flatnonzero((plain != signed).any(axis=(1, 2)))
+    columns = np.flatnonzero((plain != signed).any(axis=(0, 2)))
+    assert len(rows) > 0, "the font alone writes question marks"
+    assert rows.min() >= 100, "nothing but a line below the plus"
+    assert columns.max() - columns.min() < 25

@@ -102,7 +102,7 @@ def test_nothing_degrades_but_what_speed_leaves_unseen(
 ) -> None:
     """Beyond 2.5 m/s there is no dense depth: a person between the points would be missed."""
     seen, _ = request.getfixturevalue(fixture)
-    others = [o for o in seen if any("could not be noticed" not in reason for reason in o.reasons)]
+    others = [o for o in seen if any("could not be detected" not in reason for reason in o.reasons)]
     assert len(others) <= 3
     assert all(o.unseen.causes["fast"] > 0 for o in seen[1:])
 

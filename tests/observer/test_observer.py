@@ -49,7 +49,7 @@ def test_a_moving_board_is_confirmed_with_its_velocity(camera: tuple[float, floa
     seen = observe_all(Observer(CALIBRATION), frames(9, camera_velocity=camera))
     # Until it is certain, it may have begun to move.
     early = [reason for each in seen[1:5] for reason in each.reasons]
-    assert all(reason.startswith("something may have begun to move") for reason in early)
+    assert all(reason.startswith("something may have started to move") for reason in early)
     for k, observation in enumerate(seen[5:], 5):
         assert observation.status is Status.OK
         (o,) = observation.reported
@@ -252,7 +252,7 @@ def test_a_repeated_frame_is_left_out(moving: list[StereoFrame]) -> None:
         seen.append(stuttering.observe(frame))
         again = stuttering.observe(frame)
         assert again.status is Status.LOST
-        assert "as old as the last one" in again.reasons[0]
+        assert "has the same time as the last one" in again.reasons[0]
         assert again.obstacles == ()
     assert [observation_line(o) for o in seen] == [observation_line(o) for o in expected]
 
@@ -262,7 +262,7 @@ def test_time_that_runs_back_begins_a_new_segment(moving: list[StereoFrame]) -> 
     observe_all(observer, moving[:6])
     back = observe_all(observer, moving[:6])
     assert back[0].segment == 1
-    assert any("time went back" in reason for reason in back[0].reasons)
+    assert any("time jumped back" in reason for reason in back[0].reasons)
     assert back[0].obstacles == ()
     assert back[5].reported
 

@@ -41,8 +41,8 @@ def test_good_frames_are_taken(left: np.ndarray, right: np.ndarray) -> None:
         (GREY[:0], GREY[:0], 0.0, "not empty"),
         (GREY, np.zeros((4, 6, 4), np.uint8), 0.0, "3 channels"),
         (GREY, np.zeros((4, 8), np.uint8), 0.0, "not 6x4 and 8x4"),
-        (GREY, GREY, np.nan, "times must be finite"),
-        (GREY, GREY, np.inf, "times must be finite"),
+        (GREY, GREY, np.nan, "must be finite"),
+        (GREY, GREY, np.inf, "must be finite"),
     ],
 )
 def test_bad_frames_are_refused(
@@ -106,8 +106,8 @@ def test_a_pixel_belongs_to_the_cell_that_holds_it(
 def test_what_could_not_be_noticed_is_a_reason_only_where_it_hides_a_person() -> None:
     (reason,) = UNSEEN.reasons
     assert reason == (
-        "motion could not be noticed in 50 % of the view, in one place enough to hide a person: "
-        "too plain (25 %), too dark or saturated (25 %)"
+        "motion could not be detected in 50 % of the view, in one place large enough to hide a "
+        "person: too little texture (25 %), too dark or saturated (25 %)"
     )
     assert replace(UNSEEN, hides_person=False).reasons == ()
 
@@ -118,10 +118,10 @@ def test_what_may_have_begun_to_move_is_a_reason_of_its_own() -> None:
     assert unseen.cause_at((20.0, 4.0)) == "tentative"
     assert unseen.reasons == (
         *UNSEEN.reasons,
-        "something may have begun to move, which is not certain yet",
+        "something may have started to move, not certain yet",
     )
     (reason,) = replace(unseen, hides_person=False).reasons
-    assert reason.startswith("something may have begun to move")
+    assert reason.startswith("something may have started to move")
 
 
 def test_a_json_line_tells_where_motion_could_not_be_noticed_as_evaluation_reads_it() -> None:

@@ -70,6 +70,7 @@ export function run(changes) {
     name: "first",
     state: "finished",
     source: "simulated:lab",
+    source_name: "simulated:lab",
     started_at: "2026-01-01T10:00:00Z",
     updated_at: "2026-01-01T10:01:00Z",
     ended_at: "2026-01-01T10:01:12Z",

@@ -11,12 +11,12 @@ from app.cli.command_line import run
 from app.cli.results import JsonOption, tell_measured
 
 OutputOption = Annotated[
-    Path | None, typer.Option(help="A folder for benchmark.json and benchmark.md.")
+    Path | None, typer.Option(help="Output folder for benchmark.json and benchmark.md.")
 ]
-SecondsOption = Annotated[float, typer.Option(min=2, help="Length of each measurement.")]
+SecondsOption = Annotated[float, typer.Option(min=2, help="Duration of each measurement.")]
 
 cli = typer.Typer(
-    help="Measures what the running system costs.",
+    help="Measures the cost of the running system.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -26,9 +26,9 @@ cli = typer.Typer(
 
 @cli.command()
 def served(
-    source: Annotated[str, typer.Argument(help="What is served.")] = "simulated:lab",
+    source: Annotated[str, typer.Argument(help="Source to serve.")] = "simulated:lab",
     seconds: SecondsOption = 15.0,
-    viewers: Annotated[int, typer.Option(min=1, max=50, help="Viewers on the server.")] = 20,
+    viewers: Annotated[int, typer.Option(min=1, max=50, help="Number of viewers.")] = 20,
     as_json: JsonOption = False,
     output: OutputOption = None,
 ) -> None:

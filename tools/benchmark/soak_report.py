@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from observer.evaluation.evaluate import markdown_table
+from observer.intervals import half_95
 from tools.benchmark.soak import MOST_MB_PER_HOUR, Growth, SoakFigures, sampled
 
 _ROWS = 24
@@ -34,8 +35,8 @@ def soak_markdown(figures: SoakFigures) -> str:
             ),
             f"\n## Growth of {len(judged)} days, the first {figures.warm_up} left out\n",
             markdown_table(
-                ["process", f"memory, <= {MOST_MB_PER_HOUR:g} MB/h", "threads", "descriptors",
-                 "held"],
+                ["process", f"memory, 95 % interval, <= {MOST_MB_PER_HOUR:g} MB/h", "threads",
+                 "descriptors", "held"],
                 [_row(each) for each in figures.growths],
             ),
             f"\nThe number of processes {'grew' if figures.processes_grow else 'did not grow'}. "
@@ -47,7 +48,11 @@ def soak_markdown(figures: SoakFigures) -> str:
 
 def _row(growth: Growth) -> list[str]:
     memory = growth.memory
-    told = "too few samples" if memory is None else f"{memory.per_hour:.2f} ± {memory.std:.2f}"
+    told = (
+        "too few samples"
+        if memory is None
+        else f"{memory.per_hour:.2f} ± {half_95(memory.std):.2f}"
+    )
     grow = (growth.threads_grow, growth.descriptors_grow)
     counts = ["grow" if each else "do not grow" for each in grow]
     return [growth.process, told, *counts, _VERDICTS[growth.held]]

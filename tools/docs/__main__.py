@@ -49,7 +49,7 @@ def main(arguments: list[str]) -> int:
     try:
         build_site(Path(arguments[0]).resolve() if arguments else SITE)
     except (MkDocsException, Abort) as error:
-        sys.stderr.write(f"the documentation was not built: {error}\n")
+        sys.stderr.write(f"the documentation could not be built: {error}\n")
         return 1
     return 0
 

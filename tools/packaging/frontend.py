@@ -20,7 +20,12 @@ ROOT = Path(__file__).resolve().parents[2]
 STATIC = ROOT / "static"
 VENDOR = STATIC / "vendor"
 MODULES = STATIC / "node_modules"
-TYPES = STATIC / "app" / "contract.d.ts"
+# Made from what the product declares: file below static/app -> module that says it, npm's script
+# that makes the file of that.
+MADE: dict[str, tuple[str, str]] = {
+    "contract.d.ts": ("tools.packaging.page_types", "types"),
+    "elements/glossary.js": ("tools.packaging.page_glossary", "glossary"),
+}
 
 # Path in node_modules -> name in static/vendor. Licences are copied with the code they cover;
 # uPlot's types are only for the check and are left out of the wheel.
@@ -66,19 +71,22 @@ def vendor() -> bool:
 
 
 def types() -> None:
-    """Write the page's types for the server's messages; needs the product and its packages."""
+    """Write the page's types and glossary as the product declares them; needs its packages."""
     _development()
-    TYPES.write_text(_page_types())
+    for name in MADE:
+        (STATIC / "app" / name).write_text(_made(name), encoding="utf-8")
 
 
 def check() -> None:
     """Check format and JSDoc types of the page and its tests with npm's development packages."""
     _development()
-    if TYPES.read_text() != _page_types():
-        raise FrontendError(
-            f"{TYPES.relative_to(ROOT)} is not what app/contract says now; next: "
-            "python tools/packaging/frontend.py types"
-        )
+    for name in MADE:
+        file = STATIC / "app" / name
+        if not file.is_file() or file.read_text(encoding="utf-8") != _made(name):
+            raise FrontendError(
+                f"{file.relative_to(ROOT)} does not match app/contract; next: python "
+                "tools/packaging/frontend.py types"
+            )
     _run_script("check", "the JavaScript check found the problems above; correct them")
 
 
@@ -94,16 +102,17 @@ def _run_script(name: str, failed: str) -> None:
         raise FrontendError(failed)
 
 
-def _page_types() -> str:
-    schema = [sys.executable, "-P", "-m", "tools.packaging.page_types"]
-    made = subprocess.run(schema, stdout=subprocess.PIPE, cwd=ROOT, check=False)
+def _made(name: str) -> str:
+    module, script = MADE[name]
+    declared = [sys.executable, "-P", "-m", module]
+    made = subprocess.run(declared, stdout=subprocess.PIPE, cwd=ROOT, check=False)
     if made.returncode == 0:
         made = subprocess.run(
-            [*find_npm(), "run", "--silent", "types"],
+            [*find_npm(), "run", "--silent", script],
             input=made.stdout, stdout=subprocess.PIPE, cwd=STATIC, env=_environment(), check=False,
         )  # fmt: skip
     if made.returncode:
-        raise FrontendError("the page's types could not be made, as said above")
+        raise FrontendError(f"static/app/{name} could not be made, as said above")
     return made.stdout.decode()
 
 

@@ -21,7 +21,7 @@ _KINDS = {"svg": "image/svg+xml", "pdf": "application/pdf"}
 
 @router.get(
     "/boards/{kind}.{format}",
-    summary="A board to print, with a bar to measure",
+    summary="Printable calibration board with a bar to measure",
     response_class=Response,
     responses={
         200: {"content": {kind: {} for kind in _KINDS.values()}},

@@ -38,7 +38,7 @@ SquareMm = Annotated[Finite, Field(ge=2, le=500)]
 class CalibratingStart(In):
     """The board is named by its inner corners, as OpenCV names it."""
 
-    source: Spec | None = Field(None, description="None: what is open.")
+    source: Spec | None = Field(None, description="None: the open source.")
     kind: BoardKind = "chessboard"
     columns: Corners = 9
     rows: Corners = 6
@@ -51,7 +51,7 @@ class CalibratingChange(In):
     capture: StrictBool = False
     undo: StrictBool = False
     remove: Annotated[str, Field(strict=True, max_length=200)] | None = None
-    automatic: StrictBool | None = Field(None, description="Capture new poses by itself.")
+    automatic: StrictBool | None = Field(None, description="Capture new poses automatically.")
     cover_check: StrictBool | None = None
 
 
@@ -70,7 +70,7 @@ def _facts(server: Server) -> CalibratingStatus:
     return CalibratingStatus(server.calibrating.session.facts())
 
 
-@router.get("", summary="How far the calibration is")
+@router.get("", summary="Progress of the calibration")
 async def get_calibrating(server: TheServer) -> CalibratingStatus:
     return _facts(server)
 
@@ -78,7 +78,7 @@ async def get_calibrating(server: TheServer) -> CalibratingStatus:
 @router.post(
     "",
     status_code=201,
-    summary="Look for a board in a source's images",
+    summary="Detect a board in the images of a source",
     responses=refusals(409, 422, 503),
 )
 async def begin(start: CalibratingStart, server: TheServer) -> CalibratingStatus:
@@ -102,7 +102,7 @@ async def change(change: CalibratingChange, server: TheServer) -> CalibratingSta
     return _facts(server)
 
 
-@router.post("/swap", summary="Take left for right", responses=refusals(409, 422, 503))
+@router.post("/swap", summary="Swap left and right", responses=refusals(409, 422, 503))
 async def swap(server: TheServer) -> CalibratingStatus:
     """The cameras are opened the other way round; the views so far are kept."""
     await server.calibrating.swap()
@@ -111,7 +111,7 @@ async def swap(server: TheServer) -> CalibratingStatus:
 
 @router.get(
     "/views/{name}/{side}.jpg",
-    summary="A captured view, small",
+    summary="Thumbnail of a captured view",
     response_class=Response,
     responses={200: {"content": {"image/jpeg": {}}}, **refusals(404)},
 )
@@ -124,11 +124,11 @@ async def get_picture(
 
 @router.post(
     "/images",
-    summary="Send in image pairs as a ZIP archive",
+    summary="Upload image pairs as a ZIP archive",
     responses=refusals(409, 422, 503, 507),
 )
 async def post_images(
-    file: Annotated[UploadFile, File(description="left/ and right/ with equal file names.")],
+    file: Annotated[UploadFile, File(description="left/ and right/ with the same file names.")],
     kind: Annotated[BoardKind, Form()],
     columns: Annotated[int, Form(ge=3, le=30)],
     rows: Annotated[int, Form(ge=3, le=30)],
@@ -159,14 +159,14 @@ async def compute(start: ComputeStart, server: TheServer) -> CalibratingStatus:
     return _facts(server)
 
 
-@router.post("/cancel", summary="End the computation", responses={})
+@router.post("/cancel", summary="Cancel the computation", responses={})
 async def cancel(server: TheServer) -> CalibratingStatus:
     """Views and an earlier result stay."""
     await server.calibrating.session.computation.cancel()
     return _facts(server)
 
 
-@router.get("/result", summary="What was computed", responses=refusals(409))
+@router.get("/result", summary="The computed calibration", responses=refusals(409))
 async def get_result(server: TheServer) -> CalibrationResult:
     result = server.calibrating.session.computation.finished
     return CalibrationResult(result.names, result.fitted.report)
@@ -174,7 +174,7 @@ async def get_result(server: TheServer) -> CalibrationResult:
 
 @router.get(
     "/preview",
-    summary="The newest pair rectified with what was computed",
+    summary="The newest image pair, rectified with the computed calibration",
     response_class=Response,
     responses=PREVIEW_RESPONSES,
 )
@@ -187,7 +187,7 @@ async def get_preview(server: TheServer) -> Response:
 @router.post(
     "/save",
     status_code=201,
-    summary="Save what was computed",
+    summary="Save the computed calibration",
     responses=refusals(409, 422, 503, 507),
 )
 async def save(save: CalibrationSave, server: TheServer) -> Calibration:

@@ -29,9 +29,8 @@ from app.server.calibrations.library import (
 from app.server.status import status
 from app.storage import CalibrationRecord
 from observer.calibration.formats.exporting import ExportKind
-from observer.calibration.formats.known import formats_in_words
+from observer.calibration.formats.known import UNIT_HELP, formats_in_words
 from observer.calibration.formats.understanding import Cameras, NamedFile
-from observer.calibration.formats.units import UNIT_HELP
 
 router = APIRouter(prefix="/calibrations", tags=["calibrations"])
 
@@ -72,14 +71,16 @@ async def list_calibrations(server: TheServer) -> list[Calibration]:
     summary="Upload a calibration",
     responses=refusals(422, 503, 507),
     description=(
-        f"Recognised by content: {formats_in_words()}. It is kept, not used yet; the same content "
-        f"is the same calibration."
+        f"Recognised by content: {formats_in_words()}. It is stored but not used yet; uploading "
+        "the same content again returns the same calibration."
     ),
 )
 async def post_calibration(
     file: Annotated[list[UploadFile], File(description="One file, or two that belong together.")],
     server: TheServer,
-    size: Annotated[str | None, Form(description="As in 1280x720, where no file tells it.")] = None,
+    size: Annotated[
+        str | None, Form(description="For example 1280x720, if the files do not state it.")
+    ] = None,
     unit: Annotated[
         str | None,
         Form(description=f"Of lengths, where it is not the format's own: {UNIT_HELP}."),
@@ -98,7 +99,7 @@ async def post_calibration(
 
 @router.post(
     "/deactivate",
-    summary="Go back to the source's own calibration",
+    summary="Return to the source's own calibration",
     responses=refusals(409, 422, 503),
 )
 async def deactivate(server: TheServer) -> Status:
@@ -109,7 +110,7 @@ async def deactivate(server: TheServer) -> Status:
 @router.post(
     "/refine",
     status_code=201,
-    summary="Set the rows of the calibration in use straight by the scene",
+    summary="Refine the calibration in use from the scene",
     responses=refusals(409, 503, 507),
 )
 async def refine(server: TheServer) -> Calibration:
@@ -140,7 +141,7 @@ async def activate(id: NameInPath, server: TheServer) -> Status:
 
 @router.get(
     "/{id}/file",
-    summary="The file as it was uploaded, or as a run used it",
+    summary="The file as uploaded, or as used by a run",
     response_class=Response,
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404, 503)},
 )
@@ -153,7 +154,7 @@ async def get_file(id: NameInPath, server: TheServer) -> Response:
 
 @router.get(
     "/{id}/export/{kind}",
-    summary="The calibration as another tool reads it",
+    summary="The calibration in the format of another tool",
     response_class=Response,
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404, 503)},
 )
@@ -166,7 +167,7 @@ async def get_export(id: NameInPath, kind: ExportKind, server: TheServer) -> Res
 
 @router.get(
     "/{id}/preview",
-    summary="The newest pair rectified with a calibration",
+    summary="The newest image pair, rectified with a calibration",
     response_class=Response,
     responses=PREVIEW_RESPONSES,
 )
@@ -177,7 +178,7 @@ async def get_preview(record: Listed, server: TheServer) -> Response:
 
 @router.get(
     "/{id}/depth",
-    summary="How far a place of the newest pair is by a calibration",
+    summary="Distance of a spot in the newest image pair according to a calibration",
     responses=refusals(404, 409, 422, 503),
 )
 async def get_depth(
@@ -193,7 +194,7 @@ async def get_depth(
 @router.post(
     "/{id}/tape-checks",
     status_code=201,
-    summary="Hold the depth of a place against a tape measure",
+    summary="Compare the depth of a spot with a tape measure",
     responses=refusals(404, 409, 422, 503, 507),
 )
 async def post_tape_check(record: Listed, check: TapeCheckStart, server: TheServer) -> Calibration:
@@ -207,7 +208,7 @@ async def post_tape_check(record: Listed, check: TapeCheckStart, server: TheServ
 @router.delete(
     "/{id}",
     status_code=204,
-    summary="Take a calibration off the list",
+    summary="Delete a calibration",
     responses=refusals(404, 409, 503),
 )
 async def delete_calibration(id: NameInPath, server: TheServer) -> None:
@@ -220,5 +221,5 @@ def _size(text: str | None) -> tuple[int, int] | None:
         return None
     found = re.fullmatch(r"\s*(\d{1,5})\s*[x×]\s*(\d{1,5})\s*", text, re.ASCII)
     if found is None:
-        raise FieldError(("body", "size"), "a size is given as WIDTHxHEIGHT, as in 1280x720")
+        raise FieldError(("body", "size"), "give a size as WIDTHxHEIGHT, for example 1280x720")
     return int(found.group(1)), int(found.group(2))

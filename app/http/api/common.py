@@ -7,6 +7,7 @@ from typing import Annotated
 from fastapi import Depends, Path, Request, Response
 from fastapi.requests import HTTPConnection
 
+from app.http.file_name import content_disposition
 from app.http.sockets.view_feed import ViewFeed
 from app.server import Server
 
@@ -39,7 +40,7 @@ def who(request: Request, name: str | None = None) -> str:
     Args:
         name: as they call themselves.
     """
-    where = "the host itself" if request.client is None else request.client.host
+    where = "this computer" if request.client is None else request.client.host
     if name is not None:
         return f"{name} ({where})"
     return where if request.client is None else f"somebody at {where}"
@@ -47,7 +48,7 @@ def who(request: Request, name: str | None = None) -> str:
 
 def attachment(content: str | bytes, name: str, media_type: str) -> Response:
     """Answer with a file for the client to save."""
-    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    headers = {"Content-Disposition": content_disposition(name)}
     return Response(content, media_type=media_type, headers=headers)
 
 

@@ -66,7 +66,7 @@ async def start_check(
 @router.post(
     "/check/skip",
     responses={**_NOW, **refusals(409, 422, 507)},
-    summary="Leave the present step out",
+    summary="Skip the current step",
 )
 async def skip_step(
     request: Request, server: TheServer, by: Annotated[By | None, Body()] = None
@@ -76,7 +76,7 @@ async def skip_step(
     return _facts(server)
 
 
-@router.delete("/check", responses={**_NOW, **refusals(409, 422, 507)}, summary="Give the check up")
+@router.delete("/check", responses={**_NOW, **refusals(409, 422, 507)}, summary="Abort the check")
 async def give_up_check(
     request: Request,
     server: TheServer,

@@ -26,14 +26,14 @@ async def get_history(
         Query(
             max_length=200,
             pattern=_TEXT,
-            description="Words; all are in name, notes or tags.",
+            description="Words that must all occur in name, notes or tags.",
         ),
     ] = "",
     tag: Annotated[
-        list[Tag] | None, Query(max_length=_MOST_TAGS, description="Runs bear all of them.")
+        list[Tag] | None, Query(max_length=_MOST_TAGS, description="Tags that runs must all have.")
     ] = None,
     deleted: Annotated[
-        bool, Query(description="Those that can be had back, in place of the others.")
+        bool, Query(description="Only deleted runs that can be restored, instead of the others.")
     ] = False,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     offset: Annotated[int, Query(ge=0, le=1_000_000)] = 0,

@@ -23,7 +23,7 @@ class LiveTruthChoice(In):
         description="``vrpn:HOST[:PORT][/NAME,NAME]`` or ``vicon-udp:PORT``; null listens to none."
     )
     observer: Name | None = Field(
-        None, description="The body that carries the camera; null: it is found out."
+        None, description="The body that carries the camera; null: detected automatically."
     )
     ignore: Annotated[list[Name], Field(max_length=_MOST_BODIES)] = Field(
         default=[], description="Bodies that are neither observer nor obstacle."

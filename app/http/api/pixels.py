@@ -20,7 +20,7 @@ Coordinate = Annotated[float, Query(ge=-_MOST_PX, le=_MOST_PX, allow_inf_nan=Fal
 
 @router.get(
     "/pixel",
-    summary="Why a pixel counts as moving, as standing, or as neither",
+    summary="Why a pixel counts as moving, static or undecided",
     responses=refusals(409, 422, 503),
 )
 async def get_pixel(u: Coordinate, v: Coordinate, server: TheServer) -> Pixel:

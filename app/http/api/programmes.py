@@ -26,7 +26,7 @@ router = APIRouter(prefix="/programmes", tags=["programmes"])
 class ProgrammeStart(In):
     name: Identifier
     repeat: Annotated[StrictInt, Field(ge=1, le=MAX_REPEAT)] = 1
-    reverse: StrictBool = Field(False, description="The same way back.")
+    reverse: StrictBool = Field(False, description="The same path in reverse.")
     leases: dict[Role, Identifier] = Field(
         description="By role, of every robot that it moves; each must be armed."
     )
@@ -46,7 +46,8 @@ async def programme_command(server: Server, wanted: ProgrammeStart) -> StartProg
     for role in kept.profile.roles:
         if role not in wanted.leases:
             raise FieldError(
-                ("body", "leases"), f"the programme {wanted.name} moves the {role}; give its lease"
+                ("body", "leases"),
+                f"the programme {wanted.name} moves the {role}; take control of it first",
             )
     leases = {str(role): lease for role, lease in wanted.leases.items()}
     return StartProgramme(kept.profile, leases, wanted.repeat, wanted.reverse)
@@ -67,7 +68,7 @@ async def list_programmes(server: TheServer) -> list[ProgrammeEntry]:
     return [_entry(each) for each in await asyncio.to_thread(server.programmes.all)]
 
 
-@router.post("", status_code=201, summary="Keep a programme", responses=refusals(409, 422, 507))
+@router.post("", status_code=201, summary="Save a programme", responses=refusals(409, 422, 507))
 async def keep_programme(wanted: ProgrammeText, server: TheServer) -> ProgrammeDetail:
     """Under the name it gives itself; your own of the same name is replaced."""
     return _detail(await asyncio.to_thread(server.programmes.save, wanted.text))
@@ -82,7 +83,7 @@ async def get_programme(name: NameInPath, server: TheServer) -> ProgrammeDetail:
 @router.delete(
     "/{name}",
     status_code=204,
-    summary="Forget a programme of your own",
+    summary="Delete a programme of your own",
     responses=refusals(404, 409, 503),
 )
 async def delete_programme(name: NameInPath, server: TheServer) -> None:

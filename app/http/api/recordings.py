@@ -23,7 +23,7 @@ async def save_clip(server: TheServer) -> RingFile:
     return await server.runs.clips.save()
 
 
-@router.get("/rings", summary="All saved half minutes")
+@router.get("/rings", summary="All saved clips")
 async def list_rings(server: TheServer) -> list[RingEntry]:
     """Newest first."""
     return [
@@ -33,7 +33,7 @@ async def list_rings(server: TheServer) -> list[RingEntry]:
 
 @router.get(
     "/rings/{name}",
-    summary="A saved half minute, MCAP",
+    summary="A saved clip, MCAP",
     response_class=FileResponse,
     responses={200: {"content": {"application/octet-stream": {}}}, **refusals(404)},
 )
@@ -46,7 +46,7 @@ async def get_ring(name: NameInPath, server: TheServer) -> FileResponse:
 @router.delete(
     "/rings/{name}",
     status_code=204,
-    summary="Delete a saved half minute for good",
+    summary="Permanently delete a saved clip",
     responses=refusals(404, 503),
 )
 async def delete_ring(name: NameInPath, server: TheServer) -> None:

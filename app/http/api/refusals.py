@@ -27,7 +27,7 @@ def _answer(model: type[Problems | Refused], description: str) -> dict[str, Any]
 GATE_RESPONSES: dict[int | str, dict[str, Any]] = {
     400: _answer(Refused, "The request is malformed, or for another host."),
     401: _answer(Refused, "No token, or a wrong one."),
-    403: _answer(Refused, "Sent by a page of another site."),
+    403: _answer(Refused, "Sent by a page of another site, or a change by a read-only link."),
     429: _answer(Refused, "Too many wrong tokens from this address."),
 }
 # And of requests that may have a body.

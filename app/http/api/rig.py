@@ -91,7 +91,7 @@ async def get_file(server: TheServer) -> Response:
     return attachment(server.rig.text, "rig.yaml", "application/yaml")
 
 
-@router.put("/file", summary="Take a rig.yaml", responses=refusals(409, 422, 503, 507))
+@router.put("/file", summary="Upload a rig.yaml", responses=refusals(409, 422, 503, 507))
 async def put_file(file: RigFile, server: TheServer) -> RigNow:
     rig = await asyncio.to_thread(server.rig.parsed, file.text)
     await server.change_rig(lambda: rig)
@@ -109,18 +109,18 @@ async def post_floor(server: TheServer) -> FloorEstimate:
 @router.post(
     "/drive",
     status_code=201,
-    summary="Note a drive, by which the offset from the axle is estimated",
+    summary="Start a drive to estimate the offset from the axle",
     responses=refusals(409),
 )
 async def post_drive(server: TheServer) -> DriveNow:
     """Drive some metres straight and turn on the spot; wheel odometry must come with the frames."""
     if server.source.state.camera is None:
-        raise Conflict("nothing is observed by which a drive could be followed; open a source")
+        raise Conflict("no source is open to follow a drive with; open one first")
     server.survey.begin()
     return await _drive(server)
 
 
-@router.get("/drive", summary="What the drive says so far")
+@router.get("/drive", summary="Result of the drive so far")
 async def get_drive(server: TheServer) -> DriveNow:
     return await _drive(server)
 

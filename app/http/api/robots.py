@@ -41,7 +41,7 @@ def _facts(server: Server) -> Response:
     return answer(server.driving.facts())
 
 
-@router.get("", responses=_ROBOTS, summary="How the robots are")
+@router.get("", responses=_ROBOTS, summary="State of the robots")
 async def get_robots(server: TheServer) -> Response:
     return _facts(server)
 
@@ -56,7 +56,7 @@ async def stop_robots(request: Request, server: TheServer) -> Response:
     return _facts(server)
 
 
-@router.post("/reset", responses={**_ROBOTS, **refusals(409, 503)}, summary="Undo the stop")
+@router.post("/reset", responses={**_ROBOTS, **refusals(409, 503)}, summary="Reset the stop")
 async def reset_stop(request: Request, server: TheServer) -> Response:
     """Faults whose cause is over are forgotten as well; all robots stay disarmed."""
     await server.driving.reset(who(request))
@@ -66,7 +66,7 @@ async def reset_stop(request: Request, server: TheServer) -> Response:
 @router.post(
     "/programme",
     responses={**_ROBOTS, **refusals(404, 409, 422, 503)},
-    summary="Drive a programme",
+    summary="Run a programme",
 )
 async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response:
     """Plays while the operators of its robots stay present on their drive sockets."""
@@ -75,7 +75,7 @@ async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response
 
 
 @router.delete(
-    "/programme", responses={**_ROBOTS, **refusals(409, 503)}, summary="End the programme"
+    "/programme", responses={**_ROBOTS, **refusals(409, 503)}, summary="Stop the programme"
 )
 async def stop_programme(server: TheServer) -> Response:
     """At zero; the robots stay armed."""
@@ -86,7 +86,7 @@ async def stop_programme(server: TheServer) -> Response:
 @router.post(
     "/{role}/arm",
     responses={200: {"model": RobotNow}, **refusals(404, 409, 422, 503)},
-    summary="Switch a robot's motors on",
+    summary="Arm a robot (motors on)",
 )
 async def arm_robot(
     role: Role, server: TheServer, arming: Annotated[Arming | None, Body()] = None
@@ -99,7 +99,7 @@ async def arm_robot(
 @router.post(
     "/{role}/disarm",
     responses={200: {"model": RobotNow}, **refusals(404, 409, 422, 503)},
-    summary="Switch a robot's motors off",
+    summary="Disarm a robot (motors off)",
 )
 async def disarm_robot(role: Role, server: TheServer) -> Response:
     """Anyone signed in may."""
@@ -110,7 +110,7 @@ async def disarm_robot(role: Role, server: TheServer) -> Response:
 @router.put(
     "/{role}/port",
     responses={**_ROBOTS, **refusals(422, 503, 507)},
-    summary="Reach a real robot by a port",
+    summary="Connect a real robot via a port",
 )
 async def put_port(role: Role, choice: PortChoice, server: TheServer) -> Response:
     """It is kept in rig.yaml, and connected as long as live cameras are open."""
@@ -121,7 +121,7 @@ async def put_port(role: Role, choice: PortChoice, server: TheServer) -> Respons
 @router.delete(
     "/{role}/port",
     responses={**_ROBOTS, **refusals(422, 503, 507)},
-    summary="Forget a robot's port",
+    summary="Disconnect a robot's port",
 )
 async def delete_port(role: Role, server: TheServer) -> Response:
     await server.change_rig(lambda: server.rig.without_port(role))

@@ -43,7 +43,7 @@ class AlignStart(In):
         None, description="None: the motion capture that was received live with the run."
     )
     observer: Body | None = Field(
-        None, description="The body that carries the cameras; none: it is found out."
+        None, description="The body that carries the cameras; None: detected."
     )
     ignore: Annotated[list[Body], Field(max_length=200)] = Field(
         default_factory=list, description="Bodies that are neither observer nor obstacle."
@@ -54,13 +54,12 @@ class AlignStart(In):
     )
     expected_offset_s: Annotated[Finite, Field(ge=-1e12, le=1e12)] | None = Field(
         None,
-        description="To be added to truth's times, to within 2 s; for motions that repeat "
-        "themselves. None: it is found out.",
+        description="Approximate time offset to add to the times of the ground truth, within 2 s; "
+        "for periodic motion. None: it is estimated.",
     )
     camera_on_body: CameraOnBodyIn | None = Field(
         None,
-        description="Of the left camera, on the observer's body. None: it is found out, or as the "
-        "rig says.",
+        description="Of the left camera, on the observer's body. None: estimated, or from the rig.",
     )
 
 
@@ -95,13 +94,16 @@ async def align_run(
 @router.post(
     "/{id}/rerun",
     status_code=201,
-    summary="Observe a run's recording again",
+    summary="Re-run a recording",
     responses=refusals(404, 409, 422, 503, 507),
 )
 async def rerun(id: NameInPath, wanted: RerunStart, server: TheServer) -> StartedRun:
     """Once through, as fast as it goes, with the run's own parameters where none are given.
 
-    Where truth was laid over the run, it is laid over the new one when it has ended.
+    The answer is the new run, which is ``running``; ``reruns`` of the status tells how far it is.
+    Neither the open source nor the parameters in force change. It waits while a robot is armed.
+    Deleting it cancels it. Where truth was laid over the run, it is laid over the new one when it
+    has ended.
     """
     run = await server.runs.rerun(
         id, name=wanted.name, preset=wanted.preset, parameters=wanted.parameters

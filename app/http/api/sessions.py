@@ -1,4 +1,7 @@
-"""Signing out. Signing in is no part of REST: scripts bring the token itself."""
+"""What one may do, and signing out.
+
+Signing in is no part of REST: scripts bring the token itself.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +9,9 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 
+from app.contract.sharing import SessionNow
 from app.http.api.refusals import refusals
-from app.http.gate.admission import Admission, session_of
+from app.http.gate.admission import Admission, access_of, session_of
 from app.server import NotThere
 
 router = APIRouter(tags=["sessions"])
@@ -22,12 +26,20 @@ def _admission(request: Request) -> Admission:
 TheAdmission = Annotated[Admission, Depends(_admission)]
 
 
+@router.get("/session", summary="What one may do")
+async def get_session(request: Request) -> SessionNow:
+    """Of the session or the token that the request came with."""
+    return SessionNow(access_of(request.scope).value)
+
+
 @router.delete("/session", status_code=204, summary="Sign out", responses=refusals(404))
 async def sign_out(request: Request, admission: TheAdmission) -> Response:
     """End the browser's session at once, with its WebSockets: a robot that it drives stops."""
     session = session_of(request.scope)
     if session is None:
-        raise NotThere("this request brought the token itself, so it has no session to sign out of")
+        raise NotThere(
+            "this request used the token directly, so there is no session to sign out of"
+        )
     return _signed_out(await admission.sign_out(session))
 
 

@@ -11,7 +11,7 @@ from app.server.status import status
 router = APIRouter(tags=["status"])
 
 
-@router.get("/status", summary="Everything at a glance")
+@router.get("/status", summary="Status of everything")
 async def get_status(server: TheServer) -> Status:
     """Engine, source, run, rates, latency, timings and losses."""
     return status(server)

@@ -15,7 +15,7 @@ from observer.truth.files.known import formats_in_words
 router = APIRouter(prefix="/truth", tags=["truth"])
 
 
-@router.get("", summary="All truths", responses=refusals(503))
+@router.get("", summary="All ground-truth files", responses=refusals(503))
 async def list_truths(server: TheServer) -> list[TruthEntry]:
     """Newest first."""
     return await server.runs.truths.all()
@@ -24,11 +24,11 @@ async def list_truths(server: TheServer) -> list[TruthEntry]:
 @router.post(
     "",
     status_code=201,
-    summary="Upload a truth file",
+    summary="Upload a ground-truth file",
     description=(
-        f"Recognised by content: {formats_in_words()}, and truth.csv. Where angles can be read in "
-        f"two ways, the refusal of the field `angles` says so with figures of both; send the file "
-        f"again with one of them."
+        f"Recognised by content: {formats_in_words()}, and truth.csv. If angles can be read in two "
+        "ways, the error for the field `angles` gives figures for both; send the file again with "
+        "one of them."
     ),
     responses=refusals(422, 503, 507),
 )
@@ -37,11 +37,11 @@ async def post_truth(
     server: TheServer,
     rate_hz: Annotated[
         float | None,
-        Form(gt=0, le=100_000, allow_inf_nan=False, description="Where no file tells it."),
+        Form(gt=0, le=100_000, allow_inf_nan=False, description="If the file does not state it."),
     ] = None,
     angles: Annotated[
         AngleReading | None,
-        Form(description="How Vicon's three angles are meant, where that cannot be found out."),
+        Form(description="Meaning of Vicon's three angles, if it cannot be detected."),
     ] = None,
 ) -> TruthEntry:
     name = plain_name(file.filename, "truth.csv")
@@ -49,7 +49,7 @@ async def post_truth(
 
 
 @router.delete(
-    "/{id}", status_code=204, summary="Take a truth off the list", responses=refusals(404, 503)
+    "/{id}", status_code=204, summary="Delete a ground-truth file", responses=refusals(404, 503)
 )
 async def delete_truth(id: NameInPath, server: TheServer) -> None:
     """Runs that were compared with it still are."""

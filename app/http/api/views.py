@@ -12,6 +12,7 @@ from app.contract.views import VIEW_NAMES
 from app.http.api.common import Feeds, TheServer
 from app.http.api.refusals import refusals
 from app.http.errors import SafeJSON
+from app.http.sockets.budget import Budget
 from app.http.sockets.connections import BadMessage, receive_text, until_one_ends
 from app.server import NotAvailable, NotThere
 
@@ -20,7 +21,7 @@ router = APIRouter(tags=["views"])
 # Sequence, then age at sending in ms, both big-endian.
 _HEADER = struct.Struct(">Qd")
 _SNAPSHOT_TIMEOUT_S = 3.0
-_NO_SUCH_VIEW = f"there are the views {', '.join(VIEW_NAMES)}"
+_NO_SUCH_VIEW = f"available views are {', '.join(VIEW_NAMES)}"
 
 ViewName = Annotated[str, Path(max_length=50)]
 
@@ -56,7 +57,7 @@ async def get_snapshot(name: ViewName, feeds: Feeds) -> Response:
 async def watch_view(socket: WebSocket, name: ViewName, feeds: Feeds, server: TheServer) -> None:
     """Sends the newest image, and the next one only after the client's ``ack``.
 
-    A slow client gets fewer images, never older ones.
+    A slow client gets fewer images, never older ones; see ``app.http.sockets.budget``.
     """
     if name not in feeds:
         await socket.send_denial_response(SafeJSON({"detail": _NO_SUCH_VIEW}, 404))
@@ -64,21 +65,29 @@ async def watch_view(socket: WebSocket, name: ViewName, feeds: Feeds, server: Th
     await socket.accept()
     acknowledged = asyncio.Event()
     acknowledged.set()
+    budget = Budget(server.clock)
+    sent = server.clock()
 
     async def send() -> None:
+        nonlocal sent
         sequence = 0
         while True:
             await acknowledged.wait()
+            await asyncio.sleep(budget.wait_s)
             newest = await feeds[name].newer(sequence)
             sequence = newest.sequence
             acknowledged.clear()
-            age_ms = 1000.0 * (server.clock() - float(newest.header["received"]))
+            sent = server.clock()
+            budget.sent()
+            age_ms = 1000.0 * (sent - float(newest.header["received"]))
             await socket.send_bytes(_HEADER.pack(sequence, max(0.0, age_ms)) + newest.payload)
 
     async def read() -> None:
         while True:
             if await receive_text(socket) != "ack":
-                raise BadMessage("answer every image with the text ack")
+                raise BadMessage("acknowledge every image with the text ack")
+            if not acknowledged.is_set():
+                budget.acknowledged(server.clock() - sent)
             acknowledged.set()
 
     async with feeds[name].watched():

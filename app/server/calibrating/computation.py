@@ -96,7 +96,7 @@ class Computation:
             caller = asyncio.current_task()
             if caller is not None and caller.cancelling():
                 raise
-            words = "looking for the board was cancelled; send the images in again"
+            words = "board detection was cancelled; upload the images again"
             raise Conflict(words) from None
         assert isinstance(found, BoardsFound)
         return found
@@ -137,5 +137,8 @@ class Computation:
             self.trouble = str(error)
         else:
             log.error("computing_failed", exc_info=error)
-            self.trouble = f"computing failed: {type(error).__name__}: {error}"
+            self.trouble = (
+                f"the computation failed: internal error ({type(error).__name__}: {error}); see "
+                "the server's log"
+            )
         self._changed()

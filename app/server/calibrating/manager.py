@@ -148,7 +148,7 @@ class CalibrationManager:
             return of_plain(Calibration, known | record.info)
         # Damaged by hand: the calibration's own text tells what matters.
         facts = calibration_facts(read_calibration(record.text, name=record.name))
-        notes = ["what was kept beside this calibration is damaged and left out"]
+        notes = ["the additional data stored with this calibration is damaged and ignored"]
         return of_plain(Calibration, known | facts | {"notes": notes})
 
     async def activate(self, id: str | None) -> None:

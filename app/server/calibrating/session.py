@@ -171,7 +171,9 @@ class CalibrationSession:
         elif command.remove is not None:
             del self._views[command.remove]
         else:
-            raise Conflict("images were sent in; begin with cameras to capture more")
+            raise Conflict(
+                "this calibration uses uploaded images; start one with cameras to capture views"
+            )
         self._changed()
 
     def looked(self, event: BoardLookEvent) -> None:
@@ -197,7 +199,7 @@ class CalibrationSession:
         """
         kept = self._views.get(name)
         if kept is None or kept.pictures is None:
-            raise NotThere(f"there is no picture of a view {name[:80]!r}")
+            raise NotThere(f"there is no image of a view {name[:80]!r}")
         return kept.pictures[side]
 
     async def take_images(self, found: BoardsFound, board: Board) -> None:
@@ -253,7 +255,7 @@ class CalibrationSession:
 
     def _open_board(self) -> Board:
         if self.board is None:
-            raise Conflict("nothing is being calibrated; begin a calibration first")
+            raise Conflict("no calibration is in progress; start one first")
         return self.board
 
 

@@ -32,6 +32,7 @@ from observer.calibration.report import depth_bias_of
 from observer.calibration.tape import tape_check
 from observer.camera import StereoCalibration
 from observer.errors import CalibrationError, InputError
+from observer.intervals import half_95
 
 _FILE_FIELD, _UNIT_FIELD = ("body", "file"), ("body", "unit")
 _LONGEST_NAME = 100
@@ -248,17 +249,20 @@ async def refine_rows(
 
 def _changes(facts: Mapping[str, Any]) -> str:
     """Return in words what a refinement changed, by its facts as in ``Refined``."""
-    rows = f"rows {facts['before_px']:.2f} px apart before, {facts['after_px']:.2f} px after"
+    rows = f"epipolar error {facts['before_px']:.2f} px before, {facts['after_px']:.2f} px after"
     degrees = {
         name: math.degrees(facts[f"{name}_rad"])
         for name in ("pitch", "roll", "vergence")
         if facts[f"{name}_rad"] is not None
     }
-    turns = f"pitch {degrees['pitch']:+.3f} deg, roll {degrees['roll']:+.3f} deg"
+    turns = f"pitch {degrees['pitch']:+.3f}°, roll {degrees['roll']:+.3f}°"
     if "vergence" not in degrees:
-        return f"{rows}; {turns}, vergence as it was"
+        return f"{rows}; {turns}, vergence unchanged"
     sigma = math.degrees(facts["vergence_std_rad"])
-    return f"{rows}; {turns}, vergence {degrees['vergence']:+.3f} deg (+-{sigma:.3f})"
+    return (
+        f"{rows}; {turns}, vergence {degrees['vergence']:+.3f}° ± {half_95(sigma):.3f}° (95 % "
+        "interval)"
+    )
 
 
 def _unheard(_: Progress) -> None:

@@ -30,7 +30,7 @@ async def survey_floor(engine: Engine, camera: StereoCamera | None) -> FloorEsti
         NotAvailable: there is no engine at the moment.
     """
     if camera is None:
-        raise Conflict("nothing is observed that could see the floor; open a source first")
+        raise Conflict("no source is open that could see the floor; open one first")
     views, seen = [], set()
     for look in range(_LOOKS):
         if look:

@@ -30,7 +30,7 @@ class AbsentDrive:
             ProcessUnavailable: always, because there is no drive process.
         """
         del command, timeout_s
-        raise ProcessUnavailable("this server drives no robots")
+        raise ProcessUnavailable("this server controls no robots")
 
     def subscribe(self, callback: Callable[[FromDrive], None]) -> Callable[[], None]:
         """Accept a subscription; no event ever follows."""

@@ -96,9 +96,9 @@ class CheckManager:
             Conflict: a check is in progress, or the last one is not stored yet.
         """
         if self._check is not None and not self._check.over():
-            raise Conflict(f"a check of the {self._check.role} is going on; give it up first")
+            raise Conflict(f"a check of the {self._check.role} is in progress; abort it first")
         if self._unsaved:
-            raise Conflict("the check before is not kept yet; DELETE /api/robots/check keeps it")
+            raise Conflict("the previous check is not saved yet; abort it first")
         self._check = GuardCheck(
             role, self._circumstances(), started_at=time_of_day(), started_by=by, note=note
         )
@@ -137,12 +137,12 @@ class CheckManager:
         """Store what is not stored yet, at the end of the server."""
         check = self._check
         if check is not None and self._saved is None:
-            check.give_up("the end of the server", time_of_day())
+            check.give_up("the server shutting down", time_of_day())
             await self._save_or_tell()
 
     def _going(self) -> GuardCheck:
         if self._check is None or self._check.over():
-            raise Conflict("no check is going on; start one first")
+            raise Conflict("no check is in progress; start one first")
         return self._check
 
     @property
@@ -161,7 +161,7 @@ class CheckManager:
             try:
                 self._saved = await asyncio.to_thread(self.records.save, record)
             except (Conflict, FieldError, StorageError) as error:
-                self._trouble = f"the record of this check is not kept: {error}"
+                self._trouble = f"the record of this check could not be saved: {error}"
                 raise
             else:
                 self._trouble = None

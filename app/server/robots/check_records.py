@@ -23,6 +23,8 @@ _MOST_BYTES = 1_000_000
 _MOST_ALIKE = 999
 # A check older than a month should be repeated.
 _LASTS = timedelta(days=30)
+# Where people call an outcome otherwise than the record.
+_OUTCOMES = {"given_up": "aborted"}
 
 
 class CheckRecords:
@@ -64,7 +66,7 @@ class CheckRecords:
                 name = stem if number == 1 else f"{stem}-{number}"
                 with contextlib.suppress(FileExistsError), self._file(name, "json").open("x"):
                     return name
-        raise Conflict(f"there are {_MOST_ALIKE} records {stem}; wait a minute")
+        raise Conflict(f"there are already {_MOST_ALIKE} records named {stem}; wait a minute")
 
     def all(self) -> list[CheckEntry]:
         """Return list entries of the newest hundred records, newest first; skip invalid files."""
@@ -131,18 +133,18 @@ def _started(record: CheckRecord) -> datetime:
 def advice(newest: CheckRecord | None, now: Circumstances, today: datetime) -> str | None:
     """Return why to check again, in one sentence; None while the newest check is still valid."""
     if newest is None:
-        return "The guard was not checked yet: check it before you rely on it."
+        return "The guard has not been checked yet: check it before you rely on it."
     why = []
     age = today - _started(newest)
     if age > _LASTS:
-        why.append(f"the newest check is {age.days} days old")
+        why.append(f"the latest check is {age.days} days old")
     changed = now.differences(newest)
     if changed:
-        why.append(f"{' and '.join(changed)} changed since the newest check")
+        why.append(f"{' and '.join(changed)} changed since the latest check")
     if newest.outcome == "failed":
-        why.append("the newest check failed")
+        why.append("the latest check failed")
     if newest.outcome == "incomplete":
-        why.append("steps of the newest check were skipped")
+        why.append("steps of the latest check were skipped")
     return f"Check again: {', and '.join(why)}." if why else None
 
 
@@ -150,17 +152,17 @@ def markdown(record: CheckRecord) -> str:
     """Format a record for people."""
     robot = record.robot
     lines = [
-        f"# Check of the guard, {record.role}, {record.started_at}",
+        f"# Guard check, {record.role}, {record.started_at}",
         "",
-        f"Outcome: **{str(record.outcome).replace('_', ' ')}**"
+        f"Outcome: **{_OUTCOMES.get(str(record.outcome), record.outcome)}**"
         + (f" by {_text(record.given_up_by)}" if record.given_up_by else ""),
         "",
         f"- Robot: {_text(robot.name)}, model {_text(robot.model)}, "
         f"own watchdog {_figure(robot.watchdog_s, ' s')}",
-        f"- Driven by: {', '.join(map(_text, record.operators)) or '-'}; "
-        f"begun by {_text(record.started_by)}",
+        f"- Driven by: {', '.join(map(_text, record.operators)) or '-'}; started by "
+        f"{_text(record.started_by)}",
         f"- Source: {_text(record.source)}",
-        f"- Calibration: {_text(record.calibration or 'that of the source')}; rig: {record.rig}",
+        f"- Calibration: {_text(record.calibration or 'the one of the source')}; rig: {record.rig}",
         f"- Software: {', '.join(f'{k} {v}' for k, v in record.software.items())}",
     ]
     if record.note:
@@ -169,9 +171,11 @@ def markdown(record: CheckRecord) -> str:
         lines.append(f"- Changed during the check: {', '.join(record.changed_meanwhile)}")
     lines += [
         "",
-        f"Promised: zero within {record.promised_ms:.0f} ms of the cause. A dash was not told.",
+        f"Limit: stop command within {record.promised_ms:.0f} ms of the cause. A dash means not "
+        "reported.",
         "",
-        "| Step | State | Speed, m/s | Zero, ms | Stood, ms | Way, m | Left, m | Verdict |",
+        "| Step | State | Speed, m/s | Stop command, ms | Standstill, ms | Distance, m | "
+        "Clearance, m | Verdict |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for step in record.steps:
@@ -180,7 +184,7 @@ def markdown(record: CheckRecord) -> str:
         skipped = f"skipped by {_text(step.skipped_by)}" if step.skipped_by else None
         row = [step.title, step.state, *cells, _text(step.verdict or skipped or step.told)]
         lines.append(f"| {' | '.join(row)} |")
-    lines += ["", "Parameters of the guard:", ""]
+    lines += ["", "Guard parameters:", ""]
     lines += [f"- {name}: {value}" for name, value in record.guard.items()]
     return "\n".join(lines) + "\n"
 

@@ -15,10 +15,10 @@ PROMISED_MS = 300.0
 MOVING_MPS = 0.1
 
 _CAUSES = {
-    "guard": "the guard's verdict",
+    "guard": "the guard's decision",
     "sight": "the last good frame",
-    "expired": "the operator's last sign",
-    "lease": "the operator's last sign",
+    "expired": "the operator's last command",
+    "lease": "the operator's last command",
 }
 
 
@@ -43,11 +43,14 @@ class Step(CheckStep):
         before = event.before_mps
         if event.kind not in self.kinds:
             wanted = " or ".join(self.kinds)
-            told = f"not what this step is about ({event.kind}, not {wanted}): {event.sentence}"
+            told = (
+                f"this stop does not count for this step ({event.kind}, not {wanted}): "
+                f"{event.sentence}"
+            )
             return replace(self, told=told)
         if before is None or abs(before) < MOVING_MPS:
-            speed = "at a speed that it does not tell" if before is None else f"at {before:.2f} m/s"
-            told = f"it stopped {speed}; it must drive at {MOVING_MPS:g} m/s at least"
+            speed = "at an unknown speed" if before is None else f"at {before:.2f} m/s"
+            told = f"it stopped {speed}; it must be driving at {MOVING_MPS:g} m/s or more"
             return replace(self, told=told)
         figures = stop_figures(event)
         passed, verdict = judged(event.kind, figures, margin_m)
@@ -74,28 +77,28 @@ _WALK_IN = _step(
     "walk_in",
     "Walk in",
     "Drive straight ahead at 0.2 to 0.3 m/s through free space, and keep driving while somebody "
-    "steps in front of the robot, a metre and a half away or more.",
+    "steps in front of the robot, at least 1.5 m away.",
     "guard",
 )
 _COVER_LENS = _step(
     "cover_lens",
     "Cover a lens",
-    "Arm again if need be, drive at 0.2 to 0.3 m/s, and keep driving while somebody covers one "
+    "Arm again if necessary, drive at 0.2 to 0.3 m/s, and keep driving while somebody covers one "
     "lens with a hand.",
     "sight",
 )
 _UNPLUG = _step(
     "unplug",
     "Unplug a camera",
-    "Free the lens, arm again, drive at 0.2 to 0.3 m/s, and keep driving while somebody pulls one "
-    "camera's cable.",
+    "Uncover the lens, arm again, drive at 0.2 to 0.3 m/s, and keep driving while somebody "
+    "unplugs one camera.",
     "sight",
 )
 _CLOSE_BROWSER = _step(
     "close_browser",
     "Close the browser",
     "With everything plugged in, arm again, drive at 0.2 to 0.3 m/s, and close this page while "
-    "you drive. Then open it again: the check is kept.",
+    "driving. Then reopen it: the check continues.",
     "expired",
     "lease",
 )
@@ -121,16 +124,19 @@ def judged(kind: str, figures: StopMeasured, margin_m: float | None) -> tuple[bo
     zero, stood, left = figures.zero_ms, figures.stood_ms, figures.separation_m
     cause = _CAUSES.get(kind, "its cause")
     if zero is None:
-        return False, f"zero never went out behind {cause}"
-    soon = f"zero went out {zero:.0f} ms after {cause}"
+        return False, f"no stop command was sent after {cause}"
+    soon = f"stop command sent {zero:.0f} ms after {cause}"
     if zero > PROMISED_MS:
-        return False, f"{soon}, later than the promised {PROMISED_MS:.0f} ms"
+        return False, f"{soon}, later than the limit of {PROMISED_MS:.0f} ms"
     if stood is None:
-        return False, f"{soon}, but the robot was not seen to stand behind it"
+        return False, f"{soon}, but the robot did not report standstill"
     way = "" if figures.distance_m is None else f" and {figures.distance_m:.2f} m"
-    rest = f"{soon}, of the promised {PROMISED_MS:.0f} ms; it stood after {stood:.0f} ms{way}"
+    rest = f"{soon} (limit {PROMISED_MS:.0f} ms); the robot stood still after {stood:.0f} ms{way}"
     if left is None:
         return True, rest
     if kind == "guard" and margin_m is not None and left < margin_m:
-        return False, f"{rest}, with {left:.2f} m left: less than the margin of {margin_m:.2f} m"
-    return True, f"{rest}, with {left:.2f} m left"
+        return (
+            False,
+            f"{rest}, {left:.2f} m from the obstacle: less than the margin of {margin_m:.2f} m",
+        )
+    return True, f"{rest}, {left:.2f} m from the obstacle"

@@ -48,7 +48,7 @@ log = structlog.get_logger(__name__)
 # A reconnected simulated robot reports within a second or two.
 _ARM_WITHIN_S = 8.0
 _ARM_AGAIN_S = 0.1
-_NO_PROCESS = "there is no drive process yet"
+_NO_PROCESS = "the drive process has not started yet"
 _DRIVEN = ("armed", "moving")
 _NOTHING_KNOWN = DriveFacts(None, None, None, None, dict.fromkeys(ROLES))
 
@@ -197,8 +197,8 @@ class RobotManager:
 
     def _lost(self, event: DriveLostEvent) -> None:
         self._trouble = (
-            f"{event.reason}; the robots' own firmware stops them, and they are connected again, "
-            f"disarmed, with the next drive process"
+            f"{event.reason}; the robots' firmware stops them; they are reconnected, disarmed, "
+            "with the next drive process"
         )
         log.error("drive_lost", reason=event.reason)
         # Robots that are no longer heard are not shown as connected.
@@ -252,6 +252,10 @@ class RobotManager:
         robot = self.robot(role)
         return robot is not None and robot.state in _DRIVEN
 
+    def any_driven(self) -> bool:
+        """Return whether a robot of any role is armed."""
+        return any(map(self.is_driven, ROLES))
+
     @property
     def loop_late_p99_ms(self) -> float | None:
         """Return the drive loop's 99th percentile of lateness; None if it reports none."""
@@ -288,9 +292,9 @@ class RobotManager:
             self._connecting.stop_due = by
             self._connecting.look()
             raise NotAvailable(
-                f"the stop could not be told to the drive process ({error}): use the robots' own "
-                f"switch; without commands their firmware stops them, and the next drive process "
-                f"begins stopped"
+                f"the stop did not reach the drive process ({error}): use the robots' own stop "
+                "switch; without commands their firmware stops them, and the next drive process "
+                "starts in the stopped state"
             ) from error
         self._connecting.stop_due = None
 
@@ -337,7 +341,7 @@ class RobotManager:
         given, robot = self._connecting.given(role), self.robot(role)
         if given is None or robot is None:
             if late:
-                raise Conflict(f"the {role} was not connected again in time")
+                raise Conflict(f"the {role} was not reconnected in time")
             return False
         if (robot.port, robot.world) != (shown_port(given.port), given.world):
             # The last report is about the previous robot.

@@ -95,7 +95,7 @@ class Operators:
         log.info("lease_taken", role=role, operator=operator.name)
         for other in taken_from:
             log.warning("lease_taken_over", role=role, by=operator.name, before=other.name)
-            other.lost(role, f"{operator.name} took over the {role}")
+            other.lost(role, f"{operator.name} took control of the {role}")
         return lease
 
     async def release(self, operator: Operator, role: Role) -> None:
@@ -122,7 +122,7 @@ class Operators:
                     continue
                 operator.unnamed[role] = operator.unnamed.get(role, 0) + 1
                 if operator.unnamed[role] >= _TIMES_UNNAMED:
-                    self._lose(operator, role, robot.why or f"the {role} was given up")
+                    self._lose(operator, role, robot.why or f"control of the {role} was released")
 
     def drive_lost(self, sentence: str) -> None:
         """End all leases: they went with the drive process."""

@@ -75,12 +75,12 @@ class ProfileLibrary:
             raise FieldError(("body", "text"), str(error)) from error
         name = profile.name
         if name in profile_names():
-            raise Conflict(f"the programme {name} comes with the project; choose another name")
+            raise Conflict(f"the programme {name} is built in; choose another name")
         names = self._own_names()
         if name not in names and len(names) >= _MOST_OWN:
             raise Conflict(f"there are {_MOST_OWN} programmes of your own; delete one first")
         if self._folder is None:
-            raise Conflict("this server keeps no programmes")
+            raise Conflict("this server stores no programmes")
         write_whole(self._file(name), text)
         return KeptProfile(profile, True)
 
@@ -91,7 +91,7 @@ class ProfileLibrary:
             NotThere: there is no such programme. Conflict: it belongs to the project.
         """
         if name in profile_names():
-            raise Conflict(f"the programme {name} comes with the project and stays")
+            raise Conflict(f"the programme {name} is built in and cannot be deleted")
         if name not in self._own_names():
             raise NotThere(f"there is no programme {name[:80]!r}; it may have been deleted")
         self._file(name).unlink(missing_ok=True)

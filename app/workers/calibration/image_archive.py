@@ -74,7 +74,7 @@ class ImageArchive:
             self._zip = zipfile.ZipFile(path)
         except (zipfile.BadZipFile, *_DAMAGES):
             raise CalibrationError(
-                "the file is no ZIP archive; put the images into left/ and right/ and zip both "
+                "the file is not a ZIP archive; put the images into left/ and right/ and zip both "
                 "folders"
             ) from None
         try:
@@ -118,17 +118,17 @@ class ImageArchive:
                 names.append(entry.filename)
             elif path.suffix.lower() == ".zip":
                 raise CalibrationError(
-                    f"the archive holds another archive, {path.name}; send the images in one"
+                    f"the archive contains another archive, {path.name}; put all images into one"
                 )
             else:
-                refused.append(f"{path.name} is no image (PNG, JPEG, BMP, PGM, TIFF or WebP)")
+                refused.append(f"{path.name} is not an image (PNG, JPEG, BMP, PGM, TIFF or WebP)")
         pairs, alone = pair_names(names)
         refused.extend(alone)
         if not pairs:
             why = f" ({refused[0]})" if refused else ""
             raise CalibrationError(
-                f"the archive holds no pairs of images{why}; put them into left/ and right/ with "
-                f"equal names, or call them left01.png and right01.png"
+                f"the archive contains no image pairs{why}; put them into left/ and right/ with "
+                "the same names, or name them left01.png and right01.png"
             )
         return pairs, tuple(refused)
 
@@ -166,7 +166,7 @@ def _refuse_long_directory(path: Path) -> None:
     # All ones: the 64 bit record holds the size.
     if any(MAX_ENTRIES * _ENTRY_BYTES < size != 0xFFFFFFFF for size in sizes):
         raise CalibrationError(
-            f"the archive lists far more than {MAX_ENTRIES} entries; twenty pairs are enough"
+            f"the archive has far more than {MAX_ENTRIES} entries; twenty pairs are enough"
         )
 
 
@@ -182,9 +182,9 @@ def pair_names(names: list[str]) -> tuple[tuple[ArchivedPair, ...], tuple[str, .
         )
         if pairs:
             paired = {name for pair in pairs for name in (pair.left, pair.right)}
-            alone = tuple(f"{name} has no partner" for name in names if name not in paired)
+            alone = tuple(f"{name} has no matching image" for name in names if name not in paired)
             return pairs, alone
-    return (), tuple(f"{name} has no partner" for name in names)
+    return (), tuple(f"{name} has no matching image" for name in names)
 
 
 def _view_names(keys: list[str]) -> list[str]:
@@ -226,25 +226,25 @@ def _sorted_by_side(
 def _refuse_dangerous(entries: list[zipfile.ZipInfo]) -> None:
     if len(entries) > MAX_ENTRIES:
         raise CalibrationError(
-            f"the archive has {len(entries)} entries; send at most {MAX_ENTRIES}, twenty pairs "
-            f"are enough"
+            f"the archive has {len(entries)} entries; at most {MAX_ENTRIES} are allowed, and "
+            "twenty pairs are enough"
         )
     for entry in entries:
         path = PurePosixPath(entry.filename.replace("\\", "/"))
         if path.is_absolute() or ".." in path.parts or "\x00" in entry.filename:
-            raise CalibrationError("the archive has an entry that points outside of it")
+            raise CalibrationError("the archive has an entry that points outside it")
         # The upper half holds the Unix mode; 0xA000 is a symbolic link.
         if (entry.external_attr >> 16) & 0xF000 == 0xA000:
-            raise CalibrationError("the archive has a symbolic link; send plain image files")
+            raise CalibrationError("the archive contains a symbolic link; include only image files")
         if entry.flag_bits & 0x1:
-            raise CalibrationError("the archive is encrypted; send one without a password")
+            raise CalibrationError("the archive is encrypted; upload one without a password")
         if entry.file_size > _MAX_RATIO * max(entry.compress_size, 1024):
             raise CalibrationError(
-                f"{path.name} would grow more than {_MAX_RATIO} times; no image does"
+                f"{path.name} would expand more than {_MAX_RATIO} times, which no image does"
             )
     total = sum(entry.file_size for entry in entries)
     if total > MAX_EXPANDED_BYTES:
         raise CalibrationError(
-            f"the archive would take {total // 2**20} MB unpacked; send at most "
-            f"{MAX_EXPANDED_BYTES // 2**20} MB"
+            f"the archive would expand to {total // 2**20} MB; at most "
+            f"{MAX_EXPANDED_BYTES // 2**20} MB are allowed"
         )

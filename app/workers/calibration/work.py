@@ -58,7 +58,7 @@ def _refine(job: RefineRows) -> Refined:
     calibration = read_calibration(job.calibration_yaml, name=job.name)
     if not job.pairs:
         raise CalibrationError(
-            "there are no images to refine by yet; let the cameras deliver for some seconds"
+            "there are no images for the refinement yet; let the cameras run for a few seconds"
         )
     refined = refine_from_scene(calibration, job.pairs, job.vergence)
     if isinstance(refined, RefinementRefusal):
@@ -92,7 +92,7 @@ def _find(job: FindBoards, progress: Report) -> BoardsFound:
         views, pictures = [], []
         for view in found.views:
             if view.left is None and view.right is None:
-                refused.append(f"{view.name}: neither image shows the board")
+                refused.append(f"{view.name}: the board was not found in either image")
                 continue
             views.append(view)
             pair = pairs[view.name]

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 from observer.calibration.ageing.vergence import VergenceCheck, drift_words
 from observer.camera import StereoCamera
+from observer.intervals import half_95
 from observer.vision.disparity_bias import DisparityBias
 from observer.vision.exposure_skew import ExposureSkew
 
@@ -82,13 +83,13 @@ def vergence_by_points(bias: DisparityBias, camera: StereoCamera) -> VergenceChe
     lead, effect = drift_words(vergence, std, camera.baseline)
     if bias.sure:
         sentence = (
-            f"{lead}, by near against far points: uncorrected, {effect}, which is allowed for "
-            f"while this run lasts; save the refined calibration or calibrate anew with a board"
+            f"{lead}, comparing near and far points: uncorrected, {effect}. This is compensated "
+            "for the rest of the run; save the refined calibration or recalibrate with a board"
         )
         return VergenceCheck("drifted", vergence, std, sentence)
     sentence = (
-        f"vergence agrees with near against far points: {math.degrees(vergence):+.2f} deg "
-        f"(+-{math.degrees(std):.2f}) beyond the calibration"
+        f"near and far points confirm the calibrated vergence: {math.degrees(vergence):+.2f}° ± "
+        f"{math.degrees(half_95(std)):.2f}° from it (95 % interval)"
     )
     return VergenceCheck("consistent", vergence, std, sentence)
 
@@ -112,8 +113,8 @@ def joined_vergence(wheels: VergenceCheck, points: VergenceCheck | None) -> Verg
     assert other.std_rad is not None
     name = "the wheels" if other is wheels else "near and far points"
     contradiction = (
-        f"{name} contradict this with {math.degrees(other.vergence_rad):+.2f} deg "
-        f"(+-{math.degrees(other.std_rad):.2f}): check that the wheels do not slip"
+        f"{name} contradict this: {math.degrees(other.vergence_rad):+.2f}° ± "
+        f"{math.degrees(half_95(other.std_rad)):.2f}°; check that the wheels do not slip"
     )
     return VergenceCheck(
         better.status,
@@ -128,9 +129,9 @@ def skew_check(skew: ExposureSkew) -> SkewCheck:
     """Return what is told of a skew that is sure."""
     course = "after" if skew.skew_s > 0 else "before"
     sentence = (
-        f"the right camera exposes {1e3 * abs(skew.skew_s):.1f} +-{1e3 * skew.sigma_s:.1f} ms "
-        f"{course} the left one; the source does not tell it, so it is estimated and allowed for. "
-        f"No setting keeps it: every run estimates it anew; a common trigger, or a source that "
-        f"stamps both images, ends it"
+        f"the right camera exposes {1e3 * abs(skew.skew_s):.1f} ± "
+        f"{1e3 * half_95(skew.sigma_s):.1f} ms {course} the left one (95 % interval). The source "
+        "does not report this sync error, so each run estimates it and compensates for it; a "
+        "common hardware trigger, or a source that timestamps both images, would remove it"
     )
     return SkewCheck(skew.skew_s, skew.sigma_s, sentence)

@@ -169,7 +169,7 @@ class RowDriftWatch:
         )
 
     def _warning(self, now: _Rows, blocks: list[_Rows], trend: float | None) -> str:
-        told = f"the rows of left and right are {now.typical_px:.1f} px apart"
+        told = f"the epipolar error is {now.typical_px:.1f} px"
         if trend is not None:
             course = "growing" if trend > 0 else "shrinking"
             ago = _duration(self._clock_s - blocks[0].time_s)
@@ -186,8 +186,8 @@ class RowDriftWatch:
         else:
             by = f"{pitch} and {roll}"
         return (
-            f"{told}, by {by} between the cameras; {WARN_PX:g} px are allowed: refine the "
-            f"calibration from the scene"
+            f"{told}, caused by {by} between the cameras; the limit is {WARN_PX:g} px: refine the "
+            "calibration from the scene"
         )
 
 
@@ -233,5 +233,5 @@ def _duration(seconds: float) -> str:
 def _rate(px_per_s: float) -> str:
     per_minute = 60 * px_per_s
     if per_minute >= 0.01:
-        return f"{per_minute:.2f} px a minute"
-    return f"{60 * per_minute:.2f} px an hour"
+        return f"{per_minute:.2f} px per minute"
+    return f"{60 * per_minute:.2f} px per hour"

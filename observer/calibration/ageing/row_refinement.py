@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from observer.calibration.ageing.vergence import VergenceCheck
 from observer.camera import StereoCalibration, StereoCamera, as_gray
 from observer.geometry import Float64Array
+from observer.intervals import half_95
 from observer.types import Image
 from observer.vision.rectification import Rectification
 
@@ -111,16 +112,16 @@ def refine_from_scene(
     showing = sum(len(left) > 0 for left, _ in found)
     if len(left_px) < _MIN_MATCHES:
         return RefinementRefusal(
-            f"{len(found)} pair{'' if len(found) == 1 else 's'} of images gave "
-            f"{len(left_px)} matches between left and right, {_MIN_MATCHES} are needed: show the "
-            f"cameras a scene with more texture"
+            f"{len(found)} pair{'' if len(found) == 1 else 's'} of images gave {len(left_px)} "
+            f"matches between left and right, but {_MIN_MATCHES} are needed: point the cameras at "
+            "a scene with more texture"
         )
     low, high = np.quantile(left_px[:, 0], [0.05, 0.95])
     if high - low < _MIN_SPREAD * camera.width:
         return RefinementRefusal(
             f"90 % of the matches lie within {100 * (high - low) / camera.width:.0f} % of the "
-            f"image's width, {100 * _MIN_SPREAD:.0f} % are needed to tell roll from pitch: show "
-            f"the cameras texture to the left and to the right"
+            f"image's width, but {100 * _MIN_SPREAD:.0f} % is needed to tell roll from pitch: "
+            "point the cameras at a scene with texture on the left and on the right"
         )
 
     drift = None if vergence is None or vergence.status != "drifted" else vergence.vergence_rad
@@ -135,26 +136,26 @@ def refine_from_scene(
     if np.abs(turn).max() > _MAX_TURN_RAD:
         pitch, roll = np.degrees(turn)
         return RefinementRefusal(
-            f"the rows ask for a turn of {pitch:+.2f} deg in pitch and {roll:+.2f} deg in roll, "
-            f"more than the {np.degrees(_MAX_TURN_RAD):g} deg of a drift: calibrate anew, and "
-            f"check that left and right show the same instant"
+            f"the rows call for a correction of {pitch:+.2f}° in pitch and {roll:+.2f}° in roll, "
+            f"more than the {np.degrees(_MAX_TURN_RAD):g}° of a plausible drift: recalibrate, and "
+            "check that left and right are synchronized"
         )
     std = _deviations(camera, left_px, right_px, errors(turn), turn, yaw)
     # What each means in pixels: pitch everywhere, roll at the left and right edge.
     pitch_px, roll_px = std * (camera.fy, camera.width / 2)
     if max(pitch_px, roll_px) > _MAX_STD_PX:
         return RefinementRefusal(
-            f"the matches tell pitch to {pitch_px:.2f} px and roll to {roll_px:.2f} px only, "
-            f"{_MAX_STD_PX:g} px are needed: show the cameras a still scene with more texture"
+            f"the matches determine pitch only to ± {half_95(pitch_px):.2f} px and roll to ± "
+            f"{half_95(roll_px):.2f} px (95 % intervals), but ± {half_95(_MAX_STD_PX):.2g} px is "
+            "needed: point the cameras at a static scene with more texture"
         )
     before, before_p95 = _quantiles(right_px[:, 1] - left_px[:, 1])
     after, after_p95 = _quantiles(errors(turn))
     if after >= before or not (np.abs(turn) > 2 * std).any():
         if drift is None:
             return RefinementRefusal(
-                f"the rows agree to {before:.2f} px (median of {len(left_px)} matches), and no "
-                f"turn betters that beyond its own uncertainty: the calibration needs no "
-                f"refinement"
+                f"the epipolar error is {before:.2f} px (median of {len(left_px)} matches), and no "
+                "correction improves on it significantly: the calibration needs no refinement"
             )
         turn = np.zeros(2)
         after, after_p95 = _quantiles(errors(turn))

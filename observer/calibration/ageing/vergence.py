@@ -15,6 +15,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Pose
+from observer.intervals import half_95
 from observer.mount import CameraMount
 from observer.types import Odometry
 from observer.vision.vergence_fit import SeenTwice, WayEquation, way_equation
@@ -39,7 +40,7 @@ _SAME_WAY = 2.5
 # camera tips or swings, and its way is none that wheels could tell.
 _SAME_TURN, _SAME_TURN_SHARE = 0.015, 0.1
 _CHECK_WHEELS = (
-    "check that they do not slip and what a turn of them is worth, and drive on even ground"
+    "check that they do not slip and that their scale is right, and drive on even ground"
 )
 # Points of one scene err together, beside edges and by interpolation, and do so again in every
 # pair: the variance is at least so many times that of independent errors, and a part of it is
@@ -54,8 +55,8 @@ _SURE_SIGMAS = 3.0
 _KNOWN_PX = 0.3
 # Depth errors are told for things at this distance.
 _AT_M = 3.0
-_HOW = "drive 2 m straight ahead with wheel odometry, past things near and far"
-_NO_WAY = f"vergence is unobserved: no way was driven yet; {_HOW}"
+_HOW = "drive 2 m straight ahead with wheel odometry, past near and far objects"
+_NO_WAY = f"vergence not measured yet: the robot has not driven; {_HOW}"
 # So many frames without matches are none of the first ones of a segment.
 _BLIND_FRAMES = 5
 
@@ -159,9 +160,9 @@ class VergenceWatch:
         if not same or abs(turn - wheels_turn) > _SAME_TURN + _SAME_TURN_SHARE * wheels_turn:
             if self._pairs < _LEAST_PAIRS:
                 self._found = _unobserved(
-                    f"vergence is unobserved: the wheels tell {wheels_way_m:.2f} m of way and "
-                    f"{math.degrees(wheels_turn):.0f} deg of turn where stereo saw {way_m:.2f} m "
-                    f"and {math.degrees(turn):.0f} deg; {_CHECK_WHEELS}"
+                    f"vergence not measured: the wheels report {wheels_way_m:.2f} m and "
+                    f"{math.degrees(wheels_turn):.0f}° of turn where stereo saw {way_m:.2f} m and "
+                    f"{math.degrees(turn):.0f}°; {_CHECK_WHEELS}"
                 )
             return
         start = (self._found.vergence_rad or 0.0, 0.0)
@@ -180,9 +181,9 @@ class VergenceWatch:
         self._way_m = keep * self._way_m + way_m
 
     def _tell(self) -> VergenceCheck:
-        way = f"{self._way_m:.1f} m of way"
+        way = f"{self._way_m:.1f} m"
         if self._pairs < _LEAST_PAIRS:
-            return _unobserved(f"vergence is unobserved after {way}; {_HOW}")
+            return _unobserved(f"vergence not measured after {way} of driving; {_HOW}")
         # The variance by which the pairs contradict each other: two unknowns each.
         own = np.linalg.pinv(self._information, hermitian=True) @ self._vector
         excess = (self._square - float(own @ self._vector)) / (2 * self._pairs - 2)
@@ -190,14 +191,14 @@ class VergenceWatch:
         information, vector = self._information / excess, self._vector / excess
         information[1, 1] += WHEEL_SCALE_SIGMA**-2
         if np.linalg.cond(information * np.outer(_UNITS, _UNITS)) > 1e12:
-            return _unobserved(f"vergence is unobserved after {way}; {_HOW}")
+            return _unobserved(f"vergence not measured after {way} of driving; {_HOW}")
         covariance = np.linalg.inv(information)
         vergence = float(covariance[0] @ vector)
         std = math.hypot(math.sqrt(covariance[0, 0]), _BIAS_PX / self._camera.fx)
         if self._strange(float(own[1]), excess):
             scale = float(own[1])
             return _unobserved(
-                f"vergence is unobserved: over {way} the wheels tell {100 * abs(scale):.0f} % too "
+                f"vergence not measured: over {way} the wheels report {100 * abs(scale):.0f} % too "
                 f"{'little' if scale > 0 else 'much'} at all distances, which vergence does not "
                 f"explain; {_CHECK_WHEELS}"
             )
@@ -205,23 +206,29 @@ class VergenceWatch:
 
     def _judged(self, vergence: float, std: float) -> VergenceCheck:
         """Return the verdict on a vergence and its standard deviation, rad."""
-        way = f"{self._way_m:.1f} m of way"
-        sigma = f"+-{math.degrees(std):.2f}"
+        way = f"{self._way_m:.1f} m"
+        spread = f"± {math.degrees(half_95(std)):.2f}°"
         if abs(vergence) > _SURE_SIGMAS * std:
             lead, effect = drift_words(vergence, std, self._camera.baseline)
             sentence = (
-                f"{lead}, by {way} against the wheels: {effect}; refine the calibration from the "
-                f"scene or calibrate anew with a board"
+                f"{lead}, compared with the wheels over {way}: {effect}; refine the calibration "
+                "from the scene or recalibrate with a board"
             )
             return VergenceCheck("drifted", vergence, std, sentence, self._way_m)
         if std * self._camera.fx > _KNOWN_PX:
-            sentence = f"vergence is unobserved: {way} tell it to {sigma} deg only; {_HOW}"
+            sentence = (
+                f"vergence not measured well enough: {way} of driving determine it only to "
+                f"{spread} (95 % interval); {_HOW}"
+            )
             return VergenceCheck("unobserved", vergence, std, sentence, self._way_m)
-        share, share_std = (_depth_share(angle, self._camera.baseline) for angle in (vergence, std))
+        share, share_half = (
+            _depth_share(angle, self._camera.baseline) for angle in (vergence, half_95(std))
+        )
         sentence = (
-            f"vergence agrees with the wheels over {way}: {math.degrees(vergence):+.2f} deg "
-            f"({sigma}) beyond the calibration, {share:+.1f} % (+-{share_std:.1f}) of depth at "
-            f"{_AT_M:g} m, with {100 * WHEEL_SCALE_SIGMA:g} % allowed to the wheels"
+            f"the wheels confirm the calibrated vergence over {way}: "
+            f"{math.degrees(vergence):+.2f}° {spread} from it, or {share:+.1f} ± {share_half:.1f} "
+            f"% of depth at {_AT_M:g} m (95 % intervals, with a "
+            f"{100 * half_95(WHEEL_SCALE_SIGMA):.1f} % scale error allowed for the wheels)"
         )
         return VergenceCheck("consistent", vergence, std, sentence, self._way_m)
 
@@ -249,11 +256,11 @@ def drift_words(vergence: float, std: float, baseline: float) -> tuple[str, str]
     """
     course, error = ("more", "far") if vergence > 0 else ("less", "near")
     lead = (
-        f"the cameras converge {course} than calibrated by {abs(math.degrees(vergence)):.2f} deg "
-        f"(+-{math.degrees(std):.2f})"
+        f"the cameras converge {course} than calibrated, by {abs(math.degrees(vergence)):.2f}° ± "
+        f"{math.degrees(half_95(std)):.2f}° (95 % interval)"
     )
     share = abs(_depth_share(vergence, baseline))
-    return lead, f"depth at {_AT_M:g} m seems about {share:.0f} % too {error}"
+    return lead, f"points at {_AT_M:g} m appear about {share:.0f} % too {error}"
 
 
 def _depth_share(vergence: float, baseline: float) -> float:
@@ -274,9 +281,9 @@ def _unobserved(sentence: str) -> VergenceCheck:
 
 def _missing(odometry: Odometry | None) -> str:
     if odometry is None:
-        return f"vergence is unobserved: the source reports no wheel odometry; {_HOW}"
+        return f"vergence cannot be measured: the source reports no wheel odometry; {_HOW}"
     return (
-        "vergence is unobserved: this method does not match points between left and right; "
+        "vergence cannot be measured: this method does not match points between left and right; "
         "set ego_motion.model to rigid"
     )
 

@@ -30,20 +30,20 @@ def euroc_draft(first: NamedData, second: NamedData) -> Draft:
     # The second camera's place as the first one sees it.
     beside = (a.T_BS.inverse() @ b.T_BS).translation[0]
     left, right = (a, b) if beside >= 0 else (b, a)
-    return _draft(left, right, f"T_BS tells that {left.name} is the left camera")
+    return _draft(left, right, f"according to T_BS, {left.name} is the left camera")
 
 
 class _Camera(PinholeCamera):
     name: str
     camera_model: Annotated[
         str,
-        one_of({"pinhole": "pinhole"}, "must be pinhole, not {given}, which is not understood yet"),
+        one_of({"pinhole": "pinhole"}, "must be pinhole, not {given}, which is not supported"),
     ] = "pinhole"
     distortion_model: Annotated[
         DistortionModel,
         one_of(
             {"radial-tangential": "radtan", "radtan": "radtan", "equidistant": "equidistant"},
-            "must be radial-tangential or equidistant, not {given}, which is not understood yet",
+            "must be radial-tangential or equidistant, not {given}, which is not supported",
         ),
     ] = "radtan"
     distortion_coefficients: Annotated[Float64Array, array(4)]

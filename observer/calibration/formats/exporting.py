@@ -75,8 +75,8 @@ def _camera_info(
             D = D[:8]
         if len(D) not in _ROS_MODELS:
             raise CalibrationError(
-                f"{key} holds {len(D)} distortion coefficients, but ROS knows plumb_bob with 5 and "
-                f"rational_polynomial with 8; export for OpenCV, or calibrate with 5 or 8"
+                f"{key} holds {len(D)} distortion coefficients, but ROS supports only plumb_bob "
+                "(5) and rational_polynomial (8); export for OpenCV, or calibrate with 5 or 8"
             )
         model = _ROS_MODELS[len(D)]
     lines = [
@@ -113,7 +113,8 @@ def _chain_link(
     if coefficients[4:].any():
         raise CalibrationError(
             f"{key} has k3 = {coefficients[4]:.4g} and {len(D)} coefficients, but Kalibr's radtan "
-            f"knows k1, k2, p1 and p2 only; export for OpenCV or ROS, or calibrate with these four"
+            "supports only k1, k2, p1 and p2; export for OpenCV or ROS, or calibrate with these "
+            "four"
         )
     return [
         f"{camera}:",

@@ -62,7 +62,7 @@ class _SecondCamera(_Camera):
 
 class _Chain(FileModel):
     missing = (
-        "is missing; calibrate both cameras together, so that the camchain holds cam0 and cam1"
+        "is missing; calibrate both cameras together, so that the camchain contains cam0 and cam1"
     )
 
     cam0: _Camera
@@ -80,10 +80,10 @@ def kalibr_draft(name: str, data: dict[str, PlainData]) -> Draft:
     T_right_left = chain.cam1.T_cn_cnm1
     if T_right_left.inverse().translation[0] < 0:
         left, right, T_right_left = right, left, T_right_left.inverse()
-        notes.append("cam1 stands to the left of cam0 (T_cn_cnm1): cam1 is taken as left")
+        notes.append("cam1 is to the left of cam0 (T_cn_cnm1), so cam1 is used as the left camera")
     further = [key for key in data if key.startswith("cam") and key not in ("cam0", "cam1")]
     if further:
-        notes.append(f"of the cameras of this file cam0 and cam1 are used, not {further[0][:20]}")
+        notes.append(f"cam0 and cam1 are used; {further[0][:20]} is ignored")
     return Draft(
         name,
         "Kalibr camchain",

@@ -61,10 +61,10 @@ def kitti_odometry_draft(name: str, text: str, wanted: Wanted) -> Draft:
     left, notes, choices = file.cameras(wanted.cameras, "P{}")
     if wanted.size is None:
         raise CalibrationError(
-            f"{name}: a calib.txt of KITTI odometry does not tell the size of its images; give it "
-            f"(image_width and image_height, 1241x376 in sequence 00)"
+            f"{name}: a KITTI odometry calib.txt does not contain the image size; specify it "
+            "(image_width and image_height, 1241x376 in sequence 00)"
         )
-    notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
+    notes.append(f"the file does not contain the image size; {size_words(wanted.size)} is assumed")
     draft = file.rectified(f"P{left}", f"P{left + 1}", wanted.size)
     return replace(
         draft,
@@ -127,16 +127,16 @@ class _KittiFile:
         if self.size(f"S_rect_{a}") == size:
             return self.rectified(f"P_rect_{a}", f"P_rect_{b}", size)
         raise CalibrationError(
-            f"{self._name}: the images are {size_words(size)} pixels, which is neither the size "
-            f"S_{a} ({size_words(raw[0])}) nor S_rect_{a} that the file was made for"
+            f"{self._name}: the images are {size_words(size)} pixels, which matches neither S_{a} "
+            f"({size_words(raw[0])}) nor S_rect_{a} in the file"
         )
 
     def rectified(self, left: str, right: str, size: Size) -> Draft:
         P_left, P_right = self.numbers(left, 3, 4), self.numbers(right, 3, 4)
         if P_left[0, 0] <= 0 or not np.array_equal(P_left[:, :3], P_right[:, :3]):
             raise CalibrationError(
-                f"{self._name}: {left} and {right} must have one camera matrix with a positive "
-                f"focal length, as rectified images have"
+                f"{self._name}: {left} and {right} must share one camera matrix with a positive "
+                "focal length, as for rectified images"
             )
         # P[3] is f times the way from camera 0, and cameras 2 and 3 both stand beside it.
         baseline = (P_left[0, 3] - P_right[0, 3]) / P_left[0, 0]
@@ -148,7 +148,7 @@ class _KittiFile:
             np.eye(3),
             np.array([-baseline, 0.0, 0.0]),
             derived={"T": f"{left} and {right}"},
-            notes=(f"the images are rectified already: baseline from {left} and {right}",),
+            notes=(f"the images are already rectified: baseline from {left} and {right}",),
         )
 
     def _unrectified(self, a: str, b: str, size: Size) -> Draft:

@@ -1,4 +1,7 @@
-"""Calibration formats that are read, declared once: for refusals, helps, page and documentation."""
+"""Calibration formats that are read, declared once: for refusals, helps, page and documentation.
+
+It is imported by a help of the command line and therefore imports nothing that takes time.
+"""
 
 from __future__ import annotations
 
@@ -42,6 +45,12 @@ FORMATS: Mapping[FileKind, KnownFormat] = {
     "oak": KnownFormat("OAK", "DepthAI's calib.json", "an OAK calib.json"),
     "euroc": KnownFormat("EuRoC", "sensor.yaml of both cameras", "an EuRoC sensor.yaml"),
 }
+
+# How people tell the unit of the lengths in a file, where it is not the format's own.
+UNIT_HELP = (
+    "m, cm, mm or in, or the length of one unit of the file, as in 25mm for squares of a board of "
+    "25 mm"
+)
 
 
 def tools() -> tuple[str, ...]:

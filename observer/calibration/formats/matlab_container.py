@@ -70,8 +70,8 @@ def read_matlab_variables(content: bytes, *, name: str) -> dict[str, MatlabValue
             told = []
     if not told:
         raise CalibrationError(
-            f"{name}: the MAT-file is cut off or damaged, or an array has not as many elements as "
-            f"its shape says"
+            f"{name}: the MAT-file is truncated or damaged, or the shape of an array does not "
+            "match its number of elements"
         )
     return {title: _value(value) for each in told for title, value in each.items()}
 
@@ -89,7 +89,7 @@ def _value(told: Any) -> MatlabValue:
 
 def _check_expanded(content: bytes, name: str) -> None:
     """Refuse what is cut off, and what would expand without bound."""
-    damaged = f"{name}: the MAT-file is cut off or damaged"
+    damaged = f"{name}: the MAT-file is truncated or damaged"
     order = {b"IM": "<", b"MI": ">"}.get(content[126:_HEADER_BYTES])
     if order is None:
         raise CalibrationError(f"{damaged} in its header")
@@ -106,9 +106,9 @@ def _check_expanded(content: bytes, name: str) -> None:
             limit = _MAX_EXPANDED_BYTES - expanded + 1
             expanded += len(zlib.decompressobj().decompress(part, limit))
         except zlib.error:
-            raise CalibrationError(f"{damaged}: a part cannot be expanded") from None
+            raise CalibrationError(f"{damaged}: a part cannot be decompressed") from None
         if expanded > _MAX_EXPANDED_BYTES:
             raise CalibrationError(
-                f"{name}: the MAT-file is larger than {_MAX_EXPANDED_BYTES} bytes once expanded; "
-                f"save the stereo parameters alone"
+                f"{name}: the MAT-file is larger than {_MAX_EXPANDED_BYTES} bytes when "
+                "decompressed; save only the stereo parameters"
             )

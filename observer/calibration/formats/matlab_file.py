@@ -56,10 +56,10 @@ def matlab_draft(name: str, content: bytes, wanted: Wanted) -> Draft:
     """
     if content[512:].startswith(_HDF5) or not content.startswith(b"MATLAB 5.0"):
         raise CalibrationError(
-            f"{name}: this is a MAT-file of version 7.3 (HDF5), which is not read; {_AS_STRUCT}"
+            f"{name}: this is a version 7.3 MAT-file (HDF5), which is not supported; {_AS_STRUCT}"
         )
     title, parameters = _stereo_parameters(name, content)
-    notes = [f"variable {title}: MATLAB's pixels count from 1, so 1 was subtracted from cx and cy"]
+    notes = [f"variable {title}: MATLAB counts pixels from 1, so 1 was subtracted from cx and cy"]
     cameras = [_Camera(parameters, f"CameraParameters{number}", notes) for number in (1, 2)]
     size, size_was_told = _size(cameras, wanted, notes)
     R, T = _pose(parameters, notes)
@@ -125,15 +125,15 @@ def _stereo_parameters(name: str, content: bytes) -> tuple[str, _Struct]:
         listed = ", ".join(sorted(filter(None, found or variables))[:5])[:100] or "nothing"
         wrong = "more than one stereoParameters" if found else "no stereoParameters"
         raise CalibrationError(
-            f"{name}: the MAT-file holds {wrong} (it has {listed}); save one alone, {_AS_STRUCT}"
+            f"{name}: the MAT-file holds {wrong} (it has {listed}); save exactly one, {_AS_STRUCT}"
         )
     title, value = found.popitem()
     if isinstance(value, dict):
         return title, _Struct(name, value)
     if importlib.util.find_spec("matio") is None:
         raise CalibrationError(
-            f"{name}: {title} is a MATLAB object, which needs the package mat-io to be read; "
-            f"install it by: pip install 'dynamic-observer[matlab]' -- or save it as a struct, "
+            f"{name}: {title} is a MATLAB object, and reading it needs the package mat-io; install "
+            "it with: pip install 'dynamic-observer[matlab]' -- or save it as a struct, "
             f"{_AS_STRUCT}"
         )
     properties = value.properties
@@ -151,7 +151,7 @@ class _Camera:
     def __init__(self, parameters: _Struct, key: str, notes: list[str]) -> None:
         name, fields = parameters.name, parameters.fields.get(key)
         if not isinstance(fields, dict):
-            raise CalibrationError(f"{name}: {key} is missing or no struct; {_AS_STRUCT}")
+            raise CalibrationError(f"{name}: {key} is missing or not a struct; {_AS_STRUCT}")
         inner = fields.get("Intrinsics")
         self.struct = _Struct(name, (inner if isinstance(inner, dict) else {}) | fields, f"{key}.")
         own = next((each for each in _INTRINSICS if each in self.struct.fields), _INTRINSICS[0])
@@ -159,7 +159,7 @@ class _Camera:
         K = self.struct.matrix(own, 3)
         if (K[2, :2] != 0).any() and not K[:2, 2].any():
             K = K.T
-            notes.append(f"{self.intrinsics} was transposed, as MATLAB keeps it")
+            notes.append(f"{self.intrinsics} was transposed from MATLAB's convention")
         self.K = K.copy()
         self.K[:2, 2] -= 1
         radial = self.struct.numbers("RadialDistortion")
@@ -180,10 +180,10 @@ def _size(cameras: list[_Camera], wanted: Wanted, notes: list[str]) -> tuple[Siz
         if not isinstance(value, np.ndarray) or value.size == 0:
             if wanted.size is None:
                 raise CalibrationError(
-                    f"{name}: {struct.within}ImageSize is missing or empty; give the size of the "
-                    f"images that were calibrated with (image_width and image_height)"
+                    f"{name}: {struct.within}ImageSize is missing or empty; specify the size of "
+                    "the calibration images (image_width and image_height)"
                 )
-            notes.append(f"ImageSize is empty, taken as {size_words(wanted.size)}")
+            notes.append(f"ImageSize is empty; {size_words(wanted.size)} is assumed")
             return wanted.size, True
         height, width = struct.numbers("ImageSize", 2)
         if height != int(height) or width != int(width) or not 0 <= max(height, width) <= 1e6:
@@ -193,8 +193,8 @@ def _size(cameras: list[_Camera], wanted: Wanted, notes: list[str]) -> tuple[Siz
         sizes.append((int(width), int(height)))
     if sizes[0] != sizes[1]:
         raise CalibrationError(
-            f"{name}: CameraParameters2.ImageSize is {size_words(sizes[1])}, but the left "
-            f"camera's is {size_words(sizes[0])}; a pair must have one size"
+            f"{name}: CameraParameters2.ImageSize is {size_words(sizes[1])}, but the left camera's "
+            f"is {size_words(sizes[0])}; both cameras must have the same size"
         )
     return sizes[0], False
 
@@ -209,7 +209,7 @@ def _pose(parameters: _Struct, notes: list[str]) -> tuple[Float64Array, Float64A
             return matrix[:3, :3].copy(), matrix[:3, 3].copy()
         return pose.matrix("R", 3), pose.numbers("Translation", 3)
     rotation = parameters.matrix("RotationOfCamera2", 3)
-    notes.append("RotationOfCamera2 was transposed, as MATLAB keeps it")
+    notes.append("RotationOfCamera2 was transposed from MATLAB's convention")
     return rotation.T, parameters.numbers("TranslationOfCamera2", 3)
 
 
@@ -218,11 +218,11 @@ def _unit(camera: _Struct, wanted: Wanted, notes: list[str]) -> LengthUnit:
         return wanted.unit
     words = camera.fields.get("WorldUnits")
     if not isinstance(words, str) or not words:
-        notes.append("WorldUnits is not given, taken as millimetres, MATLAB's default")
+        notes.append("WorldUnits is not set; millimetres, MATLAB's default, are assumed")
         return "mm"
     if words.lower() not in _UNITS:
         raise CalibrationError(
-            f"{camera.name}: {camera.within}WorldUnits is {words[:30]!r}, which is no known "
-            f"unit of length; say the unit, mm or m"
+            f"{camera.name}: {camera.within}WorldUnits is {words[:30]!r}, which is not a known "
+            "unit of length; specify the unit, mm or m"
         )
     return _UNITS[words.lower()]

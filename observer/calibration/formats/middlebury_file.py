@@ -47,7 +47,7 @@ def middlebury_draft(name: str, text: str) -> Draft:
     entries = (line.partition("=") for line in text.splitlines())
     data = {key.strip(): value for key, equal, value in entries if equal}
     read = validated(_Calibration, data, name)
-    notes = ["the images are rectified already"]
+    notes = ["the images are already rectified"]
     apart = read.cam1[0, 2] - read.cam0[0, 2]
     if read.doffs is not None:
         doffs = float(read.doffs[0])
@@ -57,7 +57,7 @@ def middlebury_draft(name: str, text: str) -> Draft:
                 f"{apart:g} pixels apart; both must be the same"
             )
     if apart:
-        notes.append(f"the principal points are {apart:g} px apart (doffs), which is evened out")
+        notes.append(f"the principal points are {apart:g} px apart (doffs), which is compensated")
     size = read.width, read.height
     return Draft(
         name,

@@ -64,7 +64,7 @@ def _row_or_column(value: PlainData) -> Float64Array:
     """Return the (N,) finite numbers of a key that holds one row or one column."""
     array = finite_numbers(value)
     if array.ndim == 2 and array.size and 1 not in array.shape:
-        raise ValueError(f"must be one row or one column, not {_shape(array)}")
+        raise ValueError(f"must be a single row or column, not {_shape(array)}")
     return array.reshape(-1)
 
 
@@ -157,14 +157,14 @@ def _side(matrix: Mapping[str, PlainData], part: str) -> int:
 
 def _plain_array(value: PlainData) -> Float64Array:
     if isinstance(value, dict):
-        raise ValueError("must hold numbers, not further keys")
+        raise ValueError("must contain numbers, not nested keys")
     items = value.split() if isinstance(value, str) else value
     if len(items) > _MAX_NUMBERS:
         raise ValueError(f"must hold at most {_MAX_NUMBERS} numbers, but it holds {len(items)}")
     if items and all(isinstance(item, list) for item in items):
         rows = [_plain_array(item) for item in items]
         if len({row.shape for row in rows}) != 1 or rows[0].ndim != 1:
-            raise ValueError("the rows of {at} must be of one length")
+            raise ValueError("the rows of {at} must have the same length")
         return np.stack(rows)
     return np.array([_number(item) for item in items], dtype=np.float64)
 

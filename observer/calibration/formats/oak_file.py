@@ -71,8 +71,8 @@ class _Camera(FileModel):
         if self.cameraType == "equidistant" and len(D) > 4:
             if D[4:].any():
                 raise CalibrationError(
-                    f"{name}: {key}.distortionCoeff of a fisheye camera must hold 4 coefficients, "
-                    f"and zeros behind them"
+                    f"{name}: {key}.distortionCoeff of a fisheye camera must hold 4 coefficients "
+                    "followed by zeros"
                 )
             D = D[:4]
         return DraftCamera(
@@ -122,11 +122,11 @@ def oak_draft(name: str, data: dict[str, PlainData]) -> Draft:
             there = ", ".join(str(each) for each in sorted(cameras)[:8]) or "none"
             raise CalibrationError(
                 f"{name}: {_STEREO}.{side}CameraSocket is {socket}, but {_CAMERAS} has no such "
-                f"camera (it has {there}); bring the calibration of a board with a stereo pair"
+                f"camera (it has {there}); use the calibration of a device with a stereo pair"
             )
     if sockets[0] == sockets[1]:
         raise CalibrationError(
-            f"{name}: {_STEREO} names socket {sockets[0]} as left and as right; they must be two"
+            f"{name}: {_STEREO} names socket {sockets[0]} as both left and right; they must differ"
         )
     left, right = (
         _validated(_Camera, cameras, socket, name).drafted(name, _key(socket)) for socket in sockets
@@ -139,7 +139,7 @@ def oak_draft(name: str, data: dict[str, PlainData]) -> Draft:
         model=f"{_key(sockets[1])}.cameraType",
     )
     pose = _pose(name, cameras, *sockets)
-    notes = [f"sockets {sockets[0]} and {sockets[1]} are the left and the right camera ({_STEREO})"]
+    notes = [f"sockets {sockets[0]} and {sockets[1]} are the left and right cameras ({_STEREO})"]
     if left.model == "equidistant":
         notes.append("fisheye lenses (cameraType 1)")
     return Draft(
@@ -194,8 +194,8 @@ def _pose(name: str, cameras: Mapping[int, PlainData], left: int, right: int) ->
         if socket in from_right:
             return from_right[socket].inverse() @ T_socket_left
     raise CalibrationError(
-        f"{name}: extrinsics lead neither from {_key(left)} to {_key(right)} nor back "
-        f"(toCameraSocket); calibrate the two cameras together"
+        f"{name}: the extrinsics do not connect {_key(left)} and {_key(right)} in either direction "
+        "(toCameraSocket); calibrate the two cameras together"
     )
 
 

@@ -149,9 +149,11 @@ def opencv_draft(files: Sequence[NamedData], wanted: Wanted) -> Draft:
     elif read.distortion_model == "equidistant":
         notes.append("fisheye lenses (equidistant)")
     if size is None and wanted.size is not None:
-        notes.append(f"the file does not tell the images' size, taken as {size_words(wanted.size)}")
+        notes.append(
+            f"the file does not contain the image size; {size_words(wanted.size)} is assumed"
+        )
     if read.R.ndim == 1:
-        notes.append(f"{found['R']} holds three numbers, taken as a rotation vector")
+        notes.append(f"{found['R']} has three numbers and is read as a rotation vector")
     used = size or wanted.size or (0, 0)
     model: DistortionModel = "equidistant" if fisheye else read.distortion_model
     return Draft(
@@ -205,13 +207,13 @@ def calibration_text(calibration: StereoCalibration) -> str:
 def _missing_sentence(missing: list[str]) -> str:
     names = " and ".join([", ".join(missing[:-1]), missing[-1]] if missing[1:] else missing)
     verb = "are" if missing[1:] else "is"
-    joined = "bring both files or put all into one"
+    joined = "supply both files, or merge them into one"
     if set(missing) <= {"R", "T"}:
-        hint = f"OpenCV's stereo_calib keeps R and T in extrinsics.yml, {joined}"
+        hint = f"OpenCV's stereo_calib writes R and T to extrinsics.yml, {joined}"
     elif not set(missing) & {"R", "T"}:
-        hint = f"OpenCV's stereo_calib keeps M1 D1 M2 D2 in intrinsics.yml, {joined}"
+        hint = f"OpenCV's stereo_calib writes M1 D1 M2 D2 to intrinsics.yml, {joined}"
     else:
-        hint = "a stereo calibration has K1 D1 K2 D2 R T image_width image_height"
+        hint = "a stereo calibration contains K1 D1 K2 D2 R T image_width image_height"
     return f"{names} {verb} missing; {hint}"
 
 
@@ -225,8 +227,8 @@ def _merged(files: Sequence[NamedData]) -> NamedData:
         for key, value in data.items():
             if key in read and key in merged and merged[key] != value:
                 raise CalibrationError(
-                    f"{name}: {key} differs from {key} in {whose[key]}; bring files of one and "
-                    f"the same calibration"
+                    f"{name}: {key} differs from {key} in {whose[key]}; supply files from the same "
+                    "calibration"
                 )
             merged[key] = value
             whose.setdefault(key, name)
@@ -241,7 +243,7 @@ def _size_keys(data: Mapping[str, PlainData], name: str, *, required: bool) -> d
     found = next((key for key in _SIZE_KEYS if key in data), None)
     if found is None and required:
         raise CalibrationError(
-            f"{name}: {absent[0]} is missing; add image_width and image_height, the size in pixels "
-            f"of the images that were calibrated with"
+            f"{name}: {absent[0]} is missing; add image_width and image_height, the size of the "
+            "calibration images in pixels"
         )
     return {} if found is None else {"image_size": found}

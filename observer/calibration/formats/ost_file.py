@@ -54,14 +54,14 @@ class _Camera:
         for title in _KEYS:
             if not self.numbers.get(title):
                 raise CalibrationError(
-                    f"{source}: {title} is missing; an ost.txt has {', '.join(_KEYS)} of each "
-                    f"camera"
+                    f"{source}: {title} is missing; an ost.txt contains {', '.join(_KEYS)} for "
+                    "each camera"
                 )
         count = len(self.numbers["distortion"])
         if count not in _MODELS:
             raise CalibrationError(
-                f"{source}: distortion must hold 5 or 8 numbers, not {count}; ost.txt does not "
-                f"tell other lens models, bring camera_calibration's left.yaml and right.yaml"
+                f"{source}: distortion must hold 5 or 8 numbers, not {count}; ost.txt supports no "
+                "other lens models; use left.yaml and right.yaml from camera_calibration"
             )
         data: dict[str, PlainData] = {
             key: self.numbers[title][0]
@@ -89,8 +89,8 @@ def ost_draft(files: Sequence[tuple[str, str]]) -> Draft:
     if len(cameras) != 2:
         holds = "one camera" if len(cameras) == 1 else f"{len(cameras)} cameras"
         raise CalibrationError(
-            f"{source}: a ROS ost.txt of a stereo pair holds two cameras, but this holds {holds}; "
-            f"bring that of the left and that of the right camera"
+            f"{source}: a ROS ost.txt of a stereo pair contains two cameras, but this one contains "
+            f"{holds}; supply the files of the left and the right camera"
         )
     draft = ros_draft(*(camera.camera_info() for camera in cameras))
     return replace(draft, format="ROS ost.txt of two cameras")
@@ -119,6 +119,7 @@ def _cameras(name: str, text: str) -> list[_Camera]:
         title = " ".join(line.lower().split())
         if numbers.get(title):
             raise CalibrationError(
-                f"{name}: {title[:60]} stands twice for one camera; each camera begins with [image]"
+                f"{name}: {title[:60]} appears twice for one camera; each camera must begin with "
+                "[image]"
             )
     return cameras

@@ -53,17 +53,18 @@ def parse_plain_data(text: str, *, name: str) -> dict[str, PlainData]:
     # Entities can expand to gigabytes or read other files, and no calibration needs them.
     if re.search(r"<!(DOCTYPE|ENTITY)", text, re.IGNORECASE):
         raise InputError(
-            f"{name}: the file declares a document type or entities; a calibration needs neither"
+            f"{name}: the file declares a document type or entities, which a calibration must not "
+            "contain"
         )
     try:
         # Without the declaration: the text is decoded already, whatever it declares.
         bare = re.sub(r"\A\s*<\?xml[^>]*\?>", "", text).strip()
         root = ElementTree.fromstring(bare)  # nosec B314
     except ElementTree.ParseError as error:
-        raise InputError(f"{name}: the file is cut off or not valid XML: {error}") from None
+        raise InputError(f"{name}: the file is truncated or not valid XML: {error}") from None
     data = _xml_value(root, name, 0)
     if not isinstance(data, dict):
-        raise InputError(f"{name}: the file holds no keys with values; it must be {_FORM}")
+        raise InputError(f"{name}: the file contains no keys with values; it must be {_FORM}")
     return data
 
 
@@ -78,6 +79,6 @@ def _xml_value(element: ElementTree.Element, name: str, depth: int) -> PlainData
     result: dict[str, PlainData] = {}
     for child in children:
         if child.tag in result:
-            raise InputError(f"{name}: {child.tag[:60]} is given twice; keep one of them")
+            raise InputError(f"{name}: {child.tag[:60]} appears twice; keep one of them")
         result[child.tag] = _xml_value(child, name, depth + 1)
     return result

@@ -115,7 +115,9 @@ def read_any(
         CalibrationError: one sentence naming the file, the key and the reason.
     """
     if not files:
-        raise CalibrationError("no calibration file was given; choose one file, or a pair of them")
+        raise CalibrationError(
+            "no calibration file was given; choose one file, or two that belong together"
+        )
     if len(files) > _MOST_FILES:
         raise CalibrationError(
             f"{len(files)} files were given; a calibration is one file, or two that belong "
@@ -143,12 +145,12 @@ def _draft(files: list[_Recognised], wanted: Wanted) -> Draft:
         if other.kind != kind:
             raise CalibrationError(
                 f"{first.file.name} is {_noun(kind)}, but {other.file.name} is "
-                f"{_noun(other.kind)}; bring files that belong together"
+                f"{_noun(other.kind)}; choose files that belong together"
             )
     if kind == "one camera":
         raise CalibrationError(
-            f"{first.file.name}: camera_matrix is that of one camera only; a stereo calibration "
-            f"also tells how the two cameras stand to each other (K1 D1 K2 D2 R T)"
+            f"{first.file.name}: this is the calibration of a single camera; a stereo calibration "
+            "also contains the extrinsics between the two cameras (K1 D1 K2 D2 R T)"
         )
     if kind == "opencv":
         return opencv_draft([file.mapping for file in files], wanted)
@@ -158,15 +160,15 @@ def _draft(files: list[_Recognised], wanted: Wanted) -> Draft:
         if len(files) != 2:
             pair = "left.yaml and right.yaml" if kind == "ros" else "those of cam0 and cam1"
             raise CalibrationError(
-                f"{first.file.name}: {_noun(kind)} holds one camera; bring both files together, "
-                f"{pair}"
+                f"{first.file.name}: {_noun(kind)} contains one camera; supply both files "
+                f"together, {pair}"
             )
         compose = ros_draft if kind == "ros" else euroc_draft
         return compose(files[0].mapping, files[1].mapping)
     if len(files) != 1:
         raise CalibrationError(
-            f"{first.file.name}: {_noun(kind)} is one file for both cameras, but "
-            f"{len(files)} were given; bring one"
+            f"{first.file.name}: {_noun(kind)} is a single file for both cameras, but {len(files)} "
+            "were given; choose one"
         )
     return _OF_ONE_FILE[kind](first, wanted)
 
@@ -177,7 +179,9 @@ def _recognised(file: NamedFile) -> _Recognised:
     if is_matlab(content):
         return _Recognised(file, "matlab")
     if content.startswith(b"PK\x03\x04"):
-        raise CalibrationError(f"{name}: this is a ZIP archive; unpack it and bring its files")
+        raise CalibrationError(
+            f"{name}: this is a ZIP archive; unpack it and choose the files inside"
+        )
     text = decoded(content, name=name)
     for kind, line in _LINES.items():
         if re.search(line, text, re.MULTILINE):
@@ -200,7 +204,7 @@ def _kind_of_mapping(name: str, data: dict[str, PlainData]) -> _Kind:
         return "opencv"
     keys = ", ".join(list(data)[:4])[:80] or "none"
     raise CalibrationError(
-        f"{name}: no calibration was recognised (its keys: {keys}); understood are "
+        f"{name}: not a known calibration format (its keys: {keys}); supported are "
         f"{formats_in_words()}"
     )
 

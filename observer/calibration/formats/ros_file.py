@@ -32,7 +32,7 @@ _DISTORTION_MODELS: dict[str, DistortionModel] = {
 
 def _calibrated(K: Float64Array) -> Float64Array:
     if not K[0, 0]:
-        raise ValueError("is zero, which says that the camera is not calibrated")
+        raise ValueError("is zero, which means that the camera is not calibrated")
     return K
 
 
@@ -88,22 +88,22 @@ def ros_draft(first: NamedData, second: NamedData) -> Draft:
     left, right = (a, b) if b.offset <= a.offset else (b, a)
     if left.offset == right.offset:
         raise CalibrationError(
-            f"{right.name}: projection_matrix has the same offset P[3] in both files, so there "
-            f"is no baseline; calibrate the two cameras together as a stereo pair"
+            f"{right.name}: projection_matrix has the same offset P[3] in both files, so the "
+            "baseline would be zero; calibrate the two cameras together as a stereo pair"
         )
     cameras = left.drafted(" of the left camera"), right.drafted("")
     check_alike(*cameras, right.name, size="image_width x image_height")
     notes = [
         f"{left.name} is the left camera (projection_matrix)",
-        "rotation and baseline follow from rectification_matrix and projection_matrix",
+        "rotation and baseline derived from rectification_matrix and projection_matrix",
     ]
     if left.is_called("right") or right.is_called("left"):
-        notes[0] += ", although the names say otherwise"
+        notes[0] += ", although the file names suggest otherwise"
         notes.append(
-            f"P[3], -fx times the baseline of the right camera, is "
+            "P[3], -fx times the baseline of the right camera, is "
             f"{right.projection_matrix[0, 3]:.5g} in {right.name} and "
-            f"{left.projection_matrix[0, 3]:.5g} in {left.name}: the cameras were exchanged, bring "
-            f"the images of {left.name} as the left ones"
+            f"{left.projection_matrix[0, 3]:.5g} in {left.name}: the cameras are swapped: use the "
+            f"images of {left.name} as the left ones"
         )
     # In the rectified frames the right camera stands at x = baseline:
     # R_right X_right = R_left X_left - (baseline, 0, 0).

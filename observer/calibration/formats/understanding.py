@@ -130,12 +130,12 @@ def check_alike(
     if first.size != second.size:
         raise CalibrationError(
             f"{name}: {size} is {second.size[0]}x{second.size[1]}, but {other} is "
-            f"{first.size[0]}x{first.size[1]}; a pair must have one size"
+            f"{first.size[0]}x{first.size[1]}; both cameras must have the same size"
         )
     if first.model != second.model:
         raise CalibrationError(
-            f"{name}: {model} is {second.model}, but {other} is {first.model}; "
-            f"a pair must have one model"
+            f"{name}: {model} is {second.model}, but {other} is {first.model}; both cameras must "
+            "use the same model"
         )
 
 
@@ -219,7 +219,7 @@ class Draft:
         if found is None:
             return f"{self.source}: {sentence}"
         key = found[0]
-        origin = f"; {key} follows from {self.derived[key]}" if key in self.derived else ""
+        origin = f"; {key} is derived from {self.derived[key]}" if key in self.derived else ""
         return f"{self.source}: {self.own_key(key)}{sentence[found.end() :]}{origin}"
 
     def own_key(self, key: str) -> str:
@@ -250,9 +250,9 @@ def understood(
     size = draft.left.size
     if expected_size is not None and size != expected_size:
         raise CalibrationError(
-            f"{draft.source}: the calibration is for images of {size_words(size)} pixels, "
-            f"but the camera's are {size_words(expected_size)}; calibrate at the camera's size, or "
-            f"set the camera to {size_words(size)}"
+            f"{draft.source}: the calibration is for {size_words(size)} images, but the camera "
+            f"delivers {size_words(expected_size)}; calibrate at the camera's image size, or set "
+            f"the camera to {size_words(size)}"
         )
     try:
         calibration.check_side_by_side()
@@ -271,10 +271,11 @@ def size_words(size: Size) -> str:
 
 def _smooth_note(key: str, smooth: Smooth) -> str:
     return (
-        f"{key} is a rational lens that folds over {smooth.fold_px:.0f} px from the middle, within "
-        f"the image (numerator and denominator nearly cancel there); replaced by a polynomial that "
-        f"differs by at most {smooth.largest_px:.1f} px up to {smooth.within_px:.0f} px from the "
-        f"middle and is extrapolated further out; a new calibration would be better"
+        f"{key} is a rational lens model that folds over {smooth.fold_px:.0f} px from the centre, "
+        "within the image (numerator and denominator nearly cancel); it was replaced by a "
+        f"polynomial that differs by at most {smooth.largest_px:.1f} px up to "
+        f"{smooth.within_px:.0f} px from the centre and is extrapolated beyond; a new calibration "
+        "would be better"
     )
 
 
@@ -285,17 +286,20 @@ def _check_camera_matrix(draft: Draft, key: str, K: Float64Array) -> list[str]:
         transposed = not K[0, 2] and not K[1, 2]
         hint = "it is transposed" if transposed else "is this a camera matrix?"
         raise CalibrationError(
-            f"{draft.source}: {name} must hold fx, 0, cx; 0, fy, cy; 0, 0, 1 in its rows; {hint}"
+            f"{draft.source}: {name} must have the rows fx, 0, cx; 0, fy, cy; 0, 0, 1; {hint}"
         )
     if not K[0, 1]:
         return []
     shift = abs(K[0, 1]) / K[1, 1] * max(K[1, 2], draft.left.size[1] - K[1, 2])
     if shift > _MAX_SKEW_PX:
         raise CalibrationError(
-            f"{draft.source}: {name} has a skew of {K[0, 1]:.4g}, which moves pixels by up to "
+            f"{draft.source}: {name} has a skew of {K[0, 1]:.4g}, which shifts pixels by up to "
             f"{shift:.2g} px and is not supported; calibrate without estimating skew"
         )
-    return [f"{name} has a skew of {K[0, 1]:.3g}, which moves no pixel by 0.1 px and was dropped"]
+    return [
+        f"{name} has a skew of {K[0, 1]:.3g}, which shifts no pixel by more than 0.1 px and was "
+        "ignored"
+    ]
 
 
 def _without_skew(calibration: StereoCalibration) -> StereoCalibration:
@@ -313,7 +317,6 @@ def _check_central(draft: Draft, calibration: StereoCalibration) -> None:
         if (part < _CENTRAL[0]).any() or (part > _CENTRAL[1]).any():
             raise CalibrationError(
                 f"{draft.source}: {draft.own_key(key)} has its principal point at "
-                f"({centre[0]:.5g}, {centre[1]:.5g}), which is far from the middle of "
-                f"{size_words(draft.left.size)} images; give the size of the images that were "
-                f"calibrated with"
+                f"({centre[0]:.5g}, {centre[1]:.5g}), which is far from the centre of "
+                f"{size_words(draft.left.size)} images; specify the size of the calibration images"
             )

@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping
 from typing import Literal, TypeAlias
 
+from observer.calibration.formats.known import UNIT_HELP
 from observer.camera import MAX_BASELINE_M, MIN_BASELINE_M
 from observer.errors import CalibrationError
 
@@ -25,10 +26,6 @@ _WORDS: Mapping[Unit, str] = {
     "cm": "centimetres",
     "in": "inches",
 }
-UNIT_HELP = (
-    "m, cm, mm or in, or the length of one unit of the file, as in 25mm for squares of a board of "
-    "25 mm"
-)
 _SAID = re.compile(r"\s*(\d{1,9}\.?\d{0,9}|\.\d{1,9})?\s*(m|mm|cm|in)\s*", re.ASCII)
 # A square of a board is a few centimetres, and a baseline seldom longer than 50 of them.
 _MOST_SQUARES = 50.0
@@ -44,7 +41,7 @@ class UnitUnclear(CalibrationError):
     """
 
     def __init__(
-        self, told: str, baseline: float, unit: LengthUnit, request: str = "say unit={!r}"
+        self, told: str, baseline: float, unit: LengthUnit, request: str = "set unit={!r}"
     ) -> None:
         super().__init__(f"{told}; {_question(baseline, unit, request)}")
         self._told, self._baseline, self._unit = told, baseline, unit
@@ -68,7 +65,7 @@ def parse_unit(text: str) -> LengthUnit:
             return unit
         if metres := float(number) * _METRES[unit]:
             return metres
-    raise CalibrationError(f"the unit {text[:40]!r} is not understood; say {UNIT_HELP}")
+    raise CalibrationError(f"the unit {text[:40]!r} is not known; use {UNIT_HELP}")
 
 
 def metres(unit: LengthUnit) -> float:
@@ -108,7 +105,7 @@ def _question(baseline: float, unit: LengthUnit, request: str) -> str:
     ]
     squares = f"in squares of a board of 25 mm, {request.format('25mm')}"
     if not fitting:
-        return f"no unit of length makes it plausible; if the file is {squares}"
+        return f"no unit of length gives a plausible baseline; if the file is {squares}"
     if MAX_BASELINE_M < baseline <= _MOST_SQUARES:
         fitting.append(squares)
     return f"if the file is {'; if '.join(fitting)}"

@@ -51,7 +51,7 @@ def zed_draft(name: str, text: str, wanted: Wanted) -> Draft:
     ]
     if not there:
         raise CalibrationError(
-            f"{name}: its sections are of no known resolution; known are "
+            f"{name}: none of its sections has a known resolution; known are "
             f"{', '.join(f'LEFT_CAM_{each.upper()}' for each in _SIZES)}"
         )
     resolution = _resolution(name, there, wanted.size)
@@ -60,19 +60,19 @@ def zed_draft(name: str, text: str, wanted: Wanted) -> Draft:
     right = _camera(name, sections, f"right_cam_{resolution}", "right_disto", size)
     if left.model != right.model:
         raise CalibrationError(
-            f"{name}: {right.K_key} has coefficients of another lens model than "
-            f"{left.K_key}; a pair must have one model"
+            f"{name}: {right.K_key} uses another lens model than {left.K_key}; both cameras must "
+            "use the same model"
         )
     stereo = _section(name, sections, "stereo")
     rotvec = np.array([stereo.number(f"{key}_{resolution}", key) for key in ("rx", "cv", "rz")])
     baseline = stereo.number("baseline")
     if baseline < 0:
         raise CalibrationError(
-            f"{name}: STEREO.Baseline is {baseline:g}, but a ZED's is positive, in millimetres"
+            f"{name}: STEREO.Baseline is {baseline:g}, but it must be positive, in millimetres"
         )
     aside = [stereo.number(f"{key}_{resolution}", key, default=0.0) for key in ("ty", "tz")]
     notes = [
-        f"section {words} is used: {size_words(size)} images",
+        f"using section {words}: {size_words(size)} images",
         "rotation given as rotation vector RX, CV, RZ",
     ]
     if left.model == "equidistant":
@@ -118,7 +118,7 @@ def _sections(name: str, text: str) -> dict[str, _Section]:
         if found := _SECTION.match(line):
             title = found.group(1).lower()
             if title in sections:
-                raise CalibrationError(f"{name}: the section [{title.upper()[:40]}] stands twice")
+                raise CalibrationError(f"{name}: the section [{title.upper()[:40]}] appears twice")
             current = sections[title] = _Section(name, title.upper())
             continue
         key, equal, value = line.partition("=")
@@ -141,7 +141,7 @@ def _resolution(name: str, there: list[str], wanted: Size | None) -> str:
             return resolution
     sizes = ", ".join(f"{size_words(_SIZES[each])} ({each.upper()})" for each in there)
     raise CalibrationError(
-        f"{name}: no section is for images of {size_words(wanted)} pixels; the file has {sizes}"
+        f"{name}: no section is for {size_words(wanted)} images; the file has {sizes}"
     )
 
 

@@ -52,8 +52,8 @@ def cluster_missing() -> str | None:
     if not missing:
         return None
     return (
-        f"a sweep needs {' and '.join(missing)}, not installed here; install by: "
-        f"pip install 'dynamic-observer[cluster]'"
+        f"a sweep needs {' and '.join(missing)}, not installed here; install with: pip install "
+        "'dynamic-observer[cluster]'"
     )
 
 
@@ -115,8 +115,8 @@ def evaluate_tasks(
             hand_out()
     except (OSError, TimeoutError) as error:
         raise ClusterLost(
-            f"the cluster's scheduler went away ({error or type(error).__name__}); start the "
-            f"sweep again, it goes on where it was"
+            "the connection to the cluster's scheduler was lost "
+            f"({error or type(error).__name__}); start the sweep again and it continues from there"
         ) from None
 
 
@@ -127,13 +127,12 @@ def _outcome(future: Any) -> Outcome:
         return outcome
     if future.status in ("cancelled", "lost"):
         raise ClusterLost(
-            "the cluster gave up its tasks; start the sweep again, it goes on where it was"
+            "the cluster cancelled the tasks; start the sweep again and it continues from there"
         )
     error = future.exception()
     if type(error).__name__ == "KilledWorker":
         return Outcome(
-            error="the workers that tried it ended, killed by the system for want of memory "
-            "perhaps; run with fewer jobs"
+            error="the workers running it died, possibly out of memory; run with fewer jobs"
         )
     return Outcome(error=f"{type(error).__name__}: {error}")
 
@@ -174,16 +173,16 @@ def _remote(address: str) -> Iterator[Client]:
         )
     except (OSError, TimeoutError, ValueError):
         raise InputError(
-            f"no scheduler answers at {address}; start one by `dask scheduler` and give its "
-            f"address, as in tcp://lab-server:8786"
+            f"no scheduler answers at {address}; start one with `dask scheduler` and give its "
+            "address, for example tcp://lab-server:8786"
         ) from None
     with client:
         try:
             client.wait_for_workers(1, timeout=_JOINING_S)
         except TimeoutError:
             raise InputError(
-                f"the scheduler at {address} has no worker; start some by "
-                f"`dask worker {address} --nthreads 1`"
+                f"the scheduler at {address} has no workers; start some with `dask worker "
+                f"{address} --nthreads 1`"
             ) from None
         yield client
 

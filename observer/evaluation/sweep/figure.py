@@ -42,13 +42,13 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
         [x for x, _, _ in front],
         [y for _, y, _ in front],
         color="#202020", linewidth=1.2, marker="o", markersize=9, markerfacecolor="none",
-        label="none is both better and cheaper",
+        label="Pareto front: no other is both better and cheaper",
     )  # fmt: skip
     for x, y, each in front[-_NAMED:]:
         name, offset = str(each.combination.number), "offset points"
         axes.annotate(name, (x, y), xytext=(6, 6), textcoords=offset, fontsize=8.5)
     axes.axvline(1.0, color=TARGET, linewidth=1, linestyle="--", zorder=1)
-    axes.set_xlabel("cost of observe over that of the preset default")
+    axes.set_xlabel("cost of observe relative to the preset default")
     axes.set_ylabel(f"{title} ({'more' if more else 'less'} is better)")
     axes.set_title("Accuracy against cost", loc="left", fontsize=11, fontweight="bold")
     counts = f"{len(points)} combinations, {len(sweep.sources)} sources"

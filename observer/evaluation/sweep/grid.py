@@ -32,7 +32,7 @@ from observer.text_files import (
     word,
 )
 
-_FORM = "YAML that names parameters with lists of values, as in evidence.radius_px: [20, 26]"
+_FORM = "YAML with lists of values per parameter, for example evidence.radius_px: [20, 26]"
 _WHOLE = re.compile(r"[-+]?\d{1,15}", re.ASCII)
 
 
@@ -97,7 +97,7 @@ class Grid:
             InputError: both a limit and a random choice are asked for.
         """
         if limit is not None and drawn is not None:
-            raise InputError("a sweep takes the first combinations or a lot of them, not both")
+            raise InputError("use either the first combinations or a random sample, not both")
         numbers: list[int] | range = range(1, self.count + 1)
         if drawn is not None and drawn < self.count:
             draw = random.Random(seed)  # nosec B311
@@ -149,15 +149,17 @@ def _presets(value: PlainData) -> tuple[str, ...]:
 
 def _fixed(value: PlainData) -> PlainData:
     if not isinstance(value, dict):
-        raise ValueError("must hold parameters with one value each, as in {tracking.gate: 3.0}")
+        raise ValueError(
+            "must contain parameters with one value each, for example {tracking.gate: 3.0}"
+        )
     return value
 
 
 def _listed(value: PlainData) -> PlainData:
     if not isinstance(value, list) or not value:
         raise ValueError(
-            "must have a list of values, as in [20, 26]; what is the same in every combination "
-            "stands under set"
+            "must have a list of values, for example [20, 26]; put values common to all "
+            "combinations under set"
         )
     return value
 

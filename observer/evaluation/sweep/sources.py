@@ -45,13 +45,15 @@ def sweep_source(spec: str, frames: int | None) -> SweepSource:
     shown = shown_spec(spec)
     if live_devices(spec) or exclusive_world(spec) is not None:
         raise InputError(
-            f"{shown} is live, so it differs each time; record a run of it and sweep over the "
-            f"recording"
+            f"{shown} is live and therefore not repeatable; record a run and sweep over the "
+            "recording"
         )
     spec = _with_whole_paths(spec)
     source = described(spec)
     if source.frames is None and frames is None:
-        raise InputError(f"{shown} never ends; say how much of it to observe, as in --frames 300")
+        raise InputError(
+            f"{shown} never ends; limit the number of frames, for example --frames 300"
+        )
     if source.declares is None:
         _check(spec, shown)
     planned = source.planned(frames) if frames is not None else source.frames
@@ -63,11 +65,11 @@ def _check(spec: str, shown: str) -> None:
     opened = open_source(spec)
     with closing(opened.source):
         if opened.source.calibration is None:
-            raise InputError(f"{shown} brings no calibration, so it cannot be observed in a sweep")
+            raise InputError(f"{shown} has no calibration, so it cannot be used in a sweep")
         if opened.truth is None:
             raise InputError(
-                f"{shown} brings no truth, so nothing can be judged by it; give a recording with "
-                f"truth, or a folder with truth.csv"
+                f"{shown} has no ground truth to evaluate against; give a recording with ground "
+                "truth, or a folder with truth.csv"
             )
 
 

@@ -27,8 +27,7 @@ class TaskStore:
             self._folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(
-                f"cannot make the folder {self._folder}: {error.strerror}; name one that may be "
-                f"written"
+                f"cannot make the folder {self._folder}: {error.strerror}; name a writable one"
             ) from None
 
     def find(self, task: Task) -> Outcome | None:
@@ -62,7 +61,7 @@ class TaskStore:
             os.replace(part, path)
         except OSError as error:
             raise InputError(
-                f"cannot write {path}: {error.strerror}; what was finished before is kept"
+                f"cannot write {path}: {error.strerror}; finished results are kept"
             ) from None
 
     def _path(self, task: Task) -> Path:

@@ -43,20 +43,19 @@ def ranking_markdown(sweep: Sweep, ranked: Sequence[Ranked], figure: RankedBy) -
     sources = ", ".join(f"{s.name} ({s.frames} frames)" for s in sweep.sources)
     parts = [
         "# Sweep\n",
-        f"{len(sweep.combinations)} of {sweep.grid.count} combinations over "
-        f"{len(sweep.sources)} sources, matched within {sweep.gate_m:g} m, version "
-        f"{sweep.version}. Means over the sources, ranked by {title} "
-        f"({'more' if more else 'less'} is better). Cost is that of `observe` over the preset "
-        f"default's on the same frames. No other combination is both better and cheaper than "
-        f"those with an asterisk.\n",
+        f"{len(sweep.combinations)} of {sweep.grid.count} combinations over {len(sweep.sources)} "
+        f"sources, matched within {sweep.gate_m:g} m, version {sweep.version}. Means over the "
+        f"sources, ranked by {title} ({'more' if more else 'less'} is better). Cost is that of "
+        "`observe` relative to the preset default on the same frames. Combinations marked with an "
+        "asterisk are Pareto-optimal: no other is both better and cheaper.\n",
         f"Sources: {sources}.\n",
     ]
-    parts += [f"The same in all: {fixed}.\n"] * bool(fixed)
+    parts += [f"Common to all: {fixed}.\n"] * bool(fixed)
     parts += [markdown_table(header, rows)]
     if len(ranked) > _MARKDOWN_ROWS:
         parts += [f"{len(ranked) - _MARKDOWN_ROWS} more are in ranking.csv.\n"]
     if sweep.left:
-        parts += [f"The sweep was ended before {sweep.left} of {len(sweep.rows)} tasks.\n"]
+        parts += [f"The sweep was interrupted with {sweep.left} of {len(sweep.rows)} tasks left.\n"]
     if sweep.failed:
         parts += ["## Failed\n", "\n".join(_failures(sweep)) + "\n"]
     return "\n".join(parts)

@@ -100,8 +100,9 @@ def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
     try:
         if task.elsewhere and task.version != method_version():
             return Outcome(
-                error=f"the worker has version {method_version()} of the method, the sweep "
-                f"{task.version}; install the same one on every machine of the cluster"
+                error=f"the worker has version {method_version()} of the method, but the sweep "
+                f"needs {task.version}; install the same version on every machine of the "
+                "cluster"
             )
         runs = _observe(task, _cache(cache_bytes))
     except DynamicObserverError as error:
@@ -110,7 +111,7 @@ def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
         return Outcome(error=f"{type(error).__name__}: {error}")
     run = runs[_COMBINATION]
     if run.tally is None or run.frames == 0:
-        return Outcome(error=f"{task.source.name} has no frame that can be judged")
+        return Outcome(error=f"{task.source.name} has no frame that can be evaluated")
     return Outcome(
         frames=run.frames,
         skipped=run.skipped,

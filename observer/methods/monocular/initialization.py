@@ -19,7 +19,9 @@ from observer.methods.monocular.two_views import TwoViews, inverse_distances, tw
 from observer.mount import CameraMount
 from observer.parameters import MonocularParameters
 
-NO_GROUND = "too few points on the floor are seen to tell the scale of depth by the camera's height"
+NO_GROUND = (
+    "too few points on the ground are visible to determine the scale from the camera's height"
+)
 
 _REFINE_ROUNDS = 4
 # Noise of the first line of sight, px.

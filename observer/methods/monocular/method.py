@@ -74,11 +74,11 @@ _TURNED_RAD = 0.01
 _LEAST_LEFT = 0.5
 
 NO_SCALE = (
-    "one camera needs its height above the floor or odometry for scale; set monocular.height_m "
-    "and monocular.tilt_deg, or use a source whose robot reports odometry"
+    "the monocular method needs the camera's height above the ground or odometry for scale; set "
+    "monocular.height_m and monocular.tilt_deg, or use a source whose robot reports odometry"
 )
-ONLY_TURNED = "the camera has only turned: depth from one camera needs it to travel"
-NOT_TRAVELLED = "the camera has not travelled far enough yet: depth from one camera needs it"
+ONLY_TURNED = "the camera has only turned: monocular depth needs translation"
+NOT_TRAVELLED = "the camera has not moved far enough yet: monocular depth needs translation"
 
 
 class MonocularMethod:
@@ -226,7 +226,7 @@ class MonocularMethod:
         reason = self._try_to_start(points, view, p)
         status = Status.LOST if reason == NO_SCALE else Status.DEGRADED
         if reason is None:
-            reason = "this is the first frame whose pose and depth are known"
+            reason = "this is the first frame with known pose and depth"
         inliers = np.ones(len(points), np.bool_)
         T = self._T_camera_world if self._started else None
         cov = np.eye(6) * _STEP_TURN**2 if self._started else None
@@ -244,7 +244,7 @@ class MonocularMethod:
         if len(points) < p.ego_motion.min_inliers:
             # Nothing is left of the first view; the world begins anew here.
             self._begin_anew(view, p)
-            return f"only {len(points)} points could be followed: too few features"
+            return f"only {len(points)} points could be tracked: too few features"
         first = points.ray @ self._T_camera_world.rotation.T
         now = lines_of_sight(points.px, Pose.identity(), self._camera)
         R, parallax = turned_between(first, now)
@@ -320,7 +320,7 @@ class MonocularMethod:
         lost = support < p.ego_motion.min_inliers
         if lost:
             reasons = (
-                f"only {support} of {len(points)} points follow one motion, "
+                f"only {support} of {len(points)} points agree on one motion, "
                 f"{p.ego_motion.min_inliers} are needed",
             )
         elif points.known.sum() < _LEAST_KNOWN * len(points):

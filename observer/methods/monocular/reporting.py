@@ -81,13 +81,13 @@ def describe_ground_track(
 
 def _why(track: GroundTrack, speed: float) -> str:
     seen = (
-        "its distance by travel contradicts where it touches the floor"
+        "its distance by parallax contradicts where it touches the ground"
         if track.floating
-        else "its points leave the lines of sight on which they would stand"
+        else "its points do not stay on the epipolar lines of static points"
     )
     what = (
-        f"{track.points} points: {seen} ({track.evidence:.1f} standard deviations); its foot on "
-        f"the floor moves at {speed:.2f} m/s, {track.significance:.1f} sigmas from standing"
+        f"{track.points} points: {seen} ({track.evidence:.1f} σ); its ground contact moves at "
+        f"{speed:.2f} m/s, {track.significance:.1f} σ above zero"
     )
     if track.state is TrackState.COASTING:
         return out_of_sight(track.missed_s, what)

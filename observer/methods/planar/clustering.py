@@ -141,9 +141,10 @@ def _at_least_the_scatter(velocity: Float64Array, covariance: Float64Array) -> F
 
 
 def _agree(velocity: Float64Array, covariance: Float64Array) -> NDArray[np.bool_]:
-    """(K,) which points move as the middle one does, within the noise of each."""
+    """(K,) which points move as the middle one does, within the noise of each; all if none does."""
     gap = velocity - np.median(velocity, axis=0)
-    # At least the scatter that is there, so that half of the points always agree.
+    # At least the scatter that is there, so that along each axis half of the points always agree.
     scatter = MAD_TO_SIGMA * np.median(np.abs(gap), axis=0)
     sigma = np.maximum(np.sqrt(np.diagonal(covariance, axis1=1, axis2=2)), scatter)
-    return np.asarray((np.abs(gap) <= _OUTLIER_SIGMAS * sigma).all(axis=1), dtype=np.bool_)
+    agree = np.asarray((np.abs(gap) <= _OUTLIER_SIGMAS * sigma).all(axis=1), dtype=np.bool_)
+    return agree if agree.any() else np.ones_like(agree)

@@ -109,12 +109,14 @@ def estimate_ego_motion(
         return _lost(
             parameters.model,
             count,
-            f"only {support} of {count} matches follow one motion, "
-            f"{parameters.min_inliers} are needed",
+            f"only {support} of {count} matches agree on one motion, {parameters.min_inliers} are "
+            "needed",
         )
     if not _is_plausible(homography, camera):
         return _lost(
-            parameters.model, count, "the images' motion is implausible: it folds or scales them"
+            parameters.model,
+            count,
+            "the image transformation is implausible: it folds or scales the image",
         )
     covariance, rms = _covariance(parameters.model, homography, matches, inliers)
     pose = pose_covariance = None
@@ -122,9 +124,9 @@ def estimate_ego_motion(
         pose, pose_covariance = _pose(matches, disparity, inliers, camera, parameters)
     reasons = []
     if support < 2 * parameters.min_inliers:
-        reasons.append(f"the camera's motion rests on {support} matches only")
+        reasons.append(f"the ego-motion is supported by only {support} matches")
     if support < _WEAK_SHARE * count:
-        reasons.append(f"only {100 * support / count:.0f} % of the matches follow one motion")
+        reasons.append(f"only {100 * support / count:.0f} % of the matches agree on one motion")
     if pose is None:
         reasons.append("the camera's pose is unknown: too few background points with depth")
     return PlanarEgoMotion(

@@ -43,7 +43,7 @@ def measure_motion(
         ValueError: the ego-motion is lost.
     """
     if ego.homography is None:
-        raise ValueError("a lost ego-motion leaves nothing to measure against")
+        raise ValueError("the ego-motion is lost, so there is nothing to measure against")
     px = flow.px[flow.dynamic].astype(np.float64)
     observed_px = flow.observed_px[flow.dynamic].astype(np.float64)
     previous = camera.triangulate(px, disparity)

@@ -66,8 +66,8 @@ def describe_obstacle(
 
 def _why(track: Track, seen: Detection) -> str:
     what = (
-        f"{seen.points} points moved at {seen.speed:.2f} m/s, {seen.significance:.1f} standard "
-        f"deviations more than a static surface would show there"
+        f"{seen.points} points moved at {seen.speed:.2f} m/s, {seen.significance:.1f} σ above what "
+        "a static surface would show there"
     )
     if track.state is TrackState.COASTING:
         return f"not seen for {track.missed} frames; before, {what}"

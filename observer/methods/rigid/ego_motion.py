@@ -96,8 +96,8 @@ def estimate_rigid_motion(
         return _lost(
             camera,
             count,
-            f"only {count} static points could be followed, {parameters.min_inliers} are needed: "
-            f"too few features, or too large a motion",
+            f"only {count} static points could be tracked, {parameters.min_inliers} are needed: "
+            "too few features, or too large a motion",
         )
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         pose, fit, information = _fitted(scene, T_expected_world, camera, parameters, seed)
@@ -108,14 +108,14 @@ def estimate_rigid_motion(
         return _lost(
             camera,
             count,
-            f"only {support} of {count} points follow one motion, "
-            f"{parameters.min_inliers} are needed",
+            f"only {support} of {count} points agree on one motion, {parameters.min_inliers} are "
+            "needed",
         )
     reasons = []
     if support < 2 * parameters.min_inliers:
-        reasons.append(f"the camera's motion rests on {support} points only")
+        reasons.append(f"the ego-motion is supported by only {support} points")
     if support < _WEAK_SHARE * count:
-        reasons.append(f"only {100 * support / count:.0f} % of the points follow one motion")
+        reasons.append(f"only {100 * support / count:.0f} % of the points agree on one motion")
     # Residuals of three dimensions have a mean square of 3; more means more noise than declared.
     excess = max(1.0, rms**2 / 3)
     # Correlated noise makes the result worse than independent noise would.

@@ -9,6 +9,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
+from observer.intervals import half_95
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.point_tracking import LEAST_DISPARITY_PX
 from observer.methods.rigid.tracked_points import TrackedPoints
@@ -166,16 +167,16 @@ class StereoDrift:
             # What was learnt of the bias was learnt without this skew, and so was the key view.
             change, self.bias, self.bias_px, self._key = -self.bias_px, DisparityBias(), 0.0, None
             notes.append(
-                f"the right camera exposes {1e3 * found.skew_s:+.1f} ms (+-"
-                f"{1e3 * found.sigma_s:.1f}) after the left one, as the image's turns show, "
-                f"which is allowed for from here on"
+                f"the right camera exposes {1e3 * found.skew_s:+.1f} ± "
+                f"{1e3 * half_95(found.sigma_s):.1f} ms after the left one (95 % interval, "
+                "estimated while the camera turned); compensated from here on"
             )
         elif bias.sure and abs(gap) > max(_NEW_BIAS_PX, _NEW_BIAS_SIGMAS * bias.sigma_px):
             if not self.bias_px:
                 notes.append(
-                    f"near and far points agree with disparities {bias.px:+.2f} px "
-                    f"(+-{bias.sigma_px:.2f}) from the calibrated ones, which is allowed for from "
-                    f"here on: calibrate anew"
+                    f"near and far points show a disparity offset of {bias.px:+.2f} ± "
+                    f"{half_95(bias.sigma_px):.2f} px from the calibration (95 % interval); "
+                    "compensated from here on, but recalibrate the cameras"
                 )
             change, self.bias_px = gap, bias.px
         return DriftChange(change, skew, tuple(notes)) if change or skew else None

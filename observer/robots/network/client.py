@@ -120,7 +120,7 @@ class ExternalClient:
             connection = socket.create_connection(self._address, timeout=_ANSWER_WITHIN_S)
         except OSError as error:
             raise ExternalClientError(
-                f"nobody listens at {self._address[0]}:{self._address[1]} ({error})"
+                f"nothing listens at {self._address[0]}:{self._address[1]} ({error})"
             ) from None
         try:
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -129,16 +129,16 @@ class ExternalClient:
             answer = lines.next(patient=False)
         except (OSError, ValueError) as error:
             connection.close()
-            raise ExternalClientError(f"it was not answered as a robot is ({error})") from None
+            raise ExternalClientError(f"the answer is not from this protocol ({error})") from None
         if answer is None or answer.get("type") != "welcome":
             connection.close()
-            sentence = (answer or {}).get("sentence", "the connection was ended")
+            sentence = (answer or {}).get("sentence", "the connection was closed")
             raise ExternalClientError(f"the robot was refused: {sentence}")
         # Limit on sending: a robot must not wait in it with old permits.
         connection.settimeout(_EXPIRES_S)
         self._socket = connection
         self._sequence = 0
-        self._forget(None, "nothing is permitted yet")
+        self._forget(None, "no permit received yet")
         self._thread = threading.Thread(
             target=self._listen, args=(connection, lines), name="external client", daemon=True
         )
@@ -155,7 +155,7 @@ class ExternalClient:
             if self._over is not None:
                 return Permitted(0.0, 0.0, True, self._over, self._newest.sequence)
             if self._clock() > self._until:
-                reason = f"nothing was permitted for {1000 * self._expires_s:.0f} ms"
+                reason = f"no permit for {1000 * self._expires_s:.0f} ms"
                 return Permitted(0.0, 0.0, True, reason, self._newest.sequence)
             return self._newest
 
@@ -244,7 +244,7 @@ class ExternalClient:
                 return
 
     def _listen(self, connection: socket.socket, lines: _Lines) -> None:
-        reason = "the connection was ended by the other side"
+        reason = "the connection was closed by the other side"
         try:
             while (message := lines.next(patient=True)) is not None:
                 if message.get("type") == "permit":
@@ -263,7 +263,7 @@ class ExternalClient:
         sequence, said = int(message["sequence"]), float(message["time"])
         expires_s = float(message["expires_ms"]) / 1000
         if not all(map(math.isfinite, (speed, rate, said, expires_s))):
-            raise ValueError("a permit's numbers must be finite")
+            raise ValueError("the numbers of a permit must be finite")
         with self._lock:
             if sequence <= self._newest.sequence:
                 return
@@ -278,7 +278,7 @@ class ExternalClient:
                 self._lapsed or (now > self._until and not self._newest.stop)
             )
             if self._lapsed:
-                stop, reason = True, "permits came too late; a stop must be heard first"
+                stop, reason = True, "permits arrived too late; a stop must be received first"
             self._newest = Permitted(
                 0.0 if stop else speed,
                 0.0 if stop else rate,
@@ -301,7 +301,7 @@ class _Lines:
         """Return the next one; wait without limit if ``patient``. None at the connection's end."""
         while b"\n" not in self._rest:
             if len(self._rest) > LONGEST_LINE:
-                raise ValueError("a line is longer than any message")
+                raise ValueError("a line exceeds the maximum message length")
             try:
                 data = self._connection.recv(LONGEST_LINE)
             except TimeoutError:
@@ -374,13 +374,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run ``--demo HOST PORT [--key KEY] [--seconds S]``."""
     parser = argparse.ArgumentParser(description="A simulated robot that connects by itself.")
     parser.add_argument("--demo", nargs=2, metavar=("HOST", "PORT"), required=True)
-    parser.add_argument("--key", help="what the other side asks for")
+    parser.add_argument("--key", help="key required by the other side")
     parser.add_argument("--name", default="demo robot")
     parser.add_argument("--seconds", type=float, default=math.inf)
     given = parser.parse_args(arguments)
     host, port = given.demo
     if not port.isdecimal() or not 1 <= int(port) <= 65535:
-        parser.error(f"{port} is no port; give a number from 1 to 65535")
+        parser.error(f"{port} is not a port; give a number from 1 to 65535")
     client = ExternalClient(host, int(port), name=given.name, key=given.key)
     try:
         demo(client, given.seconds)

@@ -131,7 +131,7 @@ class ExternalLink:
         except OSError as error:
             why = error.strerror or str(error)
             with self._lock:
-                self._watch.lost(f"nobody can listen at {self._host}:{self._port}: {why}")
+                self._watch.lost(f"cannot listen on {self._host}:{self._port}: {why}")
             return None
         listener.setblocking(False)
         with self._lock:
@@ -178,7 +178,7 @@ class ExternalLink:
         accepted.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
         connection = _Connection(accepted, self._clock())
         if len(self._strangers) >= _MOST_STRANGERS:
-            self._send(connection, refusal_line("too many connect at once; try again"))
+            self._send(connection, refusal_line("too many simultaneous connections; try again"))
             accepted.close()
             return
         self._strangers.append(connection)
@@ -193,7 +193,7 @@ class ExternalLink:
             self._drop(connection, None, _lost(error))
             return
         if not data:
-            self._drop(connection, None, "the robot ended the connection")
+            self._drop(connection, None, "the robot closed the connection")
             return
         try:
             for line in connection.lines.feed(data):
@@ -204,7 +204,7 @@ class ExternalLink:
                     self._watch.bad()
                 else:
                     self._watch.refused(str(error))
-            self._drop(connection, str(error), f"the robot said what is no message: {error}")
+            self._drop(connection, str(error), f"the robot sent an invalid message: {error}")
 
     def _take_in(self, connection: _Connection, line: bytes) -> None:
         now = self._clock()
@@ -212,7 +212,7 @@ class ExternalLink:
             connection.counted_since, connection.count = now, 0
         connection.count += 1
         if connection.count > _MOST_LINES_PER_S:
-            raise BadMessage(f"at most {_MOST_LINES_PER_S} messages a second are taken")
+            raise BadMessage(f"at most {_MOST_LINES_PER_S} messages per second are accepted")
         if connection is self._robot:
             message = parse_odometry(line)
             with self._lock:
@@ -225,16 +225,14 @@ class ExternalLink:
         if self._key is not None and not hmac.compare_digest(
             (hello.key or "").encode("utf-8", "replace"), self._key.encode()
         ):
-            raise BadMessage("hello: this is not the key that is asked for here")
+            raise BadMessage("hello: wrong key")
         before = self._robot
         if before is not None:
             with self._lock:
                 silent = self._watch.silent(now)
             if not silent:
-                raise BadMessage("another robot is connected here already")
-            self._drop(
-                before, "another robot took its place", "the robot fell silent and came anew"
-            )
+                raise BadMessage("another robot is already connected here")
+            self._drop(before, "another robot replaced it", "the robot fell silent and reconnected")
         self._strangers.remove(connection)
         self._robot = connection
         self._permit, self._permit_due = None, now
@@ -246,7 +244,7 @@ class ExternalLink:
         now = self._clock()
         for each in tuple(self._strangers):
             if now - each.since > _HELLO_WITHIN_S:
-                self._drop(each, f"say hello within {_HELLO_WITHIN_S:g} s")
+                self._drop(each, f"send hello within {_HELLO_WITHIN_S:g} s")
 
     def _say_permit(self) -> None:
         robot = self._robot

@@ -101,7 +101,9 @@ class Lines:
         *lines, self._rest = (self._rest + data).split(b"\n")
         for line in (*lines, self._rest):
             if len(line) > LONGEST_LINE:
-                raise BadMessage(f"a message has at most {LONGEST_LINE} bytes and a newline")
+                raise BadMessage(
+                    f"a message may have at most {LONGEST_LINE} bytes and must end with a newline"
+                )
         yield from (line for line in lines if line.strip())
 
 
@@ -143,7 +145,7 @@ def parse_hello(line: bytes) -> Hello:
     """
     data = _object(line, "hello")
     if data.get("protocol") != PROTOCOL or isinstance(data.get("protocol"), bool):
-        raise BadMessage(f"hello: protocol must be {PROTOCOL}, the only one spoken here")
+        raise BadMessage(f"hello: protocol must be {PROTOCOL}, the only supported version")
     mode = data.get("mode", "driven")
     if mode not in ("driven", "guarded"):
         raise BadMessage("hello: mode must be driven or guarded")
@@ -213,7 +215,7 @@ def _object(line: bytes, kind: str) -> dict[str, Any]:
     except (ValueError, RecursionError):
         raise BadMessage("a message must be one JSON object on one line of UTF-8") from None
     if not isinstance(data, dict) or data.get("type") != kind:
-        raise BadMessage(f'a message with "type": "{kind}" is due')
+        raise BadMessage(f'expected a message with "type": "{kind}"')
     return data
 
 
@@ -232,7 +234,7 @@ def _number(data: dict[str, Any], key: str, most: float, what: str) -> float:
     except (TypeError, OverflowError):
         number = math.nan
     if not (math.isfinite(number) and abs(number) <= most):
-        raise BadMessage(f"{what}: {key} must be a finite number within +-{most:g}")
+        raise BadMessage(f"{what}: {key} must be a finite number within ±{most:g}")
     return number
 
 
@@ -246,7 +248,7 @@ def _positive(data: dict[str, Any], key: str, most: float, what: str) -> float:
 def _count(data: dict[str, Any], key: str) -> int:
     value = data.get(key)
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < 2**63:
-        raise BadMessage(f"odometry: {key} must be a whole number from 0 on")
+        raise BadMessage(f"odometry: {key} must be a whole number of at least 0")
     return value
 
 

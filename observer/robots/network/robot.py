@@ -36,17 +36,19 @@ def parse_external(text: str) -> ExternalPort:
     found = _ADDRESS.fullmatch(where)
     if not text.startswith(EXTERNAL) or found is None or not 1 <= int(found["port"]) <= 65535:
         raise InputError(
-            f"{shown!r} names no place for a robot to connect to; write it as "
-            f"external:127.0.0.1:7700"
+            f"{shown!r} is not an address for a robot to connect to; write it as "
+            "external:127.0.0.1:7700"
         )
     host, port = found["six"] or found["name"], int(found["port"])
     key = query.removeprefix("key=") if query else None
     if key is not None and (not query.startswith("key=") or _KEY.fullmatch(key) is None):
-        raise InputError(f"{shown!r}: behind ? stands key= and 16 to 128 letters, digits, - or _")
+        raise InputError(
+            f"{shown!r}: ? must be followed by key= and 16 to 128 letters, digits, - or _"
+        )
     if key is None and not _is_loopback(host):
         raise InputError(
-            f"{where!r} can be reached by others; add a key that the robot gives, as in "
-            f"external:{where}?key=KEY, or listen on 127.0.0.1"
+            f"{where!r} can be reached from other machines; add a key that the robot must send, as "
+            f"in external:{where}?key=KEY, or listen on 127.0.0.1"
         )
     return ExternalPort(host, port, key)
 

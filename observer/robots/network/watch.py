@@ -114,7 +114,7 @@ class ExternalWatch:
     def refused(self, sentence: str) -> None:
         """Take the refusal of a connection."""
         if self.phase is not RobotPhase.CONNECTED:
-            self.trouble = f"a robot was refused: {sentence}"
+            self.trouble = f"a robot was rejected: {sentence}"
 
     def closed(self) -> None:
         """Take the end of listening."""
@@ -182,7 +182,7 @@ class ExternalWatch:
         if self._enabled_at is None:
             return Permit(*_ZERO, True, "stopped" if self._halted else "not armed")
         if now - self._setpoint_at > SETPOINT_FRESH_S:
-            return Permit(*_ZERO, False, "nothing says how fast to drive")
+            return Permit(*_ZERO, False, "no speed has been requested")
         if not self._seen_enabled:
             return Permit(*_ZERO, False, "its motors are not on yet")
         return Permit(*self._setpoint, False, self._reason)
@@ -241,15 +241,15 @@ class ExternalWatch:
 
     def _look(self, now: float) -> None:
         if self.silent(now):
-            self._fail(f"its odometry has not come for {SILENCE_S:g} s")
+            self._fail(f"no odometry received for {SILENCE_S:g} s")
         elif now - self._confirmed > UNHEARD_S:
-            self._fail(f"it has not confirmed a permit for {UNHEARD_S:g} s")
+            self._fail(f"it has not acknowledged a permit for {UNHEARD_S:g} s")
         elif self._enabled_at is None:
             return
         elif self._seen_enabled and self._said is not None and not self._said.enabled:
-            self._fail("its motors went off by themselves")
+            self._fail("its motors switched off by themselves")
         elif not self._seen_enabled and now - self._enabled_at > _ENABLE_WITHIN_S:
-            self._fail("its motors did not go on")
+            self._fail("its motors did not switch on")
 
     def _fail(self, sentence: str) -> None:
         # The first reason counts; what follows is mostly its consequence.

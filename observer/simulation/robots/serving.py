@@ -153,7 +153,7 @@ class _TcpDoor:
         try:
             self._listener = socket.create_server(("127.0.0.1", port))
         except OSError as error:
-            raise InputError(f"port {port} of this machine cannot be used: {error}") from None
+            raise InputError(f"port {port} on this machine cannot be used: {error}") from None
         self._address = self._listener.getsockname()
         self._listener.setblocking(False)
 

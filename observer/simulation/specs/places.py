@@ -26,7 +26,7 @@ class RoomSpec(Spec):
     def _is_a_room(self) -> RoomSpec:
         for name, (low, high) in (("x", self.x), ("y", self.y)):
             if not 1 <= high - low <= 60:
-                raise ValueError(f"room.{name} must span 1 to 60 m, lower end first")
+                raise ValueError(f"room.{name} must span 1 to 60 m, lower limit first")
         return self
 
 

@@ -225,8 +225,8 @@ def _in_use_or_no_camera(path: str) -> str:
     if who := in_words(holders(Path(path).resolve())):
         return f"is in use by {who}; close it"
     return (
-        "cannot be used: another program has it open or it is no camera; close the other program "
-        "or name another device"
+        "cannot be used: it is open in another program or not a camera; close the other program or "
+        "name another device"
     )
 
 
@@ -246,14 +246,14 @@ def _why_not(url: str) -> str:
         with socket.create_connection((parts.hostname or "", port), timeout=_PROBE_S):
             pass
     except socket.gaierror:
-        return "cannot be found; see that the name of its host is right"
+        return "cannot be found; check the host name"
     except ConnectionRefusedError:
-        return "refuses the connection; see that it is on and that its port is right"
+        return "refuses the connection; check that it is on and that the port is right"
     except TimeoutError:
-        return "does not answer; see that it is on and that this network reaches it"
+        return "does not answer; check that it is on and reachable from this network"
     except OSError as error:
-        return f"cannot be reached ({error.strerror or error}); see that it is on"
+        return f"cannot be reached ({error.strerror or error}); check that it is on"
     return (
-        "answers, but not with a video; see that the path of its address, user and password are "
-        "right and that it serves nobody else"
+        "answers, but not with a video stream; check the path, user and password in its address, "
+        "and that no other client is connected"
     )

@@ -60,27 +60,26 @@ def permission_advice(path: Path, root: Path = _MACHINE, user: User | None = Non
     who = user or current_user()
     if group == "root" or (group is None and number == 0):
         return (
-            f"{shown} may only be used by root; a udev rule can give it to a group, "
-            f"as docker/README.md shows"
+            f"only root may use {shown}; a udev rule can assign it to a group, see docker/README.md"
         )
     if group is None:
         return (
-            f"{shown} may not be used by you and belongs to group {number}, which has no name "
-            f"here; in a container add --group-add {number}"
+            f"you have no permission to use {shown}; it belongs to group {number}, which has no "
+            f"name here; in a container add --group-add {number}"
         )
     if number in who.groups:
         return (
-            f"{shown} may not be used although you are in its group {group}; "
-            f"let the group read and write it: sudo chmod g+rw {shown}"
+            f"you have no permission to use {shown} although you are in its group {group}; let the "
+            f"group read and write it: sudo chmod g+rw {shown}"
         )
     if who.name and who.name in members:
         return (
-            f"{shown} may not be used yet: you were added to the group {group} after you signed "
-            f"in; sign out and in again (or: newgrp {group})"
+            f"you have no permission to use {shown} yet: you were added to the group {group} after "
+            f"you signed in; sign out and in again (or: newgrp {group})"
         )
     return (
-        f"{shown} may be used by the group {group} only; join it, then sign out and in again: "
-        f"sudo usermod -aG {group} {who.name or '$USER'}"
+        f"only the group {group} may use {shown}; join it, then sign out and in again: sudo "
+        f"usermod -aG {group} {who.name or '$USER'}"
     )
 
 
@@ -104,17 +103,17 @@ def why_not(file: Path, error: OSError, root: Path = _MACHINE, user: User | None
         try:
             return permission_advice(file, root, user)
         except OSError:
-            return f"{shown} may not be used by you ({error.strerror})"
+            return f"you have no permission to use {shown} ({error.strerror})"
     if error.errno == errno.ENOENT:
-        return f"there is no {shown}; plug the camera in, or see dynamic-observer doctor for a list"
+        return f"there is no {shown}; plug the camera in, or run dynamic-observer doctor for a list"
     if error.errno == errno.EBUSY:
         who = in_words(holders(file, root))
-        advice = "close it" if who else f"sudo fuser -v {shown} tells which"
+        advice = "close it" if who else f"sudo fuser -v {shown} shows which"
         return f"{shown} is in use by {who or 'another program'}; {advice}"
     if error.errno in (errno.ENODEV, errno.ENXIO, errno.EIO):
         return f"{shown} does not answer ({error.strerror}); unplug the camera and plug it in again"
     if error.errno in (errno.ENOTTY, errno.EINVAL):
-        return f"{shown} is no video device; name one such as /dev/video0"
+        return f"{shown} is not a video device; name one such as /dev/video0"
     return f"{shown} cannot be used ({error.strerror or error})"
 
 

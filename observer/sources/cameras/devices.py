@@ -139,14 +139,14 @@ def _asked(known: CameraDevice, device: V4l2Device, file: Path, root: Path) -> C
     if known.used_by:
         return replace(
             known,
-            trouble=f"{known.path} is open in {in_words(known.used_by)}, and delivers images to "
-            f"one program at a time; close it there",
+            trouble=f"{known.path} is open in {in_words(known.used_by)}, and a camera delivers "
+            "images to only one program at a time; close it there",
         )
     if not known.modes:
         return replace(
             known,
-            trouble=f"{known.path} names no pixel format; what its driver needs to deliver images "
-            f"(a media controller, libcamera) is not supported here",
+            trouble=f"{known.path} reports no pixel format; its driver needs a media controller "
+            "(libcamera), which is not supported",
         )
     return known
 
@@ -210,12 +210,12 @@ def _hint(bus: int, controller: str, cameras: Sequence[CameraDevice]) -> str:
     what = (
         f"choose a smaller size or rate ({', '.join(lacking)}: no MJPG)"
         if lacking
-        else "take compressed images with format=MJPG"
+        else "use compressed images with format=MJPG"
     )
     return (
         f"{names} share one USB 2 bus (bus {bus} of the controller {controller}), which carries "
-        f"about {low} to {high} MB/s: uncompressed (YUYV) {width}x{height} at {rate}/s takes "
-        f"{each:.1f} MB/s each, {together:.1f} MB/s together, which "
-        f"{'fits barely, if at all' if together <= high else 'does not fit'}; {what}, "
-        f"or plug one camera into a port of another controller"
+        f"about {low} to {high} MB/s: uncompressed (YUYV) {width}x{height} at {rate} fps needs "
+        f"{each:.1f} MB/s per camera, {together:.1f} MB/s in total, which "
+        f"{'fits barely, if at all' if together <= high else 'does not fit'}; {what}, or plug one "
+        "camera into a port of another controller"
     )

@@ -173,14 +173,14 @@ class Grabber:
             if image is not None:
                 return image, applied
             self._notices.offer(Undecodable())
-        self._notices.tell(Failed("sends nothing that is an image", alive=False))
+        self._notices.tell(Failed("sends no images", alive=False))
         return None
 
     def _settle(self) -> AppliedSettings:
         try:
             return self._capture.settle()
         except SourceError as error:
-            return AppliedSettings({}, (f"nothing could be set: {error}",))
+            return AppliedSettings({}, (f"no settings could be applied: {error}",))
 
     def _next(self, period: Period | None) -> bool:
         """Wait for the next frame; False when the camera has failed, which was reported."""
@@ -283,7 +283,7 @@ def main() -> None:
     try:
         serve(Commands(commands_fd), notices, memory_fd)
     except Exception as error:  # noqa: BLE001 - whatever a driver raises is told by the source
-        reason = f"failed inside its driver ({type(error).__name__}); it is opened again"
+        reason = f"failed in its driver ({type(error).__name__}) and is being reopened"
         notices.tell(Failed(reason, alive=False))
     # Without the drivers' own clean-up, which may hang; the kernel releases everything.
     os._exit(1)

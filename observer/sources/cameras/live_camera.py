@@ -51,10 +51,10 @@ _FROZEN_REPEATS = 2
 # Stamps kept to tell a frame that never had a partner from one whose partner was missed.
 _RECENT = 4
 
-_SILENT = "sends no more images"
-_UNDECODABLE = "sends what cannot be decoded as images"
+_SILENT = "no longer sends images"
+_UNDECODABLE = "sends images that cannot be decoded"
 _FROZEN = "sends the same image again and again"
-_STAMPS_STAND = "sends images whose time stamps stand still"
+_STAMPS_STAND = "sends images whose timestamps do not advance"
 _UNPLUGGED = "is not connected; plug it in again"
 
 
@@ -143,7 +143,7 @@ class LiveCamera:
                 if self._process is not process:
                     return
             if process.ended:
-                self._fail("was lost because its process ended unexpectedly", now)
+                self._fail("was lost because its process exited unexpectedly", now)
         self._watch(now)
 
     def decode(self) -> None:
@@ -232,7 +232,9 @@ class LiveCamera:
                 self._process = GrabberProcess()
             self._process.send(self._command)
         except OSError as error:
-            self._fail(f"cannot get a process of its own ({error.strerror})", now)
+            self._fail(
+                f"cannot be opened: its process could not be started ({error.strerror})", now
+            )
             return
         self._state, self._since = "starting", now
         self.is_missing = False
@@ -258,7 +260,7 @@ class LiveCamera:
 
     def _watch(self, now: float) -> None:
         if self._state == "starting" and now - self._since > self._patience_s():
-            self._fail("does not answer; see that it is on and connected", now)
+            self._fail("does not answer; check that it is on and connected", now)
         elif self._state == "delivering":
             silent_since = max(self._last_arrival, self._attended_since)
             borne_s = max(_REOPEN_AFTER_S, _REOPEN_AFTER_PERIODS * self.period.seconds)
@@ -307,8 +309,8 @@ class LiveCamera:
         before = self.opened
         if before is not None and _shape(before) != _shape(opened):
             self._fail(
-                f"now delivers {_size(opened)} pixels instead of {_size(before)}; set it back or "
-                f"open the source anew",
+                f"now delivers {_size(opened)} pixels instead of {_size(before)}; change it back "
+                "or reopen the source",
                 now,
             )
             self._insists = True

@@ -68,7 +68,7 @@ def parse_settings(query: str) -> CameraSettings:
         reader = _READERS.get(key)
         if reader is None:
             raise SourceError(
-                f"a camera has no setting {key[:40]!r}; the settings are {', '.join(_READERS)}"
+                f"there is no camera setting {key[:40]!r}; the settings are {', '.join(_READERS)}"
             )
         attribute, read = reader
         if attribute in values:
@@ -78,7 +78,7 @@ def parse_settings(query: str) -> CameraSettings:
             values[attribute] = read(text)
         except ValueError as right:
             raise SourceError(
-                f"the camera setting {key}={text:.40} cannot be meant; use {right}"
+                f"the camera setting {key}={text:.40} is not valid; use {right}"
             ) from None
     return CameraSettings(**values)  # type: ignore[arg-type]
 
@@ -89,10 +89,10 @@ def parse_settings(query: str) -> CameraSettings:
 def _read_size(text: str) -> tuple[int, int]:
     width, _, height = text.lower().partition("x")
     if not (_is_number(width) and _is_number(height)):
-        raise ValueError("WIDTHxHEIGHT in pixels, as in 640x480")
+        raise ValueError("WIDTHxHEIGHT in pixels, for example 640x480")
     size = (int(width), int(height))
     if not all(16 <= length <= 16384 for length in size):
-        raise ValueError("16 to 16384 pixels each way, as in 640x480")
+        raise ValueError("16 to 16384 pixels in each direction, for example 640x480")
     return size
 
 
@@ -102,14 +102,14 @@ def _read_rate(text: str) -> float:
     except ValueError:
         rate = math.nan
     if not 1.0 <= rate <= 1000.0:
-        raise ValueError("frames per second from 1 to 1000, as in 30")
+        raise ValueError("frames per second from 1 to 1000, for example 30")
     return rate
 
 
 def _read_format(text: str) -> str:
     name = text.upper()
     if not (len(name) == 4 and name.isascii() and name.isalnum()):
-        raise ValueError("the four characters of a pixel format, as in MJPG or YUYV")
+        raise ValueError("the four characters of a pixel format, for example MJPG or YUYV")
     return name
 
 
@@ -118,7 +118,9 @@ def _number(low: int, high: int, example: int, unit: str) -> Callable[[str], int
         if text == "auto":
             return "auto"
         if not _is_number(text) or not low <= int(text) <= high:
-            raise ValueError(f"auto or a whole number from {low} to {high}{unit}, as in {example}")
+            raise ValueError(
+                f"auto or a whole number from {low} to {high}{unit}, for example {example}"
+            )
         return int(text)
 
     return read

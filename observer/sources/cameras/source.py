@@ -90,7 +90,7 @@ class CameraSource:
             SourceError: it was closed.
         """
         if self._closed:
-            raise SourceError("the cameras are closed; open the source anew")
+            raise SourceError("the cameras are closed; reopen the source")
         now = time.monotonic()
         deadline = now + LIVE_PATIENCE_S
         if now - self._last_read > _UNATTENDED_S:
@@ -135,7 +135,7 @@ class CameraSource:
 
     def rewind(self) -> None:
         """Raise SourceError: live cameras cannot go back."""
-        raise SourceError("live cameras cannot go back; record them to play them again")
+        raise SourceError("live cameras cannot be rewound; record a run to play it again")
 
     def report(self) -> LiveReport:
         """Return the cameras' present state; callable from any thread."""
@@ -278,13 +278,13 @@ class CameraSource:
             return None
         left, right = self._cameras[0], self._cameras[-1]
         if self._last_time is not None and left.recent and left.recent[-1] <= self._last_time:
-            return f"{left} sends images whose time stamps go back"
+            return f"{left} sends images whose timestamps go backwards"
         # If some belong together, the observer was just too late for them.
         if any(judge(a, b, period) == "pair" for a in left.recent for b in right.recent):
             return None
         return (
-            f"{left} and {right} deliver no images within half a frame of each other; give both "
-            f"the same rate"
+            f"{left} and {right} deliver no images within half a frame of each other; set both to "
+            "the same frame rate"
         )
 
     def _wait(self, seconds: float) -> None:
@@ -321,8 +321,8 @@ class CameraSource:
             if now > deadline:
                 raise SourceError(
                     self._trouble(now)
-                    or f"{self._spec.text} delivered no pair within {_OPENING_S:g} s; see that "
-                    f"the cameras are on"
+                    or f"{self._spec.text} delivered no image pair within {_OPENING_S:g} s; "
+                    "check that the cameras are on"
                 )
 
     def _check_sizes(self) -> None:
@@ -333,11 +333,12 @@ class CameraSource:
         if (first.width, first.height) != (second.width, second.height):
             raise SourceError(
                 f"{left} delivers {first.width}x{first.height} pixels and {right} "
-                f"{second.width}x{second.height}; set both to one size"
+                f"{second.width}x{second.height}; set both to the same size"
             )
         if left.side == "both" and first.width % 2:
             raise SourceError(
-                f"{left} delivers {first.width} pixels across; side by side needs an even width"
+                f"{left} delivers {first.width} pixels across; a side-by-side image needs an even "
+                "width"
             )
 
     @staticmethod

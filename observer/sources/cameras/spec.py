@@ -79,14 +79,14 @@ def parse_devices(rest: str, by_path: Path = BY_PATH) -> CamerasSpec:
         parts = [part.strip() for part in names.split(",")]
         if len(parts) != 2:
             raise SourceError(
-                f"camera: takes two devices with a comma between them, as in camera:0,1, or one "
+                "camera: takes two devices separated by a comma, as in camera:0,1, or one "
                 f"side-by-side device, as in camera:sbs:0, not {names[:80]!r}"
             )
         targets = (_device(parts[0], by_path), _device(parts[1], by_path))
         if Path(targets[0].address).resolve() == Path(targets[1].address).resolve():
             raise SourceError(
-                f"left and right are the same camera, {targets[0].name}; name two, or one that "
-                f"shows both images as camera:sbs:0"
+                f"left and right are the same camera, {targets[0].name}; name two different ones "
+                "different ones, or a side-by-side camera as in camera:sbs:0"
             )
     return CamerasSpec(f"camera:{rest}", targets, settings, swapped)
 
@@ -103,14 +103,16 @@ def parse_urls(text: str) -> CamerasSpec:
     targets = tuple(_url(url.strip()) for url in urls)
     names = ",".join(target.name for target in targets)
     if side_by_side and len(targets) != 1:
-        raise SourceError(f"sbs: takes one address of a side-by-side camera, not {names[:200]}")
+        raise SourceError(f"sbs: takes the address of one side-by-side camera, not {names[:200]}")
     if not side_by_side and len(targets) != 2:
         raise SourceError(
-            f"network cameras come in pairs, as in rtsp://LEFT,rtsp://RIGHT, or as "
-            f"sbs:rtsp://BOTH where one shows both images side by side, not {names[:200]}"
+            "give two network cameras, as in rtsp://LEFT,rtsp://RIGHT, or one side-by-side camera, "
+            f"as in sbs:rtsp://BOTH, not {names[:200]}"
         )
     if len({target.address for target in targets}) != len(targets):
-        raise SourceError(f"left and right are the same camera, {targets[0].name}; name two")
+        raise SourceError(
+            f"left and right are the same camera, {targets[0].name}; name two different ones"
+        )
     prefix = "" if not side_by_side else _SWAPPED if swapped else _SIDE_BY_SIDE
     return CamerasSpec(f"{prefix}{names}", targets, CameraSettings(), swapped)
 
@@ -129,7 +131,9 @@ def swapped_spec(text: str) -> str:
         return f"camera:{_swapped_names(names, names.split(','))}{question}{query}"
     both, _ = _side_by_side(text)
     if both is None and not text.lower().startswith(_NETWORK_SCHEMES):
-        raise SourceError("only live cameras can be swapped; name left and right the other way")
+        raise SourceError(
+            "only live cameras can be swapped; name left and right the other way round"
+        )
     return _swapped_names(text, _BETWEEN_URLS.split(text))
 
 
@@ -168,7 +172,7 @@ def _device(text: str, by_path: Path) -> CameraTarget:
         path = text
     else:
         raise SourceError(
-            f"{text[:80]!r} names no camera; use its number, as in camera:0,1, or its path below "
+            f"{text[:80]!r} is not a camera; use its number, as in camera:0,1, or its path below "
             f"{BY_PATH}"
         )
     return CameraTarget(path, _lasting_name(path, by_path), network=False)
@@ -196,7 +200,7 @@ def _url(url: str) -> CameraTarget:
         host = None
     if not host or parts.scheme.lower() not in _NETWORK_SCHEMES:
         raise SourceError(
-            "an address of a network camera is not complete; use rtsp://HOST/PATH or "
-            "http://HOST/PATH for each"
+            "a network camera address is incomplete; use rtsp://HOST/PATH or http://HOST/PATH for "
+            "each"
         )
     return CameraTarget(url, name, network=True)

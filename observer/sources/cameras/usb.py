@@ -92,7 +92,11 @@ def bandwidth_hints(
         total /= _COMPRESSION
     if total < _TOO_MUCH_BYTES_PER_S:
         return ()
-    remedy = "take a lower size or rate" if is_compressed else "set format=MJPG or a lower size"
+    remedy = (
+        "use a smaller size or a lower rate"
+        if is_compressed
+        else "set format=MJPG or a smaller size"
+    )
     return (
         f"both cameras share one USB 2 bus and send about {total / 1e6:.0f} MB/s, which may be "
         f"too much for it; {remedy}, or plug one of them into a port of another controller",

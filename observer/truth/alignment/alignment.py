@@ -134,8 +134,8 @@ class _Aligning:
         if len(ranked) > 1 and ranked[0][1] - ranked[1][1] < _OBSERVER_LEAD:
             return None
         self._notes.append(
-            f"{ranked[0][0]} moves as the camera does (correlation {ranked[0][1]:.2f}) and was "
-            f"taken for the observer."
+            f"{ranked[0][0]} moves like the camera (correlation {ranked[0][1]:.2f}) and was "
+            "assigned to the observer."
         )
         return ranked[0][0]
 
@@ -304,8 +304,8 @@ class _Aligning:
             centres[name] = (float(centre[0]), float(centre[1]), float(centre[2]))
             if not turned:
                 self._notes.append(
-                    f"{name} hardly turned, so its centre cannot be told from its place in the "
-                    f"room; what was seen of it was taken for its middle."
+                    f"{name} hardly turned, so the offset between its centre and the tracked point "
+                    "cannot be estimated; the visible part was taken as its centre."
                 )
         return centres
 

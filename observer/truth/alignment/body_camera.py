@@ -93,8 +93,9 @@ def find_body_camera(
     chosen = np.flatnonzero(known)
     if len(chosen) < 5:
         raise NotObservable(
-            f"the observer's body and its camera's pose are both known in {len(chosen)} frames, "
-            f"too few to tell how they sit together; motion capture must see the observer"
+            f"the observer's body and its camera pose are both known in only {len(chosen)} frames, "
+            "too few to determine the camera's position on the body; motion capture must see the "
+            "observer"
         )
     chosen = chosen[np.linspace(0, len(chosen) - 1, min(len(chosen), _MOST_POSES)).astype(int)]
     thinned = _thinned(points)
@@ -229,17 +230,17 @@ class _Problem:
             return ()
         told = self._assumed.T_body_camera is not None
         listed = ", ".join(open_)
-        source = "they are as was told" if told else "they are assumed"
+        source = "the given values are used" if told else "default values are assumed"
         if not told and self._assumed.camera_height_m is not None and open_ == ["height"]:
-            source = "it follows from the mount's height above the room's floor"
+            source = "it follows from the height of the mount above the floor"
         elif open_ == ["height"]:
-            source = "it is as was told" if told else "it is assumed to be the body's"
+            source = "the given value is used" if told else "the body's own is assumed"
         why = (
-            "motion over a floor does not tell"
+            "planar motion does not determine"
             if open_ == ["height"]
-            else "the observer moved too little to tell"
+            else "the observer moved too little to determine"
         )
-        return (f"Of the camera's place on its body, {why}: {listed}; {source}.",)
+        return (f"Camera position on the body: {why} {listed}; {source}.",)
 
 
 def _levenberg_marquardt(function: Function, x: Float64Array) -> tuple[Float64Array, float]:

@@ -44,8 +44,8 @@ class CameraOnBody:
             value, limit = getattr(self, each.name), LARGEST_DEG.get(each.name, FARTHEST_M)
             if not (math.isfinite(value) and abs(value) <= limit):
                 raise TruthError(
-                    f"{each.name} of the camera on its body must be from {-limit:g} to {limit:g}, "
-                    f"not {value:g}"
+                    f"{each.name} of the camera on its body must be between {-limit:g} and "
+                    f"{limit:g}, not {value:g}"
                 )
 
     @staticmethod
@@ -59,8 +59,8 @@ class CameraOnBody:
             x, y, z, pan, tilt, roll = (float(part) for part in text.split(","))
         except ValueError:
             raise TruthError(
-                f"the camera on its body is given as X,Y,Z,PAN,TILT,ROLL in metres and degrees, "
-                f"as in 0.12,0.06,0.25,0,10,0, not {text[:80]!r}"
+                "give the camera on its body as X,Y,Z,PAN,TILT,ROLL in metres and degrees, for "
+                f"example 0.12,0.06,0.25,0,10,0, not {text[:80]!r}"
             ) from None
         return CameraOnBody(x, y, z, pan, tilt, roll)
 

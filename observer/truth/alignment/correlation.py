@@ -56,8 +56,8 @@ def correlation(pairs: Sequence[tuple[SpeedCurve, SpeedCurve]]) -> Correlation:
     usable = [(s, t) for s, t in pairs if s.known.sum() >= 5 and t.known.sum() >= 5]
     if not usable:
         raise NotObservable(
-            "there is no speed on both sides to compare; the observer must see an obstacle move, "
-            "or motion capture must see the observer move"
+            "no speeds can be compared; the observer must see an obstacle move, or motion capture "
+            "must see the observer move"
         )
     seen_start = min(s.times[s.known][0] for s, _ in usable)
     seen_end = max(s.times[s.known][-1] for s, _ in usable)

@@ -41,11 +41,11 @@ class SpeedCurve:
 
     def __post_init__(self) -> None:
         if not self.times.shape == self.values.shape == self.sigmas.shape == (len(self.times),):
-            raise TruthError("a speed curve needs one value and one sigma for each time")
+            raise TruthError("a speed curve needs one value and one standard deviation per time")
         if not np.isfinite(self.times).all() or (np.diff(self.times) <= 0).any():
-            raise TruthError("a speed curve's times must be finite and rise")
+            raise TruthError("the times of a speed curve must be finite and increasing")
         if not (self.sigmas > 0).all():
-            raise TruthError("a speed curve's sigmas must be positive")
+            raise TruthError("the standard deviations of a speed curve must be positive")
 
     @staticmethod
     def of(times: Float64Array, values: Float64Array, sigma: float = 1.0) -> SpeedCurve:

@@ -72,8 +72,8 @@ def _both(source: Float64Array, target: Float64Array) -> tuple[Float64Array, Flo
     known = np.isfinite(source).all(axis=1) & np.isfinite(target).all(axis=1)
     if known.sum() < 3:
         raise NotObservable(
-            f"only {int(known.sum())} positions are known in both frames, too few to align them; "
-            f"at least 3 are needed"
+            f"only {int(known.sum())} positions are known in both coordinate frames, too few to "
+            "align them; at least 3 are needed"
         )
     return source[known], target[known]
 
@@ -84,8 +84,8 @@ def _check_spread(points: Float64Array) -> None:
     spread = spread / np.sqrt(len(points))
     if spread < MIN_SPREAD_M:
         raise NotObservable(
-            f"the common positions lie within {spread:.2f} m of each other, which tells no "
-            f"direction; let the body drive a longer way"
+            f"the common positions lie within {spread:.2f} m of each other, too close to determine "
+            "a direction; let the body drive further"
         )
 
 

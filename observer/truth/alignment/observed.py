@@ -48,7 +48,7 @@ class TrackKey:
             return TrackKey(int(segment), int(id_))
         except ValueError:
             raise TruthError(
-                f"a track is named SEGMENT:NUMBER, as in 0:3, not {text[:40]!r}"
+                f"a track is given as SEGMENT:NUMBER, for example 0:3, not {text[:40]!r}"
             ) from None
 
 
@@ -132,7 +132,7 @@ class ObservedRun:
                         rows[TrackKey(segment, int(entry["id"]))].append(_row(time, entry))
             except (KeyError, TypeError, ValueError, OverflowError) as error:
                 raise TruthError(
-                    f"line {number} of the observations is not as observe writes it: "
+                    f"line {number} of the observations was not written by observe: "
                     f"{type(error).__name__} at {str(error)[:60]}"
                 ) from None
             times.append(time)

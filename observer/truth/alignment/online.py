@@ -27,7 +27,7 @@ WINDOW_S = 180.0
 SOLVE_EVERY_S = 2.0
 # A source is as fast as 60 frames a second.
 _MOST_LINES = 60 * 180
-_NONE_YET = "not yet aligned: nothing has been recorded on both sides yet"
+_NONE_YET = "not aligned yet: no data from both sides so far"
 
 
 class OnlineAlignment:
@@ -101,7 +101,7 @@ class OnlineAlignment:
             self.state = align(ObservedRun.of_lines(self._lines), capture, self.choices)
         except TruthError as error:
             if not isinstance(self.state, Alignment):
-                self.state = f"not yet aligned: {error}"
+                self.state = f"not aligned yet: {error}"
         return True
 
     def _capture(self, to_source: Callable[[Float64Array], Float64Array] | None) -> Capture:

@@ -89,8 +89,8 @@ class Alignment:
             )
         except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
             raise TruthError(
-                f"the alignment is not as it was written: {type(error).__name__} at "
-                f"{str(error)[:60]}; align the run again"
+                f"the stored alignment is damaged: {type(error).__name__} at {str(error)[:60]}; "
+                "align the run again"
             ) from None
 
 

@@ -93,8 +93,8 @@ def place_rooms(
                 T = _by_points(points, choices, rooms)
         except NotObservable as error:
             rooms.notes.append(
-                f"Segment {number}: where the room lies cannot be told, so only speeds are "
-                f"compared there: {error}."
+                f"Segment {number}: the room frame cannot be determined, so only speeds are "
+                f"compared: {error}."
             )
             continue
         rooms.T_world_room[number] = T
@@ -115,7 +115,7 @@ def _by_camera(
     if rooms.body_camera is not None:
         known = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
         if not len(known):
-            raise NotObservable("motion capture did not see the observer in it")
+            raise NotObservable("motion capture did not see the observer during it")
         # The camera has not moved on the body; the first poses have the least drift.
         k = known[0]
         T_room_camera = Pose.from_matrix(poses[k]) @ rooms.body_camera.T_body_camera
@@ -123,14 +123,16 @@ def _by_camera(
     found = find_body_camera(camera, poses, choices.assumed, points)
     if not found.observed[5] and choices.assumed.T_body_camera is None and len(points[0]) < 3:
         raise NotObservable(
-            "the observer moved too little to tell in which direction its camera looks; let it "
-            "drive at least half a metre"
+            "the observer moved too little to determine where its camera points; let it drive at "
+            "least half a metre"
         )
     rooms.body_camera = found
     rooms.residual_m = found.residual_m
     rooms.notes.extend(found.notes)
     if choices.mount is None and choices.T_body_camera is None:
-        rooms.notes.append("The mount's tilt is unknown; the camera was taken to be nearly level.")
+        rooms.notes.append(
+            "The tilt of the mount is unknown; the camera is assumed to be nearly level."
+        )
     return found.T_world_room
 
 
@@ -144,11 +146,13 @@ def _by_points(
     if rooms.residual_m is None:
         rooms.residual_m = residual_m
         rooms.notes.append(
-            "The room was aligned by the obstacles alone: yaw and translation over the floor; "
-            "their height is that of what was seen of them."
+            "The room was aligned using only the obstacles: yaw and translation in the floor "
+            "plane; their height is taken from their visible part."
         )
         if up is None:
-            rooms.notes.append("The mount's tilt is unknown, so the camera was taken to be level.")
+            rooms.notes.append(
+                "The tilt of the mount is unknown, so the camera is assumed to be level."
+            )
     return T_world_room
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.geometry import Float64Array
+from observer.intervals import half_95
 from observer.truth.alignment.correlation import Correlation, correlation, informative
 from observer.truth.alignment.curves import SpeedCurve
 from observer.truth.alignment.observability import NotObservable
@@ -112,14 +113,13 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
         allowed &= (found.lags >= search[0]) & (found.lags <= search[1])
     if not allowed.any():
         raise NotObservable(
-            f"the recordings overlap for less than {enough:.1f} s in which a speed is known on "
-            f"both sides, too short to find the offset of the clocks; let both record the same "
-            f"motion for longer"
+            f"speeds are known on both sides for less than {enough:.1f} s, too short to determine "
+            "the time offset; record the same motion for longer"
         )
     if not found.varied:
         raise NotObservable(
-            "the speed is constant within its noise, which fits any offset of the clocks; let the "
-            "robot start, stop or turn once while both record"
+            "the speed is constant within its noise, which fits any time offset; let the robot "
+            "start, stop or turn once during the recording"
         )
     # It takes as long to import as all that reads what was aligned before.
     from scipy.signal import find_peaks
@@ -137,8 +137,8 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
     edge = best in (0, len(values) - 1) or not (allowed[best - 1] and allowed[best + 1])
     if edge:
         raise NotObservable(
-            "the best offset lies at the edge of what the recordings' overlap can tell; let both "
-            "record the same motion for longer, a start or a stop included"
+            "the best time offset lies at the edge of the overlap of the recordings; record the "
+            "same motion for longer, including a start or a stop"
         )
     others, _ = find_peaks(values, prominence=_MIN_PROMINENCE)
     # A flat top may be counted as a peak of its own.
@@ -156,10 +156,10 @@ def best_lag(found: Correlation, search: tuple[float, float] | None) -> tuple[fl
         left = max(1 - peak**2, _ROUNDING)
         if values[rival] > 0 and 1 - values[rival] ** 2 < _AMBIGUITY * left:
             raise NotObservable(
-                f"the speeds agree nearly as well at offsets {found.lags[best]:+.2f} s and "
-                f"{found.lags[rival]:+.2f} s (correlations {peak:.3f} and {values[rival]:.3f}), "
-                f"as for a motion that repeats itself; record a start or a stop, or say roughly "
-                f"which offset to expect"
+                f"the speeds agree almost equally well at time offsets {found.lags[best]:+.2f} s "
+                f"and {found.lags[rival]:+.2f} s (correlations {peak:.3f} and "
+                f"{values[rival]:.3f}), as for a periodic motion; record a start or a stop, or "
+                "give the approximate offset"
             )
     return float(found.lags[best]), float(values[second])
 
@@ -180,8 +180,8 @@ def refined(
     fit = OffsetFit(pairs, coarse)
     if fit.samples < 10:
         raise NotObservable(
-            f"only {fit.samples} speeds are known on both sides, too few to find the offset of the "
-            f"clocks; let both record the same motion for longer"
+            f"only {fit.samples} speeds are known on both sides, too few to determine the time "
+            "offset; record the same motion for longer"
         )
     with_drift = drift and fit.span_s >= _DRIFT_OVERLAP_S
     solution = fit.solve(with_drift)
@@ -189,8 +189,9 @@ def refined(
     sigma, drift_sigma = fit.sigmas(solution, with_drift)
     if abs(solution[0]) > max(0.3, 5 * step) or not sigma <= MAX_SIGMA_S:
         raise NotObservable(
-            f"the offset of the clocks cannot be told better than {1e3 * sigma:.0f} ms, for the "
-            f"speed changes too little; let the robot start and stop while both record"
+            f"the time offset can only be determined to ± {1e3 * half_95(sigma):.0f} ms (95 % "
+            "interval) because the speed changes too little; let the robot start and stop during "
+            "the recording"
         )
     agreement = fit.correlation(solution)
     if agreement < MIN_CORRELATION:
@@ -211,7 +212,7 @@ def refined(
 
 def _too_little(correlation: float) -> str:
     return (
-        f"the speeds agree too little at any offset of the clocks (correlation {correlation:.2f}, "
-        f"at least {MIN_CORRELATION} is needed); check that the body is the one that was seen, and "
-        f"let it start and stop while both record"
+        f"the speeds do not agree at any time offset (correlation {correlation:.2f}, at least "
+        f"{MIN_CORRELATION} is needed); check that the body is the one that was seen, and let it "
+        "start and stop during the recording"
     )

@@ -53,7 +53,7 @@ class AnglesUnclear(TruthError):
         super().__init__(
             f"{name}: the angles may be helical (the bodies then tilt by up to "
             f"{helical_tilt_deg:.1f} deg) or Euler XYZ (by up to {euler_xyz_tilt_deg:.1f} deg); "
-            f"say which was exported: helical or euler_xyz"
+            "specify which was exported: helical or euler_xyz"
         )
 
 
@@ -121,29 +121,29 @@ def find_reading(name: str, bodies: Mapping[str, Float64Array]) -> tuple[AngleRe
             most = float(np.linalg.norm(angles, axis=1).max())
             return "helical", (
                 f"angles are helical (rotation vectors): those of {body} reach {most:.2f} rad, "
-                f"which Euler angles do not"
+                "which Euler angles cannot"
             )
     # For what hardly turns another reading is another constant rotation, which nothing reveals.
     readings = [r for r in map(_Readings.of, some.values()) if r.turned_deg > _SAME_DEG]
     usual = "angles are read as helical (rotation vectors), which is Tracker's default"
     if some and not readings:
-        return "helical", f"{usual}; no body turns enough to tell them from Euler angles XYZ"
+        return "helical", f"{usual}; no body turns enough to distinguish them from Euler angles XYZ"
     helical = max((r.helical_tilt_deg for r in readings), default=0.0)
     euler = max((r.euler_tilt_deg for r in readings), default=0.0)
     votes = {r.vote for r in readings if r.vote is not None}
     if votes == {"helical"}:
         return "helical", (
-            f"angles are helical (rotation vectors): so read the bodies tilt by at most "
+            "angles are helical (rotation vectors): read this way the bodies tilt by at most "
             f"{helical:.1f} deg, as Euler angles XYZ by {euler:.1f} deg"
         )
     if votes == {"euler_xyz"}:
         return "euler_xyz", (
-            f"angles are Euler angles XYZ: so read the bodies tilt by at most {euler:.1f} deg, as "
-            f"helical by {helical:.1f} deg"
+            f"angles are Euler angles XYZ: read this way the bodies tilt by at most {euler:.1f} "
+            f"deg, as helical angles by {helical:.1f} deg"
         )
     if not votes and all(r.differ_deg <= _SAME_DEG for r in readings):
         most = max((r.differ_deg for r in readings), default=0.0)
-        why = f"{usual}; as Euler angles XYZ they would differ by at most {most:.1f} deg"
+        why = f"{usual}; Euler angles XYZ would differ by at most {most:.1f} deg"
         return "helical", why
     raise AnglesUnclear(name, helical_tilt_deg=helical, euler_xyz_tilt_deg=euler)
 

@@ -50,11 +50,11 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
     """
     if not is_c3d_installed():
         raise TruthError(
-            f"{name}: a C3D file needs the package c3d to be read; install it by: "
-            f"pip install 'dynamic-observer[c3d]' -- or export the trajectories as CSV"
+            f"{name}: reading C3D files needs the package c3d; install it with: pip install "
+            "'dynamic-observer[c3d]' -- or export the trajectories as CSV"
         )
     if path.stat().st_size < _LEAST_BYTES:
-        raise TruthError(f"{name}: the C3D file is cut off; export it once more")
+        raise TruthError(f"{name}: the C3D file is truncated; export it again")
     with (
         path.open("rb") as file,
         # A damaged file may claim any length; nobody reads beyond the end of a map.
@@ -73,7 +73,7 @@ def read_c3d(path: Path, name: str, *, rate_hz: float | None = None) -> Capture:
         except Exception as error:  # noqa: BLE001 - what the package raises of damage is anything
             why = " ".join(str(error).split())[:80] or type(error).__name__
             raise TruthError(
-                f"{name}: the C3D file is damaged ({why}); export it once more, or as CSV"
+                f"{name}: the C3D file is damaged ({why}); export it again, or as CSV"
             ) from None
 
 
@@ -87,36 +87,36 @@ class _Trial:
         self._first = self._first_frame()
         self._frames = int(reader.last_frame) - self._first + 1
         if self._points < 1:
-            raise TruthError(f"{name}: the C3D file holds no markers")
+            raise TruthError(f"{name}: the C3D file contains no markers")
         if self._frames < 1:
-            raise TruthError(f"{name}: the C3D file holds no frames")
+            raise TruthError(f"{name}: the C3D file contains no frames")
         number_bytes = 4 if reader.point_scale < 0 else 2
         if not 0 < abs(reader.point_scale) < math.inf:
             raise TruthError(f"{name}: the C3D file's POINT:SCALE must not be 0")
         if self._frames * self._points * 4 * number_bytes > size:
             raise TruthError(
-                f"{name}: the C3D file tells of {self._frames} frames of {self._points} markers, "
-                f"but is shorter than that; export it once more"
+                f"{name}: the C3D file should have {self._frames} frames of {self._points} "
+                "markers, but is shorter; export it again"
             )
         if self._frames * self._points * 3 > _MOST_NUMBERS:
             raise TruthError(
-                f"{name}: there are more than {_MOST_NUMBERS} numbers; export a shorter stretch, "
-                f"or fewer markers"
+                f"{name}: there are more than {_MOST_NUMBERS} numbers; export a shorter section, "
+                "or fewer markers"
             )
 
     def capture(self, rate_hz: float | None) -> Capture:
         rate = float(self._reader.point_rate) if rate_hz is None else rate_hz
         if not 0 < rate <= FASTEST_HZ:
             raise TruthError(
-                f"{self._name}: the rate must lie above 0 and up to {FASTEST_HZ:g} Hz, "
-                f"not {rate:g}; give the camera system's rate in Hz"
+                f"{self._name}: the frame rate must be above 0 and at most {FASTEST_HZ:g} Hz, not "
+                f"{rate:g}; give the frame rate of the capture system in Hz"
             )
         unit, notes = self._unit()
         positions = self._positions() * LENGTHS_M[unit]
         if (np.abs(positions) > MOST_METRES).any():
             raise TruthError(
-                f"{self._name}: the C3D file is damaged (a marker is farther than "
-                f"{MOST_METRES:g} m away); export it once more"
+                f"{self._name}: the C3D file is damaged (a marker is more than {MOST_METRES:g} m "
+                "away); export it again"
             )
         times = (self._first - 1 + np.arange(self._frames)) / rate
         left_out = {name for key in _NO_PLACES for name in self._texts(f"POINT:{key}")}
@@ -130,9 +130,9 @@ class _Trial:
             name = names.of(label)
             bodies[name] = Trajectory(name, times, positions[:, index])
         if not bodies:
-            raise TruthError(f"{self._name}: the C3D file holds results of a model, but no markers")
+            raise TruthError(f"{self._name}: the C3D file contains model outputs, but no markers")
         if len(bodies) < self._points:
-            notes += (f"left out are {self._points - len(bodies)} results of a model",)
+            notes += (f"{self._points - len(bodies)} model outputs were ignored",)
         return Capture("C3D markers", rate, bodies, notes)
 
     def _first_frame(self) -> int:
@@ -156,7 +156,7 @@ class _Trial:
         if read < self._frames:
             raise TruthError(
                 f"{self._name}: the C3D file ends after frame {read} of {self._frames}; export it "
-                f"once more"
+                "again"
             )
         return positions
 
@@ -164,12 +164,14 @@ class _Trial:
         texts = self._texts("POINT:UNITS")
         unit = texts[0].lower() if texts else ""
         if unit in LENGTHS_M:
-            return unit, (f"places are read in {length_word(unit)}",)
+            return unit, (f"positions are in {length_word(unit)}",)
         if unit:
             raise TruthError(
                 f"{self._name}: POINT:UNITS must be a length in mm, cm or m, not {unit[:20]!r}"
             )
-        return "mm", ("places are read in millimetres, though the file tells no unit",)
+        return "mm", (
+            "positions are assumed to be in millimetres, as the file does not state the unit",
+        )
 
     def _labels(self) -> list[str]:
         # From 256 points on the names continue in LABELS2 and so on.

@@ -47,7 +47,7 @@ def names_in_words() -> str:
 
 def understood_in_words() -> str:
     """Return the end of a refusal: which formats are read."""
-    return f"understood are {formats_in_words()}"
+    return f"supported are {formats_in_words()}"
 
 
 def formats_in_words() -> str:

@@ -72,12 +72,11 @@ def read_motive(lines: TextLines) -> Capture:
         name = names.of(columns.told)
         found[name] = _trajectory(name, rows, times, columns, facts)
     notes = [
-        f"places are read in {facts.unit}, and turned from y upwards, as Motive exports unless "
-        f"told otherwise, to z upwards",
+        f"positions are in {facts.unit}, rotated from y up (Motive's default) to z up",
         *_left_out(header, used),
     ]
     if facts.euler is not None and any(body.turn for body in bodies):
-        notes.append(f"angles are read as Euler angles {facts.euler} in degrees")
+        notes.append(f"angles are Euler angles {facts.euler} in degrees")
     return Capture("Motive CSV", facts.rate_hz, found, tuple(notes))
 
 
@@ -176,10 +175,10 @@ def _header(lines: TextLines, separator: str) -> _Header:
             rows.append(cells)
             continue
         if len(cells) <= _TIME or not cells[_TIME].startswith("Time"):
-            raise TruthError(f"{lines.where(cell=_TIME + 1)}: behind Frame there must be the Time")
+            raise TruthError(f"{lines.where(cell=_TIME + 1)}: the column after Frame must be Time")
         if len(rows) < 3:
             raise TruthError(
-                f"{lines.where()}: rows of types, names and kinds are missing above it"
+                f"{lines.where()}: the header rows with types, names and kinds are missing above it"
             )
         width = len(cells)
         # Without a row of ids the third one is that of kinds, which tells no bodies apart.
@@ -228,8 +227,8 @@ def _bodies(lines: TextLines, header: _Header, facts: _Facts) -> list[_Body]:
         bodies.append(_Body(name, place, turn))
     if not bodies:
         raise TruthError(
-            f"{lines.name}: there is no rigid body in it; export with Rigid Bodies, for single "
-            f"markers and bones are not read"
+            f"{lines.name}: it contains no rigid bodies; export with Rigid Bodies, as single "
+            "markers and bones are not supported"
         )
     return bodies
 
@@ -251,12 +250,12 @@ def _turn(lines: TextLines, name: str, columns: dict[str, int], facts: _Facts) -
 
 def _times(lines: TextLines, rows: NumberRows) -> Float64Array:
     if not rows.count:
-        raise TruthError(f"{lines.name}: there are no rows of numbers in it")
+        raise TruthError(f"{lines.name}: it contains no data rows")
     times = rows.column(_TIME)
     lost = np.flatnonzero(~(np.abs(times) <= MOST_SECONDS))
-    rows.refuse(lost, f"the time must be known, and within {MOST_SECONDS:g} s", _TIME + 1)
+    rows.refuse(lost, f"the time must be given and at most {MOST_SECONDS:g} s", _TIME + 1)
     late = np.flatnonzero(np.diff(times) <= 0) + 1
-    rows.refuse(late, "the time is not later than that before it", _TIME + 1)
+    rows.refuse(late, "the time is not later than the previous one", _TIME + 1)
     return times
 
 
@@ -268,9 +267,9 @@ def _trajectory(
     gap = ~known.all(axis=1)
     place = columns.place[0] + 1
     partial = np.flatnonzero(gap & known.any(axis=1))
-    rows.refuse(partial, f"X, Y and Z of {name} must all be known, or none of them", place)
+    rows.refuse(partial, f"X, Y and Z of {name} must all be given, or none of them", place)
     far = np.flatnonzero((np.abs(positions) > MOST_METRES).any(axis=1))
-    rows.refuse(far, f"the place of {name} must lie within {MOST_METRES:g} m", place)
+    rows.refuse(far, f"the position of {name} must be within {MOST_METRES:g} m", place)
     matrices: Float64Array | None = None
     if columns.turn:
         turns = rows.columns(columns.turn)
@@ -283,7 +282,7 @@ def _trajectory(
             radians = np.radians(turns)
             wrong = np.asarray((np.abs(radians) > MOST_RADIANS).any(axis=1))
             matrices = euler_rotations(radians, facts.euler)
-            why = f"the angles of {name} must lie within {np.degrees(MOST_RADIANS):.0f} deg"
+            why = f"the angles of {name} must be within {np.degrees(MOST_RADIANS):.0f} deg"
         rows.refuse(np.flatnonzero(wrong), why, cell)
         matrices = np.asarray(_R_ROOM_MOTIVE @ matrices)
     return Trajectory(name, times, positions @ _R_ROOM_MOTIVE.T, matrices)
@@ -301,4 +300,4 @@ def _left_out(header: _Header, used: Sequence[int]) -> list[str]:
         return []
     kinds = ", ".join(kind[:30] or "unnamed" for kind, _ in Counter(others).most_common(4))
     columns = "1 column is" if len(others) == 1 else f"{len(others)} columns are"
-    return [f"{columns} left out ({kinds})"]
+    return [f"{columns} ignored ({kinds})"]

@@ -106,7 +106,7 @@ def read_numbers(
             if len(numbers) * width > _MOST_CELLS:
                 raise TruthError(
                     f"{lines.name}: there are more than {_MOST_CELLS} numbers; export a shorter "
-                    f"stretch, or fewer bodies"
+                    "section, or fewer bodies"
                 )
     if rows or not chunks:
         chunks.append(reader.chunk(rows, numbers))
@@ -151,7 +151,7 @@ class _Reader:
         if len(row) > width:
             if any(not math.isnan(value) for value in row[width:]):
                 raise TruthError(
-                    f"{self.lines.where()}: the row has {len(row)} cells, but the header names "
+                    f"{self.lines.where()}: the row has {len(row)} cells, but the header has "
                     f"{width}"
                 )
             del row[width:]
@@ -179,7 +179,7 @@ class _Reader:
         try:
             return float(text.replace("_", "?")) if text else _NAN
         except ValueError:
-            label = self.labels[index] if index < len(self.labels) else "what the header lacks"
+            label = self.labels[index] if index < len(self.labels) else "beyond the header"
             raise TruthError(
                 f"{self.lines.where(cell=index + 1)}: {label} must be a number, not {text[:40]!r}"
             ) from None

@@ -74,7 +74,9 @@ def read_capture(
         raise _unreadable(path, error) from None
     notes = list(capture.notes)
     if rate_hz is not None and kind in ("plain csv", "tum", "motive csv"):
-        notes.append(f"the rate of {rate_hz:g} Hz is not used, for samples have their own times")
+        notes.append(
+            f"the given rate of {rate_hz:g} Hz is ignored because the samples have their own times"
+        )
     if lines is not None and not lines.is_utf8:
         notes.append("the text is not UTF-8 and is read as Windows-1252")
     notes += _gaps(capture)
@@ -99,8 +101,9 @@ def _read(
     if kind == "tum":
         return read_tum(lines)
     raise TruthError(
-        f"{path.name}: this is truth in the observer's own world and on its clock, as simulate "
-        f"writes it; it needs no alignment, so give it as truth and not as motion capture"
+        f"{path.name}: this is ground truth in the observer's own world frame and on its clock, as "
+        "written by simulate; it needs no alignment, so give it as ground truth and not as motion "
+        "capture"
     )
 
 
@@ -121,13 +124,13 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
         lines.next()
         first = lines.look(_LOOKED_AT)
     if not first:
-        raise TruthError(f"{name}: the file holds nothing but empty lines; {understood_in_words()}")
+        raise TruthError(f"{name}: the file contains only empty lines; {understood_in_words()}")
     if is_own_truth(first[0]):
         return "truth.csv", lines
     if first[0].lstrip().startswith(_TRC):
         raise TruthError(
-            f"{name}: a TRC file holds single markers, of which nothing tells the bodies; export "
-            f"rigid bodies or segments as CSV, or C3D"
+            f"{name}: a TRC file contains single markers without bodies; export rigid bodies or "
+            "segments as CSV, or C3D"
         )
     if is_motive(first[0]):
         return "motive csv", lines
@@ -142,7 +145,7 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
     if is_tum(told):
         return "tum", lines
     raise TruthError(
-        f"{name}: no motion capture was recognised (it begins with {first[0].strip()[:60]!r}); "
+        f"{name}: not a known motion-capture format (it starts with {first[0].strip()[:60]!r}); "
         f"{understood_in_words()}"
     )
 
@@ -150,12 +153,15 @@ def _kind(file: BinaryIO, name: str) -> tuple[FileKind, TextLines | None]:
 def _gaps(capture: Capture) -> list[str]:
     gaps = sum(body.gaps for body in capture.bodies.values())
     if not gaps:
-        return ["every body was seen in every sample"]
+        return ["all bodies are tracked in every sample, without gaps"]
     number = sum(1 for body in capture.bodies.values() if body.gaps)
     samples = sum(len(body.times) for body in capture.bodies.values())
-    return [f"{gaps} of {samples} samples are gaps, in {number} of {len(capture.bodies)} bodies"]
+    return [
+        f"gaps: {gaps} of {samples} samples are missing, in {number} of {len(capture.bodies)} "
+        "bodies"
+    ]
 
 
 def _unreadable(path: Path, error: OSError | ValueError) -> TruthError:
-    why = getattr(error, "strerror", None) or "its name is no path"
+    why = getattr(error, "strerror", None) or "its name is not a path"
     return TruthError(f"{str(path)[:200]!r} cannot be read: {why}")

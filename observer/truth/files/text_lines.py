@@ -37,10 +37,10 @@ class TextLines:
         file.seek(0)
         if head.startswith(_WIDE_MARKS):
             raise TruthError(
-                f"{name}: the text is UTF-16; save it as UTF-8, or export it once more as CSV"
+                f"{name}: the text is UTF-16; save it as UTF-8, or export it again as CSV"
             )
         if b"\0" in head:
-            raise TruthError(f"{name}: this is neither text nor C3D; {understood_in_words()}")
+            raise TruthError(f"{name}: the file is neither text nor C3D; {understood_in_words()}")
         self.is_utf8 = _is_utf8(head)
         encoding = "utf-8-sig" if self.is_utf8 else "cp1252"
         self._file = io.TextIOWrapper(file, encoding=encoding, errors="replace")
@@ -72,7 +72,7 @@ class TextLines:
         if len(line) > _MOST_CHARACTERS:
             raise TruthError(
                 f"{self.name} line {number}: the line is longer than {_MOST_CHARACTERS} "
-                f"characters, so this is no table of motion capture"
+                "characters, so this is not a motion-capture table"
             )
         return line.rstrip("\n") if line else None
 

@@ -93,7 +93,7 @@ def read_plain_csv(lines: TextLines) -> Capture:
     for number, told in enumerate(rows.names or [_ONLY_BODY]):
         name = names.of(told)
         found[name] = table.trajectory(name, bodies == number)
-    notes = (f"places are read in {length_word(unit)}", *table.notes)
+    notes = (f"positions are in {length_word(unit)}", *table.notes)
     return Capture("EuRoC ground truth" if euroc else "plain CSV", None, found, notes)
 
 
@@ -107,7 +107,7 @@ def read_tum(lines: TextLines) -> Capture:
     places, turns = rows.columns((1, 2, 3)), rows.columns((4, 5, 6, 7))
     table = _Table(lines.name, rows, rows.column(0), places, turns)
     body = table.trajectory(_ONLY_BODY, np.ones(rows.count, dtype=np.bool_))
-    notes = ("places are read in metres", *table.notes)
+    notes = ("positions are in metres", *table.notes)
     return Capture("TUM trajectory", None, {_ONLY_BODY: body}, notes)
 
 
@@ -132,8 +132,8 @@ class _Table:
         if not self.repeated:
             return ()
         if self.repeated == 1:
-            return ("1 sample that repeats the time before it is left out",)
-        return (f"{self.repeated} samples that repeat the time before them are left out",)
+            return ("1 sample with a repeated time is ignored",)
+        return (f"{self.repeated} samples with a repeated time are ignored",)
 
     def trajectory(self, name: str, its: NDArray[np.bool_]) -> Trajectory:
         """Return the trajectory of one body's rows.
@@ -142,20 +142,20 @@ class _Table:
             TruthError: there are none, times go back, or numbers are no pose.
         """
         if not its.any():
-            raise TruthError(f"{self.file}: there are no rows of numbers in it")
+            raise TruthError(f"{self.file}: it contains no data rows")
         at = np.flatnonzero(its)
         lost = ~(np.abs(self.times[at]) <= MOST_SECONDS)
-        self.rows.refuse(at[lost], f"the time must be known, and within {MOST_SECONDS:g} s")
+        self.rows.refuse(at[lost], f"the time must be given and at most {MOST_SECONDS:g} s")
         steps = np.append(np.inf, np.diff(self.times[at]))
-        self.rows.refuse(at[steps < 0], f"the time is earlier than that of {name} before it")
+        self.rows.refuse(at[steps < 0], f"the time is earlier than the previous one of {name}")
         self.repeated += int(np.count_nonzero(steps == 0))
         at = at[steps > 0]
         times, positions = self.times[at], self.positions[at]
         known = np.isfinite(positions)
         partial = known.any(axis=1) & ~known.all(axis=1)
-        self.rows.refuse(at[partial], "x, y and z must all be known, or none of them")
+        self.rows.refuse(at[partial], "x, y and z must all be given, or none of them")
         far = (np.abs(positions) > MOST_METRES).any(axis=1)
-        self.rows.refuse(at[far], f"x, y and z must lie within {MOST_METRES:g} m")
+        self.rows.refuse(at[far], f"x, y and z must be within {MOST_METRES:g} m")
         matrices = None
         if self.turns is not None:
             turns = self.turns[at]
@@ -175,7 +175,7 @@ def _columns(lines: TextLines, titles: Sequence[tuple[str, str | None]]) -> dict
             columns[title] = index
     some = [title for title in _TURN if title in columns]
     if some and len(some) != len(_TURN):
-        raise TruthError(f"{lines.where()}: there is {some[0]}, but not all of qx, qy, qz, qw")
+        raise TruthError(f"{lines.where()}: {some[0]} is given, but not all of qx, qy, qz, qw")
     if len({titles[columns[axis]][1] or "m" for axis in _POSITION}) > 1:
         raise TruthError(f"{lines.where()}: x, y and z must be in the same unit")
     return columns

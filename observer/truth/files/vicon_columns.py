@@ -86,8 +86,8 @@ def body_columns(
         at += width
     if not bodies:
         raise TruthError(
-            f"{lines.where(lines.number - 1)}: no column after Frame and Sub Frame; there must be "
-            f"X,Y,Z or RX,RY,RZ,TX,TY,TZ for each body"
+            f"{lines.where(lines.number - 1)}: no columns after Frame and Sub Frame; each body "
+            "needs X,Y,Z or RX,RY,RZ,TX,TY,TZ"
         )
     return bodies
 
@@ -98,7 +98,7 @@ def _kind_at(lines: TextLines, titles: Sequence[str], at: int) -> tuple[ColumnKi
             return kind, len(pattern)
     raise TruthError(
         f"{lines.where(lines.number - 1, at + 1)}: the columns from {titles[at][:40]!r} on are not "
-        f"known; there must be X,Y,Z or RX,RY,RZ,TX,TY,TZ for each body"
+        "known; each body needs X,Y,Z or RX,RY,RZ,TX,TY,TZ"
     )
 
 

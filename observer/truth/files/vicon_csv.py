@@ -69,18 +69,18 @@ def read_vicon_csv(
             _read_section(line, found)
     if not found.sections:
         raise TruthError(
-            f"{lines.name}: there is nothing in it but {' and '.join(found.skipped)}; "
-            f"export Objects, Segments or Trajectories"
+            f"{lines.name}: it contains only {' and '.join(found.skipped)}; export Objects, "
+            "Segments or Trajectories"
         )
     notes = list(dict.fromkeys(found.notes))
     if found.skipped:
-        notes.append(f"left out, because it tells no places: {', '.join(found.skipped)}")
+        notes.append(f"ignored, because it contains no positions: {', '.join(found.skipped)}")
     if found.angles:
         if angles is None:
             angles, why = find_reading(lines.name, found.angles)
             notes.append(why)
         else:
-            notes.append(f"angles are read as {angles.replace('_', ' ')}, as was asked for")
+            notes.append(f"angles are read as {angles.replace('_', ' ')}, as requested")
         for name, turned in found.angles.items():
             body = found.bodies[name]
             found.bodies[name] = Trajectory(
@@ -124,9 +124,9 @@ def _read_section(first: str, found: _Found) -> None:
         header.append(cells_of(lines, line, found.separator))
     if not is_frame_row(header[-1]):
         raise TruthError(
-            f"{lines.where()}: by the {_HEADER_ROWS}th row of a section, which begins with its "
-            f"title as in Objects or Trajectories, there must be one with Frame,Sub Frame, "
-            f"but this section begins with {title[:40]!r}"
+            f"{lines.where()}: a section must start with its title, such as Objects or "
+            f"Trajectories, and have a row with Frame,Sub Frame within its first {_HEADER_ROWS} "
+            f"rows, but this section starts with {title[:40]!r}"
         )
     units = cells_of(lines, lines.next() or "", found.separator)
     names = header[-2] if len(header) > 1 else []
@@ -137,14 +137,14 @@ def _read_section(first: str, found: _Found) -> None:
         labels += body.labels
     rows = read_numbers(lines, labels, separator=found.separator, short=True)
     if not rows.count:
-        raise TruthError(f"{lines.name}: the section {title.capitalize()[:40]} holds no samples")
+        raise TruthError(f"{lines.name}: the section {title.capitalize()[:40]} contains no samples")
     times = _times(rows, rate)
     found.sections.append(_READ.get(title, "table"))
     found.rates.add(rate)
     for body in columns:
         _add_body(body, rows, times, found)
     for unit in dict.fromkeys(body.unit for body in columns):
-        found.notes.append(f"places are read in {length_word(unit)}")
+        found.notes.append(f"positions are in {length_word(unit)}")
 
 
 def _rate(rows: Sequence[Sequence[str]], bodies: int, found: _Found) -> float:
@@ -157,18 +157,17 @@ def _rate(rows: Sequence[Sequence[str]], bodies: int, found: _Found) -> float:
     if found.rate_hz is not None:
         if told is not None and told != found.rate_hz:
             found.notes.append(
-                f"the rate is {found.rate_hz:g} Hz as was asked for, though the file says "
-                f"{told:g} Hz"
+                f"the rate is {found.rate_hz:g} Hz as requested, although the file says {told:g} Hz"
             )
         told = found.rate_hz
     if told is None:
         raise TruthError(
-            f"{name}: the file does not tell its rate (Tracker 3.5 leaves it out); give the "
-            f"camera system's rate in Hz"
+            f"{name}: the file does not state its frame rate (Tracker 3.5 omits it); give the "
+            "frame rate of the capture system in Hz"
         )
     if not 0 < told <= FASTEST_HZ:
         raise TruthError(
-            f"{name}: the rate must lie above 0 and up to {FASTEST_HZ:g} Hz, not {told:g}"
+            f"{name}: the frame rate must be above 0 and at most {FASTEST_HZ:g} Hz, not {told:g}"
         )
     return told
 
@@ -182,13 +181,13 @@ def _times(rows: NumberRows, rate: float) -> Float64Array:
         cell=1,
     )
     divided = np.flatnonzero(np.nan_to_num(rows.column(1)))
-    rows.refuse(divided, "Sub Frame must be 0, for places are known once a frame", cell=2)
+    rows.refuse(divided, "Sub Frame must be 0, as positions are given once per frame", cell=2)
     times = (frames - 1) / rate
     rows.refuse(
         np.flatnonzero(np.diff(times) <= 0) + 1,
         lambda row: (
-            f"frame {frames[row]:.0f} does not come after frame {frames[row - 1]:.0f} of the line "
-            f"before; export one trial at a time"
+            f"frame {frames[row]:.0f} does not follow frame {frames[row - 1]:.0f} of the previous "
+            "line; export one trial at a time"
         ),
         cell=1,
     )
@@ -207,15 +206,15 @@ def _add_body(body: BodyColumns, rows: NumberRows, times: Float64Array, found: _
         rows.refuse(np.flatnonzero(wrong), f"of {body.name}, {why}", cell)
 
     partial = known.any(axis=1) & ~known.all(axis=1)
-    refuse(partial, "its place must be known in all three axes or in none")
+    refuse(partial, "its position must be given in all three axes or in none")
     far = (np.abs(positions) > MOST_METRES).any(axis=1)
-    refuse(far, f"its place must lie within {MOST_METRES:g} m")
+    refuse(far, f"its position must be within {MOST_METRES:g} m")
     beyond = (np.abs(turned) > MOST_RADIANS).any(axis=1)
-    refuse(beyond, f"its angles must lie within {MOST_RADIANS:g} rad")
+    refuse(beyond, f"its angles must be within {MOST_RADIANS:g} rad")
     # Nobody measures exact zeros in all axes: some exports write them for gaps.
     lost = (positions == 0).all(axis=1) & (turned[:, :3] == 0).all(axis=1)
     if lost.any():
-        found.notes.append("samples in which all numbers are exactly 0 are taken for gaps")
+        found.notes.append("samples in which all numbers are exactly 0 are treated as gaps")
     lost |= ~known.all(axis=1)
     positions[lost] = np.nan
     turned[lost] = np.nan

@@ -99,7 +99,7 @@ class LiveCapture:
                     self._intake.lost(trouble)
                 self._wakeup.pause(_RETRY_S)
         finally:
-            self._intake.lost(f"nobody listens to {self.spec} any more")
+            self._intake.lost(f"{self.spec} is no longer listened to")
             self._wakeup.close()
 
     def _listened(self) -> str | None:

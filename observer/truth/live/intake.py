@@ -59,7 +59,7 @@ class Intake:
         self._stamps: StampReader[_Pose] = StampReader(self._note, counts=counts)
         self._fitter = ClockFitter()
         self._dropped = self._unreadable = self._connections = 0
-        self._trouble: str | None = "the connection is only being opened"
+        self._trouble: str | None = "the connection is being opened"
         self._connected = False
         self._last_pose: float | None = None
         self._since_connected = 0.0
@@ -120,7 +120,7 @@ class Intake:
             body = self._bodies.get(name)
             if body is None:
                 if len(self._bodies) >= _MOST_BODIES:
-                    most = f"more than {_MOST_BODIES} bodies are sent; the rest is left out"
+                    most = f"more than {_MOST_BODIES} bodies are sent; the rest are ignored"
                     self._note("bodies", most)
                     return
                 body = self._bodies[name] = _Body()
@@ -157,13 +157,13 @@ class Intake:
             self._note(
                 "scale",
                 f"a body is {self._farthest_m * times:.4g} {unit} from the origin, too far for a "
-                f"room: the server seems to send a smaller unit, and must be set to {unit}",
+                f"room: the server seems to send a smaller unit; set it to {unit}",
             )
         elif self._millimetres and self._poses == _SCALE_AFTER and self._farthest_m < _NEAR_M:
             self._note(
                 "scale",
                 f"every body stays within {self._farthest_m * 1000:.3g} mm of the origin: the "
-                f"server seems to send m, and must be set to mm",
+                "server seems to send metres; set it to mm",
             )
 
     def _note(self, kind: str, sentence: str) -> None:
@@ -208,7 +208,7 @@ class Intake:
             return "receiving", self._trouble
         if now - self._since_connected < _QUIET_S:
             return "waiting", self._trouble
-        quiet = "no body's pose comes in; see that bodies are tracked and sent"
+        quiet = "no poses received; check that bodies are tracked and streamed"
         return "waiting", self._trouble or quiet
 
     def _rates(self, now: float) -> tuple[dict[str, float], dict[str, float]]:

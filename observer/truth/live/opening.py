@@ -13,8 +13,8 @@ from observer.truth.live.vrpn import DEFAULT_PORT as VRPN_PORT
 
 VRPN, VICON_UDP = "vrpn:", "vicon-udp:"
 _FORMS = (
-    f"live truth is vrpn:HOST, vrpn:HOST:PORT/NAME,NAME or vicon-udp:PORT, "
-    f"as vicon-udp:{VICON_PORT}"
+    "live motion capture is given as vrpn:HOST, vrpn:HOST:PORT/NAME,NAME or vicon-udp:PORT, for "
+    f"example vicon-udp:{VICON_PORT}"
 )
 _VRPN = re.compile(
     r"(?P<host>\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9_.-]+)(?::(?P<port>\d{1,5}))?(?:/(?P<names>.*))?"
@@ -60,7 +60,7 @@ def _parse(spec: str) -> tuple[str, str, int, tuple[str, ...]]:
         raise TruthError(f"{_FORMS}, not {spec[:80]!r}")
     found = _VRPN.fullmatch(spec[len(VRPN) :])
     if found is None:
-        raise TruthError(f"{spec[:80]!r} names no host; {_FORMS}")
+        raise TruthError(f"{spec[:80]!r} has no host; {_FORMS}")
     names = tuple(each.strip() for each in (found["names"] or "").split(",") if each.strip())
     port = _port(found["port"] or str(VRPN_PORT), spec)
     return VRPN, found["host"].strip("[]"), port, names

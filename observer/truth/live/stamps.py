@@ -99,7 +99,7 @@ class StampReader(Generic[_Item]):
         if self._stampless:
             if self._last_stamp in (None, stamp):
                 return [self._timed(stamp, received, item)]
-            return self._anew("the server's stamps move again", [(stamp, received, item)])
+            return self._anew("the server's timestamps advance again", [(stamp, received, item)])
         late = received - self._time(stamp, received)
         if self._fits(stamp, late):
             self._strange.clear()
@@ -168,7 +168,7 @@ class StampReader(Generic[_Item]):
                 return False
             if not self._stampless:
                 self._notice(
-                    "stamps", "the server's stamps stand still, so arrivals are taken for them"
+                    "stamps", "the server's timestamps do not advance, so arrival times are used"
                 )
             self._stampless, self._unit = True, 1.0
             self._standing = min((each[1] for each in self._quickest), default=0.0)
@@ -184,7 +184,7 @@ class StampReader(Generic[_Item]):
         if not self._counts:
             self._notice(
                 "stamps",
-                f"the server's stamps are no seconds but ticks, {1 / self._unit:g} a second",
+                f"the server's timestamps are ticks, {1 / self._unit:g} per second",
             )
         return True
 
@@ -210,8 +210,8 @@ class StampReader(Generic[_Item]):
         if self._reached_anew:
             self._notice(
                 "clock",
-                "after the connection was lost the server's clock was another; it is taken on by "
-                "arrival",
+                "the server's clock was different after the connection was lost; it is continued "
+                "from arrival times",
             )
         self._shift = least - usual
         self._quickest.clear()
@@ -252,8 +252,8 @@ class StampReader(Generic[_Item]):
 def _jump_sentence(seconds: float) -> str:
     where = "ahead" if seconds > 0 else "back"
     return (
-        f"the server's clock jumped {where} by {abs(seconds):.3g} s and is taken on from there "
-        f"by arrival"
+        f"the server's clock jumped {where} by {abs(seconds):.3g} s; it is continued from arrival "
+        "times"
     )
 
 

@@ -42,17 +42,17 @@ def unpack_frame(data: bytes) -> tuple[int, tuple[ViconObject, ...]]:
         ViconStreamError: it is cut off, or an object is smaller than it must be.
     """
     if len(data) < _FRAME.size:
-        raise ViconStreamError(f"a datagram must have {_FRAME.size} bytes at least")
+        raise ViconStreamError(f"a datagram must have at least {_FRAME.size} bytes")
     frame, count = _FRAME.unpack_from(data)
     objects = []
     begin = _FRAME.size
     for _ in range(count):
         if begin + _ITEM.size > len(data):
-            raise ViconStreamError(f"{count} items are claimed, and cut off")
+            raise ViconStreamError(f"{count} items are announced, but the datagram is truncated")
         kind, size = _ITEM.unpack_from(data, begin)
         begin += _ITEM.size
         if begin + size > len(data):
-            raise ViconStreamError(f"an item claims {size} bytes, and is cut off")
+            raise ViconStreamError(f"an item announces {size} bytes, but is truncated")
         if kind == _OBJECT_ID:
             if size < _OBJECT.size:
                 raise ViconStreamError(f"an object must have {_OBJECT.size} bytes, not {size}")

@@ -38,7 +38,7 @@ class ViconUdpCapture(LiveCapture):
             self._listen()
         except OSError as error:
             why = error.strerror or str(error)
-            return f"UDP port {self._port} cannot be listened at: {why}"
+            return f"cannot listen on UDP port {self._port}: {why}"
         return None
 
     def _listen(self) -> None:
@@ -66,7 +66,8 @@ class ViconUdpCapture(LiveCapture):
             if self._sender is not None and received - self._heard < _SILENT_S:
                 self._intake.note(
                     "senders",
-                    f"{sender[0]} sends to this port as well as {self._sender[0]} and is left out",
+                    f"{sender[0]} also sends to this port and is ignored; {self._sender[0]} is "
+                    "used",
                 )
                 return
             self._sender = sender

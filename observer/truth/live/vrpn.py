@@ -87,11 +87,11 @@ def check_cookie(cookie: bytes) -> str | None:
     """
     told = cookie.split(b"\0")[0].decode("ascii", "replace").strip()
     if not cookie.startswith(_ANY_VERSION):
-        raise VrpnError(f"it is no VRPN server: it begins with {cookie[:COOKIE_LENGTH]!r}")
+        raise VrpnError(f"it is not a VRPN server: it starts with {cookie[:COOKIE_LENGTH]!r}")
     if not cookie.startswith(_MAJOR):
-        raise VrpnError(f"it speaks another VRPN ({told!r}), where version 07 is needed")
+        raise VrpnError(f"it uses another VRPN version ({told!r}); 07 is needed")
     if not cookie.startswith(COOKIE[:16]):
-        return f"the server's VRPN is {told!r}; every 07 is understood"
+        return f"the server uses VRPN {told!r}; any 07 version works"
     return None
 
 
@@ -102,7 +102,7 @@ def pack(message: Message, sequence: int = 0) -> bytes:
         VrpnError: its body is longer than the library takes.
     """
     if len(message.body) > _LONGEST_BODY:
-        raise VrpnError(f"a message's body must have {_LONGEST_BODY} bytes at most")
+        raise VrpnError(f"the body of a message may have at most {_LONGEST_BODY} bytes")
     length, stamp = _HEADER.size + len(message.body), (message.seconds, message.microseconds)
     header = _HEADER.pack(length, *stamp, message.sender, message.type, sequence)
     return header + message.body + bytes(-len(message.body) % 8)
@@ -119,7 +119,7 @@ def describe(kind: int, number: int, name: str) -> Message:
     """
     text = name.encode() + b"\0"
     if _NAME_LENGTH.size + len(text) > _LONGEST_NAME:
-        raise VrpnError(f"a name must have {_LONGEST_NAME - 5} bytes at most: {name[:40]!r}")
+        raise VrpnError(f"a name may have at most {_LONGEST_NAME - 5} bytes: {name[:40]!r}")
     return Message(0, 0, number, kind, _NAME_LENGTH.pack(len(text)) + text)
 
 
@@ -144,7 +144,7 @@ class MessageParser:
             )
             body = length - _HEADER.size
             if not 0 <= body <= _LONGEST_BODY:
-                raise VrpnError(f"a message claims a length of {length} bytes")
+                raise VrpnError(f"a message announces a length of {length} bytes")
             end = begin + _HEADER.size + body + -body % 8
             if end > len(self._pending):
                 break
@@ -236,5 +236,5 @@ def _name(body: bytes) -> str:
     text = body[_NAME_LENGTH.size :]
     # Some servers count the NUL, some do not.
     if not 0 <= length <= len(text):
-        raise VrpnError(f"a name of {length} bytes is claimed where {len(text)} follow")
+        raise VrpnError(f"a name of {length} bytes is announced where {len(text)} follow")
     return text[:length].split(b"\0")[0].decode("utf-8", "replace")

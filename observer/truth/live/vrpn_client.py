@@ -140,7 +140,7 @@ class VrpnCapture(LiveCapture):
                 now = self._clock()
                 # A server that described no device cannot answer; there TCP keepalive must do.
                 if conversation.senders and now - heard > _GIVE_UP_AFTER_S:
-                    raise _Lost(f"it has said nothing for {_GIVE_UP_AFTER_S:g} s")
+                    raise _Lost(f"it has sent nothing for {_GIVE_UP_AFTER_S:g} s")
                 if now - heard > _ASK_AFTER_S and now - asked >= _ASK_EVERY_S:
                     asked = now
                     for sender in conversation.senders:
@@ -158,7 +158,7 @@ class VrpnCapture(LiveCapture):
         while len(data) < COOKIE_LENGTH:
             left = until - self._clock()
             if left <= 0 or not self._wakeup.wait(left, connection):
-                raise _Lost(f"it did not say what it is within {_COOKIE_WITHIN_S:g} s")
+                raise _Lost(f"it did not identify itself within {_COOKIE_WITHIN_S:g} s")
             data += self._receive(connection)
         other = check_cookie(data[:COOKIE_LENGTH])
         if other is not None:
@@ -173,14 +173,14 @@ class VrpnCapture(LiveCapture):
         except OSError as error:
             raise _Lost(_reason(error)) from error
         if not data:
-            raise _Lost("it ended the connection")
+            raise _Lost("it closed the connection")
         return data
 
     def _send(self, connection: socket.socket, data: bytes) -> None:
         try:
             # A few bytes a second at most: if they do not fit, nobody reads.
             if connection.send(data) < len(data):
-                raise _Lost("it takes no bytes any more")
+                raise _Lost("it no longer accepts data")
         except OSError as error:
             raise _Lost(_reason(error)) from error
 
@@ -207,5 +207,5 @@ def _rotation(quaternion: tuple[float, float, float, float]) -> Float64Array | N
 
 def _reason(error: OSError) -> str:
     if error.errno == errno.ECONNREFUSED:
-        return "nobody listens there"
+        return "nothing listens there"
     return os.strerror(error.errno).lower() if error.errno else str(error)

@@ -5,6 +5,7 @@
 const COLUMNS = "source,label,time_s,speed_mps,std_mps";
 const LINE_PX = 18;
 const MARGIN_PX = 10;
+const SWATCH_PX = 18;
 
 /**
  * @param {Iterable<Curve>} curves
@@ -30,16 +31,49 @@ export function speedsAsCsv(curves, { begin, end, offset }) {
   return new Blob([[COLUMNS, ...rows, ""].join("\n")], { type: "text/csv" });
 }
 
+/**
+ * What stands before a name: as the swatches of the page, see run-chart.css.
+ *
+ * @param {CanvasRenderingContext2D} context
+ * @param {string} kind of a curve or a mark
+ * @param {number} x of its left end
+ * @param {number} y of its middle
+ * @param {number} scale
+ */
+function drawSwatch(context, kind, x, y, scale) {
+  const width = SWATCH_PX * scale;
+  context.beginPath();
+  if (kind === "band") {
+    context.globalAlpha = 0.22;
+    context.fillRect(x, y - 5 * scale, width, 10 * scale);
+    context.globalAlpha = 1;
+  } else if (kind === "gap") {
+    context.fillRect(x, y - 2 * scale, width, 4 * scale);
+  } else if (kind === "start") {
+    context.arc(x + width / 2, y, 3 * scale, 0, 2 * Math.PI);
+    context.fill();
+  } else if (kind === "change") {
+    context.setLineDash([3 * scale, 3 * scale]);
+    context.moveTo(x + width / 2, y - 7 * scale);
+    context.lineTo(x + width / 2, y + 7 * scale);
+    context.stroke();
+  } else {
+    context.moveTo(x, y);
+    context.lineTo(x + width, y);
+    context.stroke();
+  }
+}
+
 /** @param {string} text */
 function quoted(text) {
   return /[",\n]/.test(text) ? `"${text.replaceAll('"', '""')}"` : text;
 }
 
 /**
- * The drawing with the names of its curves below, on the page's ground.
+ * The drawing with the names of its curves and marks below, on the page's ground.
  *
  * @param {HTMLCanvasElement} drawing
- * @param {{label: string, colour: string, dash: number[]}[]} entries colours as the canvas understands them
+ * @param {{kind: string, label: string, colour: string, dash: number[]}[]} entries colours as the canvas understands them
  * @param {{ground: string, text: string}} colours
  * @returns {Promise<Blob>}
  */
@@ -57,14 +91,12 @@ export function asPicture(drawing, entries, { ground, text }) {
   context.font = `${12 * scale}px sans-serif`;
   context.textBaseline = "middle";
   context.lineWidth = 2 * scale;
-  entries.forEach(({ label, colour, dash }, line) => {
+  entries.forEach(({ kind, label, colour, dash }, line) => {
     const y = drawing.height + margin + (line + 0.5) * LINE_PX * scale;
     context.strokeStyle = colour;
+    context.fillStyle = colour;
     context.setLineDash(dash.map((px) => px * scale));
-    context.beginPath();
-    context.moveTo(2 * margin, y);
-    context.lineTo(2 * margin + 18 * scale, y);
-    context.stroke();
+    drawSwatch(context, kind, 2 * margin, y, scale);
     context.fillStyle = text;
     context.fillText(label, 2 * margin + 26 * scale, y);
   });

@@ -6,6 +6,7 @@ import { sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
 import { ChartExport, ofRun } from "./chart-export.js";
 import { asPicture, speedsAsCsv } from "./live-speed-files.js";
+import { MARKS, markLegend } from "./mark-legend.js";
 import { gapsIn, speedAt, withBand } from "./speed-curves.js";
 import { SpeedHistory } from "./speed-history.js";
 import { DASHES, SpeedPlot } from "./speed-plot.js";
@@ -16,7 +17,7 @@ import { DASHES, SpeedPlot } from "./speed-plot.js";
 
 const SPAN_S = 60;
 const DRAW_EVERY_MS = 200;
-const HEIGHT_PX = 194;
+const HEIGHT_PX = 172;
 const TOP_AT_LEAST_MPS = 0.5;
 // What was measured longer ago than this is no value of now.
 const NOW_REACH_S = 0.3;
@@ -26,6 +27,7 @@ class SpeedChart extends Part {
   #history = new SpeedHistory(SPAN_S);
   #host = h("div.chart", { role: "img" });
   #legend = h("ul.legend");
+  #marks = h("p.legend.mark-keys");
   #note = h("p.chart-note", { role: "status", hidden: true });
   #empty = h(
     "p.empty",
@@ -56,13 +58,14 @@ class SpeedChart extends Part {
       h(
         "div.pane-head",
         h("h2", "Speed"),
-        h("span.hint", "m/s over the last 60 s of source time; shading shows the 95 % interval"),
+        h("span.hint", "m/s over the last 60 s of source time"),
         this.#export,
       ),
       this.#note,
       this.#empty,
       this.#host,
       this.#legend,
+      this.#marks,
     );
     this.hear("observation", () => this.#observed());
     this.hear("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
@@ -111,8 +114,19 @@ class SpeedChart extends Part {
       if (swatch instanceof HTMLElement) tint(swatch, curve.colour);
       setText(words, `${curve.label} ${withBand(this.#measured(curve, this.#at))}`);
     });
+    // The same whatever is seen at the moment: nothing moves while data flows.
+    const truth = this.#curves.some(({ kind }) => kind === "truth");
+    const marks = this.#marksDrawn(truth);
+    if (this.#marks.childElementCount !== marks.length)
+      this.#marks.replaceChildren(...markLegend(marks));
     const now = shown.map((curve) => `${curve.label} ${withBand(this.#measured(curve, null))}`);
     setAttribute(this.#host, "aria-label", `Speed over the last minute. Now: ${now.join(", ")}`);
+  }
+
+  /** @param {boolean} truth whether there is any @returns {import("./mark-legend.js").Mark[]} */
+  #marksDrawn(truth) {
+    if (this.#curves.length === 0) return [];
+    return truth ? ["band", "start", "change", "gap"] : ["band", "start"];
   }
 
   /** @param {Curve} curve @param {number | null} at seconds; null is now */
@@ -169,10 +183,15 @@ class SpeedChart extends Part {
   #picture() {
     const { canvas } = this.#plot;
     if (!canvas) throw new Error("The chart is empty.");
-    const entries = this.#curves.map(({ kind, label, colour }) => ({
+    const truth = this.#curves.some(({ kind }) => kind === "truth");
+    const entries = [
+      ...this.#curves.map(({ kind, label, colour }) => ({ kind, label, colour })),
+      ...this.#marksDrawn(truth).map((kind) => ({ kind, ...MARKS[kind] })),
+    ].map(({ kind, label, colour }) => ({
+      kind,
       label,
       colour: this.#plot.resolved(colour),
-      dash: DASHES[kind] ?? [],
+      dash: DASHES[/** @type {keyof typeof DASHES} */ (kind)] ?? [],
     }));
     return asPicture(canvas, entries, {
       ground: this.#plot.resolved("--surface"),

@@ -1,6 +1,6 @@
 /** Curves of speed over time, and how several stand together in one chart. Pure functions. */
 
-import { fixed } from "../elements/words.js";
+import { fixed, half95 } from "../elements/words.js";
 
 /** @typedef {"estimate" | "stray" | "truth" | "commanded" | "sent" | "encoder"} Kind */
 
@@ -10,16 +10,13 @@ import { fixed } from "../elements/words.js";
  * @property {Kind} kind stray: a track of no known body beside others that have one
  * @property {string} label
  * @property {string} colour its name in tokens.css, as in "--track-3"
- * @property {boolean} banded whether its band of 95 % is drawn
+ * @property {boolean} banded whether its 95 % interval is drawn
  * @property {number[]} times seconds, rising
  * @property {(number | null)[]} speeds m/s; null breaks the curve: nothing was measured here
  * @property {(number | null)[]} stds m/s, one standard deviation; null where none is known
  */
 
 /** @typedef {(number | null | undefined)[]} Row null breaks the curve, undefined is passed over */
-
-/** Half of a normal distribution's middle 95 %, in standard deviations. */
-export const BAND_95 = 1.96;
 
 /**
  * All curves over the same times: a row for each, and for one with a band the upper and the lower
@@ -48,7 +45,7 @@ function edge({ speeds, stds }, side) {
     const std = stds[i];
     return speed === null || std === null || std === undefined
       ? null
-      : Math.max(0, speed + side * BAND_95 * std);
+      : Math.max(0, speed + side * half95(std));
   });
 }
 
@@ -115,7 +112,7 @@ export function withBand(measured) {
   if (!measured) return "–";
   const { speed, std } = measured;
   if (std === null) return fixed(speed, 2);
-  return `${fixed(speed, 2)} (${fixed(Math.max(0, speed - BAND_95 * std), 2)}–${fixed(speed + BAND_95 * std, 2)})`;
+  return `${fixed(speed, 2)} (${fixed(Math.max(0, speed - half95(std)), 2)}–${fixed(speed + half95(std), 2)})`;
 }
 
 /** Index of the first that is not below. @param {number[]} rising @param {number} value */

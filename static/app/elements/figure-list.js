@@ -1,20 +1,25 @@
 /** Figures with their names and units, as a list that is made once and filled again. */
 
 import { h, setText } from "./dom.js";
-import { fixed } from "./words.js";
+import { GLOSSARY } from "./glossary.js";
+import { fixed, half95 } from "./words.js";
 
 /** @typedef {[term: string, text: string, help?: string]} Figure the text has its unit */
 
-/** Server's name of a figure -> name for people, unit, digits after the point. */
-/** @type {Record<string, [string, string, number]>} */
+/**
+ * Server's name of a figure -> name for people, unit, digits after the point, meaning; standard
+ * deviations are shown as half of the 95 % interval.
+ *
+ * @type {Record<string, [string, string, number, string?]>}
+ */
 const NAMES = {
-  residual_px: ["Residual motion", " px", 2],
+  residual_px: ["Residual", " px", 2, GLOSSARY.residual],
   threshold_px: ["Threshold", " px", 2],
-  significance: ["Significance", " σ", 1],
+  significance: ["Significance", " σ", 1, GLOSSARY.significance],
   threshold: ["Threshold", " σ", 1],
   min_significance: ["Required", " σ", 1],
   speed_mps: ["Speed", " m/s", 2],
-  speed_std_mps: ["Speed, 1 σ", " m/s", 3],
+  speed_std_mps: ["Speed, 95 % interval", " m/s", 2, GLOSSARY["95 % interval"]],
   least_speed_mps: ["Slowest detectable", " m/s", 2],
   depth_m: ["Depth", " m", 2],
   age_s: ["Track age", " s", 2],
@@ -28,6 +33,8 @@ const NAMES = {
   min_inliers: ["Matches required", "", 0],
 };
 
+const STANDARD_DEVIATION = /_std(_|$)/;
+
 /**
  * @param {Record<string, number | null>} numbers
  * @returns {Figure[]} in the order of importance; what is not known is said so
@@ -40,8 +47,13 @@ export function figuresOf(numbers) {
   return Object.entries(numbers)
     .sort(([a], [b]) => place(a) - place(b))
     .map(([name, value]) => {
-      const [term, unit, digits] = NAMES[name] ?? [name.replaceAll("_", " "), "", 2];
-      return [term, value === null ? "unknown" : `${fixed(value, digits)}${unit}`];
+      const [term, unit, digits, help] = NAMES[name] ?? [name.replaceAll("_", " "), "", 2];
+      const known = (/** @type {number} */ number) =>
+        STANDARD_DEVIATION.test(name)
+          ? `± ${fixed(half95(number), digits)}${unit}`
+          : `${fixed(number, digits)}${unit}`;
+      const text = value === null ? "unknown" : known(value);
+      return help === undefined ? [term, text] : [term, text, help];
     });
 }
 

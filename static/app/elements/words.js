@@ -1,5 +1,7 @@
 /** Numbers and observations in words. Pure functions. */
 
+import { SIGMAS_95 } from "./glossary.js";
+
 /** @import { LiveLine, ObstacleEntry, TrueBodyEntry } from "../contract" */
 
 const STRAIGHT_RAD = (8 * Math.PI) / 180;
@@ -17,9 +19,16 @@ export function fixed(value, digits) {
     : value.toFixed(digits);
 }
 
+/** Half of the 95 % interval of a value: what every ± says. @param {number} std one standard deviation */
+export function half95(std) {
+  return SIGMAS_95 * std;
+}
+
 /** @param {Pick<ObstacleEntry, "speed" | "speed_std">} obstacle @returns {string} without unit */
 export function speedWithBand({ speed, speed_std }) {
-  return speed_std === null ? fixed(speed, 2) : `${fixed(speed, 2)} ± ${fixed(speed_std, 2)}`;
+  return speed_std === null
+    ? fixed(speed, 2)
+    : `${fixed(speed, 2)} ± ${fixed(half95(speed_std), 2)}`;
 }
 
 /** @param {number} bearing radians, positive to the right @returns {string} as in "ahead" */
@@ -83,7 +92,7 @@ export function firstLine(line, truth) {
     text = `Obstacle ${waving.id} moves in place, ${fixed(waving.range, 1)} m ${bearingInWords(waving.bearing)}.`;
   }
   if (missed) {
-    text = `No motion detected — truth: ${missed.name} moves at ${fixed(missed.speed, 2)} m/s.`;
+    text = `No motion detected — ground truth: ${missed.name} moves at ${fixed(missed.speed, 2)} m/s.`;
   }
   return { text, id: null, tone: "calm" };
 }
@@ -101,7 +110,7 @@ function movingLine(obstacle, others, line, truth) {
     `Obstacle ${obstacle.id} moves at ${speedWithBand(obstacle)} m/s`,
     heading && ` ${heading}`,
     `, ${fixed(obstacle.range, 1)} m ${bearingInWords(obstacle.bearing)}`,
-    body && ` — truth ${fixed(body.speed, 2)} m/s`,
+    body && ` — ground truth ${fixed(body.speed, 2)} m/s`,
     others > 0 && `; ${others === 1 ? "one more moves" : `${others} more move`}`,
   ]
     .filter(Boolean)

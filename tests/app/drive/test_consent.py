@@ -36,7 +36,7 @@ def test_what_is_too_old_on_arrival_changes_nothing(age: float) -> None:
 def test_a_replayed_or_overtaken_command_is_refused(sequence: int) -> None:
     consent = Consent()
     consent.take(7, 10.0, AHEAD, 10.0)
-    with pytest.raises(ProcessRefused, match="above the last one, 7"):
+    with pytest.raises(ProcessRefused, match="greater than the last one, 7"):
         consent.take(sequence, 10.1, (0.9, 0.0), 10.1)
     assert consent.velocity == AHEAD
     assert consent.look(10.25), "and prolongs nothing"

@@ -83,7 +83,7 @@ async def test_it_answers_refuses_and_leaves_nothing(slots: dict[str, int]) -> N
         await watched.until(lambda: watched.all(IncidentEvent), "the incident")
         assert watched.all(IncidentEvent)[0].kind == "stop"
     await watched.drive.stop()
-    with pytest.raises(ProcessUnavailable, match="is being stopped"):
+    with pytest.raises(ProcessUnavailable, match="is shutting down"):
         await watched.drive.request(StopRobots("Ann"))
     assert len(os.listdir("/dev/fd")) == before
 

@@ -97,18 +97,18 @@ def test_a_commands_answer_is_what_was_really_sent_in_the_same_turn(turning: Tur
     assert plain(answers[0]) == {
         "speed_mps": pytest.approx(0.006),
         "turn_rate_radps": 0.0,
-        "limited_by": "it is still getting faster",
+        "limited_by": "it is still accelerating",
         "age_s": pytest.approx(0.02),
     }
     turning.bench.robots["obstacle"].most = 0.2
     answer = turning.ask(DriveCommand("obstacle", lease, 99, turning.bench.now, 0.9, 0.0))
     assert (answer.value.speed_mps, answer.value.limited_by) == (
         0.2,
-        "the obstacle's robot takes no more",
+        "the obstacle's robot cannot go faster",
     )
     refused = turning.ask(DriveCommand("obstacle", lease, 99, turning.bench.now, 0.9, 0.0))
     assert (refused.value, refused.refusal) == (None, "state")
-    assert "above the last one, 99" in str(refused.error)
+    assert "greater than the last one, 99" in str(refused.error)
 
 
 def test_a_stop_behind_many_commands_is_in_force_in_the_same_turn(turning: Turning) -> None:

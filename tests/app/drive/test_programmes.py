@@ -70,7 +70,7 @@ def test_it_starts_only_with_all_armed_leased_and_present(bench: Any) -> None:
 
     bench.ready("observer")
     stay(bench, 0.2, roles=("observer",))
-    refused("moves the obstacle; give its lease")
+    refused("moves the obstacle; take control of it first")
     bench.connect("obstacle")
     bench.lease("obstacle")
     stay(bench, 0.2)
@@ -78,14 +78,14 @@ def test_it_starts_only_with_all_armed_leased_and_present(bench: Any) -> None:
     bench.arm("obstacle")
     bench.run(0.3)
     stay(bench, 0.2, roles=("observer",))
-    refused("nobody is present for the obstacle")
+    refused("no operator is present for the obstacle")
     stay(bench, 0.2)
     bench.hold("obstacle", 0.2, 0.1)
     bench.present("observer")
-    refused("driven by hand")
+    refused("driven manually")
     bench.drive("obstacle", 0.0)
     start(bench)
-    with pytest.raises(ProcessRefused, match="pair is being driven"):
+    with pytest.raises(ProcessRefused, match="pair is running"):
         start(bench)
 
 

@@ -58,9 +58,9 @@ def test_arming_says_in_one_sentence_what_is_missing(bench: Any) -> None:
     robot.change(fault=None, stop_pressed=True)
     refused(bench, ArmRobot("observer", None), "stop button .* is pressed")
     robot.change(stop_pressed=False)
-    refused(bench, ArmRobot("observer", None), "nothing is seen")
+    refused(bench, ArmRobot("observer", None), "nothing can be seen")
     for seeing, match in (
-        ({"mount_known": False}, "rig"),
+        ({"mount_known": False}, "height and tilt"),
         ({"world": "simulated:lab:7"}, "another world"),
         ({"world": None}, "a recording"),
         ({"status": Status.LOST}, "vision is lost"),
@@ -73,12 +73,12 @@ def test_arming_says_in_one_sentence_what_is_missing(bench: Any) -> None:
     bench.tick()
     bench.seeing = None
     bench.run(0.3)
-    refused(bench, ArmRobot("observer", None), "no frame came")
+    refused(bench, ArmRobot("observer", None), "no camera frame for")
     bench.seeing = {}
     bench.tick()
     bench.lease("observer")
-    refused(bench, ArmRobot("observer", None), "Ann drives the observer")
-    refused(bench, ArmRobot("observer", "0" * 16), "not in force")
+    refused(bench, ArmRobot("observer", None), "Ann controls the observer")
+    refused(bench, ArmRobot("observer", "0" * 16), "you no longer control")
     bench.take(StopRobots("Bob"))
     refused(bench, ArmRobot("observer", bench.leases["observer"]), "stopped by Bob; reset")
     bench.take(ResetStop("Bob"))
@@ -102,7 +102,7 @@ def test_a_key_that_is_held_while_arming_has_to_be_let_go_first(bench: Any) -> N
     bench.arm("obstacle")
     bench.hold("obstacle", 0.3, 0.5)
     assert bench.sent("obstacle") == (0.0, 0.0)
-    assert "let go" in bench.why("obstacle")
+    assert "release the controls" in bench.why("obstacle")
     bench.drive("obstacle", 0.0)
     bench.hold("obstacle", 0.3, 0.2)
     assert bench.state("obstacle") == "moving"
@@ -161,15 +161,15 @@ def test_old_replayed_and_foreign_commands_are_refused_and_change_nothing(bench:
     lease, number, now = bench.leases["obstacle"], bench.sequence, bench.now
     for command, match in (
         (DriveCommand("obstacle", lease, number + 1, now - 0.26, 0.5, 0.0), "260 ms old"),
-        (DriveCommand("obstacle", lease, number, now, 0.5, 0.0), "above the last one"),
-        (DriveCommand("obstacle", "0" * 16, number + 1, now, 0.5, 0.0), "not in force"),
+        (DriveCommand("obstacle", lease, number, now, 0.5, 0.0), "greater than the last one"),
+        (DriveCommand("obstacle", "0" * 16, number + 1, now, 0.5, 0.0), "you no longer control"),
     ):
         refused(bench, command, match)
     refused(
         bench, DriveCommand("obstacle", lease, number + 1, now, float("nan"), 0.0),
         "finite", "input",
     )  # fmt: skip
-    refused(bench, DriveCommand("cart", lease, 1, now, 0.5, 0.0), "no role", "input")  # type: ignore[arg-type]
+    refused(bench, DriveCommand("cart", lease, 1, now, 0.5, 0.0), "not a role", "input")  # type: ignore[arg-type]
     bench.tick()
     assert bench.roles.driven["obstacle"].asked == (0.3, 0.0)
 
@@ -179,7 +179,7 @@ def test_what_the_robot_takes_is_what_counts_as_sent(bench: Any) -> None:
     bench.robots["obstacle"].most = 0.2
     bench.hold("obstacle", 0.3, 1.5)
     assert bench.sent("obstacle") == (0.2, 0.0)
-    assert "takes no more" in bench.why("obstacle")
+    assert "cannot go faster" in bench.why("obstacle")
 
 
 # --- stop ---------------------------------------------------------------------------------------
@@ -268,7 +268,7 @@ def test_a_driver_that_cannot_stop_does_not_keep_the_other_from_it(bench: Any) -
 def test_one_operator_at_a_time_and_takeover_disarms(bench: Any) -> None:
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 1.0)
-    refused(bench, TakeLease("obstacle", "Bob"), "Ann drives the obstacle; take over")
+    refused(bench, TakeLease("obstacle", "Bob"), "Ann controls the obstacle; take control")
     bench.tick()
     assert bench.state("obstacle") == "moving"
     old = bench.leases["obstacle"]
@@ -277,9 +277,13 @@ def test_one_operator_at_a_time_and_takeover_disarms(bench: Any) -> None:
     assert bench.state("obstacle") == "disarmed"
     assert bench.robots["obstacle"].velocities[-1] == (0.0, 0.0)
     assert [(i.kind, i.sentence) for i in bench.incidents] == [
-        ("lease", "Bob took the obstacle over from Ann")
+        ("lease", "Bob took control of the obstacle from Ann")
     ]
-    refused(bench, DriveCommand("obstacle", old, 999, bench.now, 0.3, 0.0), "not in force, Bob")
+    refused(
+        bench,
+        DriveCommand("obstacle", old, 999, bench.now, 0.3, 0.0),
+        "you no longer control the obstacle, Bob",
+    )
     # Numbers are counted anew for each lease.
     bench.sequence = 0
     bench.arm("obstacle")
@@ -290,7 +294,7 @@ def test_one_operator_at_a_time_and_takeover_disarms(bench: Any) -> None:
 def test_a_lease_given_back_stops_and_disarms(bench: Any) -> None:
     bench.ready("obstacle")
     bench.hold("obstacle", 0.3, 1.0)
-    refused(bench, ReleaseLease("obstacle", "0" * 16), "not in force")
+    refused(bench, ReleaseLease("obstacle", "0" * 16), "you no longer control")
     bench.take(ReleaseLease("obstacle", bench.leases["obstacle"]))
     assert bench.robots["obstacle"].calls[-1] == ("disable",)
     assert (0.0, 0.0) in bench.robots["obstacle"].velocities[-1:]
@@ -323,7 +327,7 @@ def test_another_port_lets_the_old_robot_go_at_zero(bench: Any) -> None:
     assert not bench.roles.driven["observer"].armed
     refused(
         bench, ConnectRobot("observer", "/dev/obstacle", None, "real"),
-        "is the port of the obstacle", "input",
+        "is already the port of the obstacle", "input",
     )  # fmt: skip
     bench.take(DisconnectRobot("observer"))
     bench.tick()
@@ -339,7 +343,7 @@ def test_a_key_is_given_to_the_driver_and_told_to_nobody(bench: Any) -> None:
     assert bench.attendants["observer"].ports[-1] == port
     assert bench.roles.driven["observer"].connection.port == "external:0.0.0.0:7700"
     # The same place with another key is the same port.
-    with pytest.raises(ProcessRefused, match="is the port of the observer") as told:
+    with pytest.raises(ProcessRefused, match="is already the port of the observer") as told:
         bench.take(ConnectRobot("obstacle", f"{port}2", None, "real"))
     assert key not in str(told.value)
 

@@ -33,7 +33,7 @@ class ScriptedWorker:
         self.jobs.append(job)
         what = self.found.pop(0) if self.found else None
         if what is None:
-            return Solved("not yet aligned: nothing moves", 0.0)
+            return Solved("not aligned yet: nothing moves", 0.0)
         offset, sigma, overlap = what
         time_ = TimeOffset(offset, sigma, 0.0, 0.0, None, 0.95, None, overlap, 0.01, 100)
         alignment = Alignment(
@@ -84,7 +84,7 @@ def test_delays_that_were_known_are_not_given_up_for_a_few_seconds() -> None:
         # Another one: nothing of it holds.
         aligner.begin(3, Choices(), carry=False)
         wait_until("forgotten", lambda: aligner.aligned is None)
-        assert aligner.sentence.startswith("not yet aligned: ")
+        assert aligner.sentence.startswith("not aligned yet: ")
     finally:
         aligner.end()
         aligner.join(5.0)

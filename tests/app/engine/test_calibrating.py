@@ -186,13 +186,13 @@ def test_without_a_board_nothing_is_captured_and_nothing_else_changed(bench: Ben
     refused = bench.answer(ChangeCalibration(capture=True))
     assert (refused.refusal, refused.error) == (
         "state",
-        "nothing is being calibrated; begin a calibration first",
+        "no calibration is in progress; start one first",
     )
     bench.value(begin("none"))
     bench.wait(BoardLookEvent, lambda event: event.look.frame > 3)
     for command, words in (
-        (ChangeCalibration(capture=True, automatic=False), "not in both views now"),
-        (ChangeCalibration(undo=True, automatic=False), "no view to take back"),
+        (ChangeCalibration(capture=True, automatic=False), "not visible to both cameras right now"),
+        (ChangeCalibration(undo=True, automatic=False), "no view to undo"),
         (ChangeCalibration(remove="7", cover_check=True), "there is no view '7'"),
     ):
         refused = bench.answer(command)
@@ -282,7 +282,7 @@ def test_a_run_is_not_left_for_a_calibration(bench: Bench) -> None:
     bench.value(opening("many", run_id="r1"))
     refused = bench.answer(begin("held"))
     assert refused.refusal == "state"
-    assert "a run is going" in (refused.error or "")
+    assert "a run is in progress" in (refused.error or "")
     assert bench.state.state is EngineState.RUNNING
 
 
@@ -313,7 +313,7 @@ def test_an_image_that_breaks_the_search_ends_nothing(
     monkeypatch.setattr(calibrating, "detect_board", moody)
     bench.value(begin("held"))
     told = bench.wait(BoardLookEvent, lambda event: event.look.frame is None)
-    assert told.look.words.startswith("Looking for the board failed: ")
+    assert told.look.words.startswith("Board detection failed: ")
     bench.wait(BoardLookEvent, lambda event: (event.look.frame or 0) > 5)
     assert bench.state.state is EngineState.CALIBRATING
 

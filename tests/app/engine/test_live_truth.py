@@ -178,9 +178,9 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
 ) -> None:
     assert truth.facts() is None
     truth.use(LiveTruthOrder("vrpn:mocap"))
-    assert facts(truth).sentence == "not yet aligned: no source is observed"
+    assert facts(truth).sentence == "not aligned yet: no source is open"
     truth.observing(ObservedSource(INFO, MOUNT))
-    assert facts(truth).sentence == "not yet aligned: motion capture is being connected"
+    assert facts(truth).sentence == "not aligned yet: connecting to motion capture"
     lab = Lab(truth, lambda: listeners[-1])
     for index in range(270):
         entries = lab.frame(index)
@@ -244,7 +244,7 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
         if told_again[-1]:
             break
     assert told_again[-1], "the observer is seen, so nothing must be waited for"
-    assert "as before the source was opened anew" in facts(truth).sentence
+    assert "from before the source was reopened" in facts(truth).sentence
     place = next(e for e in told_again[-1] if e["name"] == "P3DX")
     assert np.linalg.norm(np.array(place["position"]) - lab.room.centre(place["time"])) < 0.4
 
@@ -252,7 +252,7 @@ def test_speeds_of_motion_capture_stand_beside_what_is_observed(
     truth.observing(ObservedSource(SourceInfo("run.mcap", "recording", 640, 480, 15.0, 9), None))
     assert not truth.in_place
     assert again.frame(len(lab.room.lines) - 1) == []
-    assert "run.mcap was recorded" in facts(truth).sentence
+    assert "run.mcap is a recording" in facts(truth).sentence
     truth.use(None)
     assert truth.facts() is None
 

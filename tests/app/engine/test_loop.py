@@ -203,7 +203,7 @@ def test_what_cannot_be_opened_is_refused_and_said(bench: Bench, numbered: Numbe
     assert reply.refusal == "failure"
     assert "the disk is on fire" in (reply.error or "")
     bench.sources["empty"] = numbered(3, broken={0, 1, 2})
-    assert "no frame that can be read" in (bench.answer(opening("empty")).error or "")
+    assert "contains no readable frame" in (bench.answer(opening("empty")).error or "")
     assert bench.sources["empty"].closed == 1
     assert bench.state.state is EngineState.PREVIEW
 
@@ -212,7 +212,7 @@ def test_a_missing_or_unfit_calibration_is_one_sentence(bench: Bench, numbered: 
     bench.sources["bare"] = numbered(5, own_calibration=None, spec="bare")
     reply = bench.answer(opening("bare"))
     assert reply.refusal == "input"
-    assert "bare brings no calibration" in (reply.error or "")
+    assert "bare has no calibration" in (reply.error or "")
     assert "choose a calibration" in (reply.error or "")
     # With the images it was asked for, a calibration can be tried out all the same.
     fitting = calibration_text(numbered().own_calibration)

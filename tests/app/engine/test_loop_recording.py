@@ -159,5 +159,5 @@ def test_before_motion_capture_is_aligned_its_topics_say_why_they_are_empty(
     told = [json.loads(data) for topic, data in messages if topic == "/truth/matched"]
     assert [each["frame"] for each in told] == frames
     assert all(each["bodies"] == [] for each in told)
-    assert all(each["sentence"].startswith("not yet aligned: ") for each in told)
+    assert all(each["sentence"].startswith("not aligned yet: ") for each in told)
     assert sum(topic == "/scene/truth" for topic, _ in messages) == len(frames)

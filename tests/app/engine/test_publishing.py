@@ -185,7 +185,7 @@ def test_a_failure_is_told_by_name_and_the_next_pair_is_tried(bench: Bench) -> N
     bench.publisher.publish(observed(1, right=np.zeros((5, 5), np.uint8)))
     told = bench.next_told()
     assert told.frame == 1
-    assert (told.trouble or "").startswith("dense stereo failed: error: ")
+    assert (told.trouble or "").startswith("dense stereo failed: internal error (error: ")
     bench.publisher.publish(observed(2))
     assert bench.next_told().trouble is None
     assert bench.wait_read(CLOUD_NAME).header["frame"] == 2

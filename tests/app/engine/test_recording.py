@@ -185,7 +185,7 @@ def test_it_ends_before_the_disk_is_full(tmp_path: Path) -> None:
     give(recorder, 0)
     left[0] = 199 << 20
     eventually(lambda: recorder.facts().trouble)
-    assert "199 MB are left" in recorder.facts().trouble
+    assert "only 199 MB are free" in recorder.facts().trouble
     with Recording(path) as recording:
         assert not recording.unfinished
         assert [f.index for f in recording.frames] == [0]
@@ -194,12 +194,12 @@ def test_it_ends_before_the_disk_is_full(tmp_path: Path) -> None:
 
 def test_no_room_refuses_a_run_that_begins_but_not_one_that_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "recording.mcap"
-    with pytest.raises(RecordingError, match="kept free") as refused:
+    with pytest.raises(RecordingError, match="reserved") as refused:
         begin(command(path, reserve_bytes=1 << 60))
     assert refused.value.full
     assert not path.exists()
     going_on = begin(command(path, segment=1, reserve_bytes=1 << 60))
-    assert "kept free" in going_on.facts().trouble
+    assert "reserved" in going_on.facts().trouble
     give(going_on, 0)
     ended(going_on)
     assert not path.exists()

@@ -138,13 +138,13 @@ async def test_it_starts_answers_observes_and_leaves_nothing() -> None:
 async def test_refusals_and_absence_are_told_apart() -> None:
     async with Watched(limits=ALONE) as watched:
         supervisor = watched.supervisor
-        with pytest.raises(ProcessRefused, match="no run is going") as refused:
+        with pytest.raises(ProcessRefused, match="no run is in progress") as refused:
             await supervisor.request(StopRun())
         assert refused.value.refusal == "state"
         with pytest.raises(ProcessRefused, match="there is no such parameter") as refused:
             await supervisor.request(SetParameters({"a.b": 1}, 1))
         assert refused.value.refusal == "input"
-    with pytest.raises(ProcessUnavailable, match="is being stopped"):
+    with pytest.raises(ProcessUnavailable, match="is shutting down"):
         await supervisor.request(StopRun())
 
 
@@ -163,7 +163,7 @@ async def test_a_dead_or_hung_engine_is_replaced_in_time(number: signal.Signals)
         assert at[EngineStartedEvent] - begin < REPLACED_WITHIN_S
         lost = watched.all(EngineLostEvent)[0]
         assert lost.generation == 1
-        expected = "no sign of life" if number == signal.SIGSTOP else number.name
+        expected = "did not respond" if number == signal.SIGSTOP else number.name
         assert expected in lost.reason
         order = [type(e) for _, e in watched.events if not isinstance(e, HeartbeatEvent)]
         assert order.index(EngineLostEvent) < len(order) - order[::-1].index(EngineStartedEvent)
@@ -188,7 +188,7 @@ async def test_a_main_loop_that_hangs_is_replaced_although_its_threads_live() ->
         begin = time.monotonic()
         await watched.supervisor.request(numbers("hang"))
         await watched.wait(EngineLostEvent)
-        assert "no sign of life" in watched.all(EngineLostEvent)[0].reason
+        assert "did not respond" in watched.all(EngineLostEvent)[0].reason
         await watched.wait(EngineStartedEvent, lambda e: e.generation == 2)
         assert time.monotonic() - begin < REPLACED_WITHIN_S + 0.5
 
@@ -217,7 +217,7 @@ async def test_a_request_to_an_engine_that_dies_fails_at_once() -> None:
     async with Watched(limits=ALONE) as watched:
         begin = time.monotonic()
         with pytest.raises(
-            ProcessUnavailable, match="before it answered the request to open source"
+            ProcessUnavailable, match="before it completed the request to open source"
         ):
             await watched.supervisor.request(numbers("exit"), timeout_s=30)
         assert time.monotonic() - begin < 10
@@ -231,7 +231,7 @@ async def test_a_request_that_is_not_answered_times_out() -> None:
         pid = watched.supervisor.health.pid
         assert pid is not None
         os.kill(pid, signal.SIGSTOP)
-        with pytest.raises(ProcessUnavailable, match="not answer the request to stop run within"):
+        with pytest.raises(ProcessUnavailable, match="not complete the request to stop run within"):
             await watched.supervisor.request(StopRun(), timeout_s=0.3)
         begin = time.monotonic()
     # Stopping ends a stopped engine as well.
@@ -247,7 +247,7 @@ async def test_a_repeatable_request_is_answered_by_the_next_engine(tmp_path: Pat
         assert opened.state.state == "preview"
         assert supervisor.health.generation == 2
         # A source that ends every engine is tried twice, not for ever.
-        with pytest.raises(ProcessUnavailable, match="ended before it answered"):
+        with pytest.raises(ProcessUnavailable, match="exited before it completed"):
             await supervisor.request(numbers("exit"), repeatable=True)
         assert supervisor.health.generation in (3, 4)
         # While there is no engine, it waits for one.
@@ -287,7 +287,7 @@ async def test_an_engine_that_never_starts_is_given_up_with_its_reason() -> None
 async def test_an_engine_that_never_says_a_word_is_given_up() -> None:
     silent = (sys.executable, "-c", "import time; time.sleep(3600)")
     watched = Watched(silent, limits=SupervisorLimits(start_s=0.4, backoff_s=0.05))
-    with pytest.raises(ProcessUnavailable, match="no sign of life"):
+    with pytest.raises(ProcessUnavailable, match="did not respond"):
         await watched.supervisor.start()
 
 

@@ -141,7 +141,7 @@ async def test_what_is_not_possible_is_a_sentence(http: Any, peer: Any) -> None:
         assert answer.status_code == status, (path, body, answer.text)
         return str(answer.json()["detail"])
 
-    nothing = "nothing is being calibrated"
+    nothing = "no calibration is in progress"
     assert nothing in await refused("PATCH", "/calibrating", {"capture": True}, 409)
     assert nothing in await refused("POST", "/calibrating/compute", {}, 409)
     assert (await http.post("/api/calibrating/cancel")).is_success
@@ -154,15 +154,15 @@ async def test_what_is_not_possible_is_a_sentence(http: Any, peer: Any) -> None:
 
     assert (await http.post("/api/calibrating", json=CAMERAS)).status_code == 201
     board = await refused("PATCH", "/calibrating", {"capture": True}, 409)
-    assert "not in both views" in board
+    assert "not visible to both cameras" in board
     assert "no view" in await refused("PATCH", "/calibrating", {"undo": True}, 409)
     assert "no view '9'" in await refused("PATCH", "/calibrating", {"remove": "9"}, 404)
-    making = "a calibration is being made"
+    making = "a calibration is in progress"
     assert making in await refused("PUT", "/source", {"source": "a/folder"}, 409)
     assert making in await refused("POST", "/runs", {}, 409)
     assert making in await refused("POST", "/calibrations/deactivate", {}, 409)
     assert making in await refused("PUT", "/rig", {"mount": {"height_m": {"value": 0.5}}}, 409)
-    assert "nothing is observed" in await refused("POST", "/rig/floor", {}, 409)
+    assert "no source is open" in await refused("POST", "/rig/floor", {}, 409)
     peer.lose()
     await refused("PATCH", "/calibrating", {"capture": True}, 503)
     await refused("POST", "/calibrating", CAMERAS, 503)
@@ -239,7 +239,7 @@ async def test_images_are_looked_through(http: Any) -> None:
     told = answer.json()["calibrating"]
     assert (told["source"], told["size"]) == (None, [320, 240])
     assert told["views"] == [{"name": "1", "left": 54, "right": 54, "picture": True}]
-    assert told["refused"] == ["readme.txt is no image (PNG, JPEG, BMP, PGM, TIFF or WebP)"]
+    assert told["refused"] == ["readme.txt is not an image (PNG, JPEG, BMP, PGM, TIFF or WebP)"]
     jpeg = await http.get("/api/calibrating/views/1/left.jpg")
     assert jpeg.content.startswith(b"\xff\xd8")
     # What is no archive leaves these.

@@ -153,9 +153,9 @@ REFUSED: dict[str, tuple[Any, dict[str, str], str]] = {
         {},
         "baseline",
     ),
-    "one camera": (lambda: texts("camera_matrix: [1]\n"), {}, "one camera only"),
+    "a single camera": (lambda: texts("camera_matrix: [1]\n"), {}, "a single camera"),
     "zip": (lambda: [NamedFile("a.zip", b"PK\x03\x04" + bytes(99))], {}, "this is a ZIP archive"),
-    "nothing": (lambda: texts("hello: 1\n"), {}, "no calibration was recognised"),
+    "nothing": (lambda: texts("hello: 1\n"), {}, "not a known calibration format"),
     "alias bomb": (lambda: texts("a: &a [x,x]\nb: [*a,*a]\n"), {}, "file0.txt"),
 }
 
@@ -295,5 +295,5 @@ async def test_what_is_no_measurement_is_refused(http: Any, served: Any) -> None
 async def test_refining_without_pictures_is_refused_and_replaces_nothing(http: Any) -> None:
     answer = await http.post("/api/calibrations/refine")
     assert answer.status_code == 409
-    assert "let the cameras deliver for some seconds" in answer.json()["detail"]
+    assert "let the cameras run for a few seconds" in answer.json()["detail"]
     assert (await http.get("/api/calibrations")).json() == []

@@ -26,7 +26,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     await eventually(lambda: drive.robots)
     now = (await http.get("/api/robots/check")).json()
     assert now["check"] is None
-    assert "not checked yet" in now["advice"]
+    assert "not been checked yet" in now["advice"]
     begun = await http.post("/api/robots/check", json={"name": "Anna", "note": "new lens"})
     assert begun.status_code == 201
     TypeAdapter(CheckNow).validate_python(begun.json())
@@ -52,7 +52,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     now = (await http.get("/api/robots/check")).json()
     TypeAdapter(ChecksNow).validate_python(now)
     assert now["check"]["outcome"] == "incomplete"
-    assert now["advice"] == "Check again: steps of the newest check were skipped."
+    assert now["advice"] == "Check again: steps of the latest check were skipped."
     name = now["check"]["record"]
     assert re.fullmatch(r"\d{4}-\d\d-\d\dT\d{4}-observer", name)
     (entry,) = (await http.get("/api/robots/checks")).json()
@@ -67,7 +67,7 @@ async def test_a_check_goes_from_step_to_step_into_a_record(
     assert record["guard"]["guard.margin_m"] == 0.08
     answer = await http.get(f"/api/robots/checks/{name}", params={"format": "markdown"})
     assert answer.headers["content-type"].startswith("text/markdown")
-    assert answer.text.startswith("# Check of the guard, observer")
+    assert answer.text.startswith("# Guard check, observer")
     # A new one may begin; given up, it is kept as that.
     assert (await http.post("/api/robots/check")).status_code == 201
     gone = await http.delete("/api/robots/check", params={"name": "Ben"})
@@ -90,7 +90,7 @@ async def test_what_cannot_be_is_refused_in_one_sentence(
     for call in (http.post("/api/robots/check/skip"), http.delete("/api/robots/check")):
         answer = await call
         assert (answer.status_code, answer.json()["detail"]) == (
-            409, "no check is going on; start one first",
+            409, "no check is in progress; start one first",
         )  # fmt: skip
     for body in (
         '{"role": "driver"}', '{"note": 3}', '{"name": ""}', '{"nme": "x"}', "[]",

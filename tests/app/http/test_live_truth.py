@@ -30,7 +30,7 @@ async def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventual
         told = answer.json()
         assert {name: told[name] for name in chosen} == chosen
         assert (told["state"], told["aligned"], told["alignment"]) == ("connecting", False, None)
-        assert told["sentence"].startswith("not yet aligned: ")
+        assert told["sentence"].startswith("not aligned yet: ")
         assert (await served.http.get(PATH)).json() == told
         assert (await served.http.get("/api/status")).json()["truth"] == told
         # Nothing was opened again for it.
@@ -61,8 +61,8 @@ async def test_it_is_chosen_told_and_found_again(serve: Any, peer: Any, eventual
 
 
 REFUSED: tuple[tuple[dict[str, Any], str, str], ...] = (
-    ({"spec": "vicon:mocap"}, "spec", "live truth is vrpn:HOST"),
-    ({"spec": "vrpn:"}, "spec", "names no host"),
+    ({"spec": "vicon:mocap"}, "spec", "live motion capture is given as vrpn:HOST"),
+    ({"spec": "vrpn:"}, "spec", "has no host"),
     ({"spec": "vicon-udp:99999"}, "spec", "port from 1 to 65535"),
     ({"spec": "vrpn:a\x00b"}, "spec", "vrpn:HOST"),
     ({"spec": "vrpn:a", "observer": "A", "ignore": ["A"]}, "ignore", "carries the camera"),
@@ -83,5 +83,5 @@ async def test_what_names_none_is_refused(http: Any, peer: Any) -> None:
 
 
 def test_the_command_line_says_what_it_takes() -> None:
-    with pytest.raises(ValidationError, match=r"live truth is vrpn:HOST"):
+    with pytest.raises(ValidationError, match=r"live motion capture is given as vrpn:HOST"):
         Settings(truth="mocap")

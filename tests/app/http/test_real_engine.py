@@ -124,13 +124,13 @@ async def test_a_drifted_vergence_is_told_and_offered_as_a_calibration(real: Any
         truth = math.radians(0.078)
         assert abs(vergence["vergence_rad"] - truth) < 3 * vergence["std_rad"]
         assert told["ageing"]["exposure_skew"] is None
-        assert "near against far points" in vergence["sentence"]
+        assert "near and far points" in vergence["sentence"]
         status = (await served.http.get("/api/status")).json()
         assert any("converge more than calibrated" in each for each in status["warnings"])
 
         refined = await served.http.post("/api/calibrations/refine")
         assert refined.status_code == 201, refined.text
-        assert re.search(r"vergence \+0\.0[789]\d deg \(\+-0\.0", refined.json()["origin"])
+        assert re.search(r"vergence \+0\.0[789]\d° ± 0\.0", refined.json()["origin"])
         assert (await served.http.get("/api/status")).json()["calibration"] is None
 
 

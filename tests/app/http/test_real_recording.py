@@ -74,7 +74,7 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
 
         again = (await served.http.post(f"/api/runs/{run['id']}/rerun", json={})).json()
         assert again["rerun_of"] == run["id"]
-        await eventually(lambda: server.runs.current is None, 60)
+        await eventually(lambda: not server.runs.reruns.facts(), 60)
         ended = (await served.http.get(f"/api/runs/{again['id']}")).json()
         assert (ended["state"], ended["record"]) == ("finished", "none")
         # At full speed, and as long.
@@ -82,8 +82,10 @@ async def test_a_recorded_run_is_opened_as_a_source_and_gives_the_same_obstacles
         file_again.write_bytes(
             (await served.http.get(f"/api/runs/{again['id']}/recording")).content
         )
-        playback = (await served.http.get("/api/status")).json()["playback"]
-        assert (playback["rate"], playback["loop"]) == (1.0, True)
+        # What is live goes on as before.
+        status = (await served.http.get("/api/status")).json()
+        assert status["source"]["spec"] == "simulated:lab"
+        assert status["playback"]["rate"] == 1.0
 
         opened = await served.http.put("/api/source", json={"source": str(file)})
         assert opened.status_code == 200, opened.text

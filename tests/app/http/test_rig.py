@@ -180,7 +180,7 @@ async def test_without_a_source_there_is_no_floor(serve: Any) -> None:
     async with serve(source="missing") as served:
         answer = await served.http.post("/api/rig/floor")
         assert answer.status_code == 409
-        assert "open a source first" in answer.json()["detail"]
+        assert "no source is open" in answer.json()["detail"]
 
 
 async def test_the_labs_floor_lies_where_it_does(

@@ -126,10 +126,10 @@ async def test_a_stop_waits_for_nobody_and_outlives_the_process(
     drive.lose()
     answer = await http.post("/api/robots/stop")
     assert answer.status_code == 503
-    assert "the robots' own switch" in answer.json()["detail"]
+    assert "the robots' own stop switch" in answer.json()["detail"]
     told = (await http.get("/api/robots")).json()
     assert told["robots"] == {"observer": None, "obstacle": None}
-    assert "connected again, disarmed" in told["process"]["trouble"]
+    assert "reconnected, disarmed" in told["process"]["trouble"]
     assert told["stopped"]
     warnings = (await http.get("/api/status")).json()["warnings"]
     assert any("the drive process was killed" in warning for warning in warnings)

@@ -39,12 +39,12 @@ async def test_a_run_is_recorded_and_its_recording_can_be_had(
     file.parent.mkdir(parents=True)
     file.write_bytes(CONTENT)
     going = await http.get(path)
-    assert (going.status_code, "is going" in going.json()["detail"]) == (409, True)
+    assert (going.status_code, "in progress" in going.json()["detail"]) == (409, True)
     stopped = (await http.post(f"/api/runs/{id}/stop")).json()
     assert stopped["recording_bytes"] == 4096
     answer = await http.get(path)
     assert answer.content == CONTENT
-    assert f'filename="{id}.mcap"' in answer.headers["content-disposition"]
+    assert 'filename="Run of simulated_lab.mcap"' in answer.headers["content-disposition"]
     part = await http.get(path, headers={"Range": "bytes=1-4"})
     assert (part.status_code, part.content) == (206, b"MCAP")
     beyond = await http.get(path, headers={"Range": "bytes=999-"})
@@ -128,7 +128,7 @@ async def test_the_last_half_minute_is_saved_beside_the_run(
 ) -> None:
     refused = await http.post("/api/recording/ring")
     assert (refused.status_code, refused.json()["detail"]) == (
-        409, "what is open can be played again",
+        409, "the open source can simply be replayed",
     )  # fmt: skip
     assert Path(peer.commands[-1].path).parent == tmp_path / "rings"
     id = (await http.post("/api/runs", json={})).json()["id"]
@@ -168,7 +168,7 @@ async def test_saved_half_minutes_are_listed_had_and_deleted(served: Any, tmp_pa
         assert (await http.delete(f"{path}/{none}")).status_code in (404, 405)
     assert (await http.delete(f"{path}/{of_a_run}")).status_code == 204
     gone = await http.delete(f"{path}/{of_a_run}")
-    assert (gone.status_code, "no saved half minute" in gone.json()["detail"]) == (404, True)
+    assert (gone.status_code, "no saved clip" in gone.json()["detail"]) == (404, True)
     assert [each["name"] for each in (await http.get(path)).json()] == [alone]
     assert sorted(each.name for each in file.parent.iterdir()) == ["recording.mcap"]
 

@@ -18,7 +18,7 @@ import psutil
 import pytest
 import structlog
 
-from app.http.run_server import _bind, _Lasting, _link, run
+from app.http.run_server import _bind, _Lasting, run
 from app.settings import Settings
 from app.storage import StorageError
 from app.storage.occupancy import occupied
@@ -119,7 +119,7 @@ def test_a_database_is_one_servers_whatever_their_folders(tmp_path: Path) -> Non
     database = f"sqlite:///{tmp_path / 'shared.sqlite'}"
     with (
         occupied(tmp_path / "one", database),
-        pytest.raises(InputError, match=r"keeps its runs in .*shared\.sqlite.*--database"),
+        pytest.raises(InputError, match=r"is using the database .*shared\.sqlite.*--database"),
     ):
         run(Settings(port=0, data=tmp_path / "other", database=database))
 
@@ -144,14 +144,6 @@ def test_a_bad_certificate_is_said(tmp_path: Path) -> None:
     for key in (cert, tmp_path / "missing.pem"):
         with pytest.raises(InputError, match="--tls-cert"):
             run(Settings(port=0, data=tmp_path / "data", tls_cert=cert, tls_key=key))
-
-
-def test_links_open_in_a_browser(tmp_path: Path) -> None:
-    assert _link(Settings(data=tmp_path), 8080, "t") == "http://127.0.0.1:8080/?token=t"
-    everywhere = Settings(host="0.0.0.0", data=tmp_path)
-    assert _link(everywhere, 80, "t") == "http://localhost:80/?token=t"
-    six = Settings(host="::1", data=tmp_path, tls_cert=Path("c"), tls_key=Path("k"))
-    assert _link(six, 443, "t") == "https://[::1]:443/?token=t"
 
 
 def test_what_is_logged_onto_a_full_disk_is_lost_and_disturbs_nothing() -> None:

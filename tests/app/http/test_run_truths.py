@@ -12,10 +12,12 @@ from typing import Any
 import psutil
 import pytest
 
-from app.contract.commands import LiveTruthOrder, OpenSource, SetPlayback
+from app.contract.commands import LiveTruthOrder, OpenSource
 from app.contract.events import EngineState
+from app.server.runs import reruns
+from app.workers.rerun.messages import Rerun, Rerunned
 
-from ..planted_runs import OFFSET_S, plant_run, truth_csv
+from ..planted_runs import DURATION_S, OFFSET_S, plant_run, truth_csv
 
 CAMERA = {
     "x_m": 0.12, "y_m": 0.06, "z_m": 0.25, "pan_deg": 0.0, "tilt_deg": 10.0, "roll_deg": 0.0,
@@ -40,8 +42,15 @@ def work_folders(tmp_path: Path) -> list[str]:
     return [each.name for each in tmp_path.iterdir() if each.name.startswith(".work-")]
 
 
+async def planted_again(job: Rerun, *_: Any) -> Rerunned:
+    """Stands in for the worker: what is planted has no images to be observed."""
+    file = await asyncio.to_thread(plant_run, Path(job.output).parent, job.id)
+    Path(job.results).touch()
+    return Rerunned(390, 1, 0.0, DURATION_S, file.stat().st_size, 0)
+
+
 async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
-    http: Any, served: Any, tmp_path: Path
+    http: Any, served: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     id = await planted(served)
     sent = await upload(served, truth_csv(tmp_path / "ride.csv"))
@@ -111,12 +120,13 @@ async def test_truth_is_laid_over_a_run_and_shown_in_its_chart(
         assert (await http.post(f"/api/runs/{id}/align", json=wrong)).status_code == 422
 
     # What observes it again is compared with the same truth.
+    monkeypatch.setattr(reruns, "rerun_in_worker", planted_again)
     again = (await http.post(f"/api/runs/{id}/rerun", json={})).json()["id"]
-    await asyncio.to_thread(plant_run, served.server.storage.folder.run(again), again)
-    assert (await http.post(f"/api/runs/{again}/stop")).json()["aligned"] is False
+    # Before it counts as done.
     async with asyncio.timeout(60):
-        while not (await http.get(f"/api/runs/{again}")).json()["aligned"]:
+        while (await http.get("/api/status")).json()["reruns"]:
             await asyncio.sleep(0.1)
+    assert (await http.get(f"/api/runs/{again}")).json()["aligned"]
     assert (await http.get(f"/api/runs/{again}")).json()["truth_id"] == truth["id"]
     choices = (await http.get(f"/api/runs/{again}/chart")).json()["choices"]
     assert (choices["camera_on_body"], choices["matches"]) == (CAMERA, {})
@@ -219,6 +229,7 @@ async def test_a_run_is_observed_again_with_other_parameters(
     id = await planted(served, parameters=values)
     await http.patch("/api/parameters", json={"ego_motion.ransac_threshold_px": 5.0})
     body = {"name": "again", "parameters": {"clustering.min_points": 9}}
+    opened = [each for each in peer.commands if isinstance(each, OpenSource)]
     begun = await http.post(f"/api/runs/{id}/rerun", json=body)
     assert begun.status_code == 201, begun.text
     again = begun.json()
@@ -227,20 +238,32 @@ async def test_a_run_is_observed_again_with_other_parameters(
     assert again["parameters"]["clustering.min_points"] == 9
     (note,) = again["parameter_notes"]
     assert note.startswith("clustering.min_points has no effect")
-    opened = [each for each in peer.commands if isinstance(each, OpenSource)][-1]
-    assert opened.source.endswith(f"{id}/recording.mcap")
-    assert (opened.loop, opened.rate) == (False, 4.0)
-    assert (await http.post(f"/api/runs/{id}/rerun", json={})).status_code == 409
-    assert (await http.post(f"/api/runs/{again['id']}/stop")).is_success
-    assert peer.commands[-1] == SetPlayback(loop=True, rate=1.0)
+    # What is live stays as it is.
+    assert [each for each in peer.commands if isinstance(each, OpenSource)] == opened
+    values = (await http.get("/api/parameters")).json()["values"]
+    assert values["ego_motion.ransac_threshold_px"] == 5.0
+    (going,) = (await http.get("/api/status")).json()["reruns"]
+    assert (going["id"], going["rerun_of"], going["name"]) == (again["id"], id, "again")
+    # The planted recording has no images, which only who reads it sees.
+    ended = await rerun_ended(http, again["id"])
+    assert ended["state"] == "failed"
+    assert "without images" in ended["reason"]
     # What has no images of its own is made of those of the first.
     third = (await http.post(f"/api/runs/{again['id']}/rerun", json={})).json()
-    assert third["rerun_of"] == again["id"]
-    assert third["source"].endswith(f"{id}/recording.mcap")
-    await http.post(f"/api/runs/{third['id']}/stop")
+    assert (third["rerun_of"], third["source"]) == (again["id"], "simulated:lab")
+    assert (await http.delete(f"/api/runs/{third['id']}")).status_code == 204
+    assert (await http.get(f"/api/runs/{third['id']}")).status_code == 404
     bare = (await http.post("/api/runs", json={"record": "none"})).json()["id"]
     await http.post(f"/api/runs/{bare}/stop")
     refused = await http.post(f"/api/runs/{bare}/rerun", json={})
     assert refused.status_code == 404
     assert "images" in refused.json()["detail"]
     assert served.server.source.state.state is EngineState.PREVIEW
+
+
+async def rerun_ended(http: Any, id: str) -> Any:
+    """A re-run as it is once it has ended."""
+    async with asyncio.timeout(60):
+        while (run := (await http.get(f"/api/runs/{id}")).json())["state"] == "running":
+            await asyncio.sleep(0.05)
+    return run

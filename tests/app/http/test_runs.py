@@ -34,14 +34,23 @@ async def test_choosing_a_source(http: Any, peer: Any) -> None:
     assert peer.opened.source == "simulated:lab"
     sources = (await http.get("/api/sources")).json()
     assert sources[0]["spec"] == "simulated:lab"
-    assert all(set(entry) == {"spec", "title", "help"} for entry in sources)
+    assert {entry["group"] for entry in sources} == {
+        "simulated", "cameras", "recordings", "folders",
+    }  # fmt: skip
     answer = await http.put("/api/source", json={"source": "some/folder"})
     assert answer.json()["source"]["spec"] == "some/folder"
+    opened = (await http.get("/api/sources")).json()[0]
+    assert (opened["spec"], opened["title"], opened["recent"]) == ("some/folder", "folder", 0)
+    # A folder that is not there, and what nobody listed, have no picture.
+    for spec in ("some/folder", "/etc", "camera:LEFT,RIGHT"):
+        answer = await http.get("/api/sources/picture.jpg", params={"spec": spec})
+        assert answer.status_code == 404, spec
     assert peer.opened.loop is True
     refused = await http.put("/api/source", json={"source": "missing"})
     assert refused.status_code == 422
     assert refused.json()["detail"][0]["loc"] == ["body", "source"]
     assert (await http.get("/api/status")).json()["source"]["spec"] == "some/folder"
+    assert all(entry["spec"] != "missing" for entry in (await http.get("/api/sources")).json())
 
 
 async def test_playback(http: Any, peer: Any) -> None:

@@ -101,7 +101,7 @@ def test_a_reproduction_has_each_experiment_by_both_methods(
     def played(path: Path, programmes: list[MotionProfile], **_: Any) -> Played:
         assert path == tmp_path / "recording.mcap"
         asked.extend(each.name for each in programmes)
-        return Played(recording, driven, ("no frame came for 200 ms",))
+        return Played(recording, driven, ("no camera frame for 200 ms",))
 
     # Driven and observed once more already; and one format is as good as three.
     monkeypatch.setattr(reproduction, "play_experiments", played)
@@ -122,7 +122,7 @@ def test_a_reproduction_has_each_experiment_by_both_methods(
     }  # fmt: skip
     assert json.loads((tmp_path / "experiments.json").read_text()) == {
         "experiments": ["The first", "The second"],
-        "ended_early": ["no frame came for 200 ms"],
+        "ended_early": ["no camera frame for 200 ms"],
     }
     figures = tmp_path / "figures"
     assert {path.stem for path in figures.glob("*.png")} == {

@@ -62,7 +62,7 @@ def test_one_camera_has_neither_stereo_nor_cloud(own: Moment) -> None:
     for make in (pictures._stereo, pictures._cloud):
         _, figure, missing = make(one)
         assert figure is None
-        assert "by the left camera alone" in missing
+        assert "used only the left camera" in missing
 
 
 def test_a_real_environment_is_that_of_the_other_figures(
@@ -73,8 +73,8 @@ def test_a_real_environment_is_that_of_the_other_figures(
     facts = msgspec.structs.replace(report.facts, source="camera:0,1", info={"kind": "camera"})
     found = pictures.pictures(Path("r.mcap"), report.gathered, facts, lambda *_: None)
     assert {each.number: each.missing for each in found if each.missing} == {
-        "9": "The source of this run, camera:0,1, is no simulator: figure 10 shows it.",
-        "13": "The source of this run, camera:0,1, is no simulator: figure 14 shows it.",
+        "9": "The source of this run, camera:0,1, is not a simulator: figure 10 shows it.",
+        "13": "The source of this run, camera:0,1, is not a simulator: figure 14 shows it.",
     }
 
 

@@ -98,7 +98,7 @@ def test_the_page_stands_alone_and_says_what_a_reader_needs(html: str) -> None:
         "a &lt;short&gt; run", "A &lt;guard&gt; stop.", "20260101-120000-abcdef",
         "simulated:lab", "2023-11-14 22:13:20 UTC", "dynamic-observer", "0.1.0",
         "K1: !!opencv-matrix", "flow.residual_threshold_px", "1.25", "moving: right",
-        "Truth was recorded with the run.", "RMSE, m/s", "prefers-color-scheme: dark",
+        "Ground truth was recorded with the run.", "RMSE, m/s", "prefers-color-scheme: dark",
         "@media print",
     ):  # fmt: skip
         assert each in html, each
@@ -110,8 +110,8 @@ def test_what_was_not_recorded_is_said(bare: Path, tmp_path: Path) -> None:
     made = make_report(bare, lambda _done, _of: None)
     html = report_html(made)
     assert html.count("Not shown: recording.mcap was recorded without images") == 8
-    assert "The recording holds no truth, so nothing is compared with it." in html
-    assert "No errors can be told." in html
+    assert "The recording contains no ground truth to compare with." in html
+    assert "Errors cannot be computed." in html
     assert "data:image" not in html
     written = {path.name for path in write_figures(made, tmp_path / "figures")}
     assert written == {

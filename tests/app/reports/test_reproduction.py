@@ -21,7 +21,7 @@ from ..cli.scripted_server import MINE, TOKEN, ScriptedServer, running
 from ..cli.shell import Shell
 
 RECORDED = b"what was recorded"
-LATE = "no frame came for 200 ms"
+LATE = "no camera frame for 200 ms"
 
 
 class Laboratory(ScriptedServer):
@@ -60,7 +60,7 @@ class Laboratory(ScriptedServer):
     def _maybe_late(self, since_s: float) -> None:
         if self.drives - 1 in self.late and since_s > 0.1:
             self.incidents = [
-                {"kind": "programme", "sentence": f"the programme mine was ended: {LATE}"},
+                {"kind": "programme", "sentence": f"the programme mine was stopped: {LATE}"},
                 {"kind": "sight", "sentence": LATE},
             ]
             self.end(None)

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 
-from app.reports.drawing import INK, figure_bytes, themed_svg
 from app.reports.gaps import broken
 from app.reports.gathering import Curve, Gathered, seen_motions
 from app.reports.pairing import pair_with_truth
 from app.reports.speed_figure import speed_figure
 from observer.evaluation.speed_errors import SeenMotion, TrueMotion
+from observer.figures import INK, figure_bytes, themed_svg
 from observer.truth.contract import TrueBody
 from observer.truth.csv_file import SampledTruth, TruthSample
 

@@ -192,7 +192,7 @@ def garbling(tmp_path: Path, repository: Path) -> Worker:
 
 
 async def test_a_job_whose_worker_sends_garbage_fails_in_a_sentence(garbling: Worker) -> None:
-    with pytest.raises(JobFailed, match="cannot be heard: a message of 4 bytes") as failed:
+    with pytest.raises(JobFailed, match="was lost: a message of 4 bytes") as failed:
         await garbling.do("a job", lambda _: None)
     assert_one_sentence(str(failed.value))
     assert psutil.Process().children() == []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import time
 from collections.abc import Iterator
@@ -15,6 +16,20 @@ from app.runtime.worker import LastingWorker, Worker
 
 LONGEST_S = 2.5
 ECHO = "from app.runtime.jobs import do_jobs\n\ndo_jobs(lambda job, _: job)\n"
+COUNTING = """
+import time
+from app.runtime.jobs import do_jobs
+
+
+def count(job, report):
+    for done in range(job):
+        report("counting", done / job)
+        time.sleep(0.02)
+    return job
+
+
+do_jobs(count)
+"""
 # More than a pipe holds.
 LARGE = b"x" * 1_000_000
 
@@ -81,3 +96,45 @@ def test_one_that_was_ended_is_not_replaced(
     assert echo.do("a job", str) is None
     # What was wanted is no news.
     assert caplog.records == []
+
+
+async def test_a_process_stands_still_as_long_as_it_is_held(
+    tmp_path: Path, repository: Path
+) -> None:
+    (tmp_path / "counting.py").write_text(COUNTING)
+    paths = os.pathsep.join((str(repository), str(tmp_path)))
+    heard: list[float] = []
+    held = [False]
+    worker = Worker("counting", 5, {"PYTHONPATH": paths})
+    async with asyncio.timeout(30):
+        doing = asyncio.create_task(
+            worker.do(60, lambda told: heard.append(told.share), held=lambda: held[0])
+        )
+        while len(heard) < 3:
+            await asyncio.sleep(0.01)
+        held[0] = True
+        while process().status() != psutil.STATUS_STOPPED:
+            await asyncio.sleep(0.01)
+        await asyncio.sleep(0.1)
+        before = len(heard)
+        await asyncio.sleep(0.4)
+        assert len(heard) == before
+        held[0] = False
+        assert await doing == 60
+    assert len(heard) == 60
+
+
+async def test_a_process_that_is_held_can_be_cancelled(tmp_path: Path, repository: Path) -> None:
+    (tmp_path / "counting.py").write_text(COUNTING)
+    paths = os.pathsep.join((str(repository), str(tmp_path)))
+    worker = Worker("counting", 5, {"PYTHONPATH": paths})
+    async with asyncio.timeout(30):
+        doing = asyncio.create_task(worker.do(60, lambda _: None, held=lambda: True))
+        while not (found := psutil.Process().children()) or (
+            found[0].status() != psutil.STATUS_STOPPED
+        ):
+            await asyncio.sleep(0.01)
+        doing.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await doing
+    assert psutil.Process().children() == []

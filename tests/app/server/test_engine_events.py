@@ -15,9 +15,9 @@ from .servers import begin, opens, until
 
 async def test_a_lost_engine_is_given_the_source_again(peer: Any, server: Server) -> None:
     await server.source.open("a/folder", None)
-    peer.lose("the engine gave no sign of life for 1.5 s")
+    peer.lose("the engine did not respond for 1.5 s")
     assert server.source.state.state is EngineState.FAILED
-    assert "being restarted" in str(server.source.state.reason)
+    assert "restarting" in str(server.source.state.reason)
     peer.start_process()
     # Not idle: what is missing is told until it is back.
     assert server.source.state.state is EngineState.FAILED
@@ -56,7 +56,7 @@ async def test_a_run_that_kills_every_engine_is_given_up(peer: Any, server: Serv
     await until(lambda: server.runs.current is None)
     found = await server.runs.archive.find(record.id)
     assert found.state is RunState.FAILED
-    assert "3 times in a row over simulated:lab" in str(found.reason)
+    assert "3 times in a row on simulated:lab" in str(found.reason)
     assert peer.opened is None
     assert server.source.state.state is EngineState.FAILED
     await server.source.open("simulated:lab", None)

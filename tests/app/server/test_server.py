@@ -33,7 +33,7 @@ async def test_stopping_the_server_marks_the_run(
     with Storage(tmp_path / "observer.sqlite") as again:
         (record,) = again.list_runs()
         assert (record.state, record.frames) == (RunState.INTERRUPTED, 1)
-        assert "stopped" in str(record.reason)
+        assert "shut down" in str(record.reason)
 
 
 async def test_runs_of_a_killed_server_are_interrupted(peer: Any, storage: Storage) -> None:

@@ -74,6 +74,6 @@ def test_percentiles_are_of_the_last_samples() -> None:
 
 async def test_skipped_frames_are_told(peer: Any, server: Server) -> None:
     for index in range(8):
-        peer.publish(SkippedFrameEvent(index, "left/0.png is cut off"))
+        peer.publish(SkippedFrameEvent(index, "left/0.png is truncated"))
     shown = status(server).skipped
     assert [entry.index for entry in shown] == [3, 4, 5, 6, 7]

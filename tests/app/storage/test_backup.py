@@ -233,7 +233,7 @@ def test_a_server_that_has_it_open_is_not_robbed_of_it(kept: tuple[Path, str]) -
     source, run_id = kept
     data = source.parent / "first"
     with Storage(data / "observer.sqlite") as storage:
-        refused(source, data, "a server has the database")
+        refused(source, data, "a server is using the database")
         assert storage.update_run(run_id, frames=7).frames == 7
     restore_backup(source, data, data / "observer.sqlite", replace=True)
 
@@ -305,18 +305,18 @@ def of_version(number: int) -> Callable[[dict[str, bytes]], None]:
 @pytest.mark.parametrize(
     ("change", "match"),
     [
-        (listed("../evil", b"x"), "not one of ours"),
-        (listed("/evil", b"x"), "not one of ours"),
-        (listed("runs/../../evil", b"x"), "not one of ours"),
-        (listed("runs\\..\\evil", b"x"), "not one of ours"),
-        (listed("token", b"x"), "has too much"),
+        (listed("../evil", b"x"), "an unexpected format"),
+        (listed("/evil", b"x"), "an unexpected format"),
+        (listed("runs/../../evil", b"x"), "an unexpected format"),
+        (listed("runs\\..\\evil", b"x"), "an unexpected format"),
+        (listed("token", b"x"), "has unexpected files"),
         (listed("observer.sqlite", b"no database" * 900), "is damaged"),
-        (without("observer.sqlite"), "not those that it lists"),
-        (without("rig.yaml"), "not those that it lists"),
-        (without("manifest.json"), "is no backup"),
-        (lambda files: files.update({"more": b""}), "not those that it lists"),
+        (without("observer.sqlite"), "not match its list of files"),
+        (without("rig.yaml"), "not match its list of files"),
+        (without("manifest.json"), "is not a backup"),
+        (lambda files: files.update({"more": b""}), "not match its list of files"),
         (lambda files: files.update({"manifest.json": b"[]"}), "cannot be read"),
-        (lambda files: files.update({"rig.yaml": b""}), "not as it was written"),
+        (lambda files: files.update({"rig.yaml": b""}), "has a wrong checksum"),
         (of_version(2), "newer version"),
     ],
 )
@@ -346,7 +346,7 @@ def test_links_in_a_tar_are_refused(tmp_path: Path) -> None:
         link = tarfile.TarInfo("runs")
         link.type, link.linkname = tarfile.SYMTYPE, "/etc"
         archive.addfile(link)
-    refused(tmp_path / "evil.tar", tmp_path / "data", "more than files")
+    refused(tmp_path / "evil.tar", tmp_path / "data", "entries other than files")
 
 
 def test_a_swap_that_fails_half_way_is_undone(
@@ -397,7 +397,10 @@ def test_rows_that_a_server_refuses_change_nothing(
     with Storage(url, folder=data) as storage:
         assert [run.id for run in storage.list_runs()] == [other.id]
         assert storage.folder.recording_bytes(other.id) == 1
-    with Storage(url, folder=data), pytest.raises(BackupError, match="a server has the database"):
+    with (
+        Storage(url, folder=data),
+        pytest.raises(BackupError, match="a server is using the database"),
+    ):
         restore_backup(source, data, url, replace=True)
     restore_backup(source, data, url, replace=True)
     with Storage(url, folder=data) as storage:
@@ -413,7 +416,7 @@ def test_what_cannot_be_backed_up_is_told_and_leaves_nothing(tmp_path: Path) -> 
     data = tmp_path / "data"
     with Storage(data / "observer.sqlite"):
         pass
-    with pytest.raises(BackupError, match=r"ends in \.zip or \.tar"):
+    with pytest.raises(BackupError, match=r"must end in \.zip or \.tar"):
         back_up_of(data, tmp_path / "a.rar")
     with pytest.raises(BackupError, match="cannot write"):
         back_up_of(data, tmp_path / "no folder" / "a.zip")

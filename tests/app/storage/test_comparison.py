@@ -41,7 +41,7 @@ def test_a_file_is_read_as_it_was_when_it_was_laid_over_the_run(
     assert told["truth"]["angles"] == "helical"
     assert told["truth"]["rate_hz"] is None
     storage.truth_file(truth.id).unlink()
-    with pytest.raises(StorageMissing, match=r"take\.csv is gone"):
+    with pytest.raises(StorageMissing, match=r"take\.csv is missing"):
         kept_comparison(record, storage)
 
 

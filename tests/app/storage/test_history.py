@@ -146,7 +146,7 @@ def test_a_run_is_laid_over_its_truth_again(
     assert aligned == replace(run, alignment=found, truth_id=truth.id)
     with pytest.raises(StorageMissing):
         storage.align_run(run.id, {}, truth_id="0" * 64)
-    with pytest.raises(ValueError, match="truth's speeds only"):
+    with pytest.raises(ValueError, match="only ground-truth speeds"):
         storage.align_run(run.id, {}, rows=[seen])
     assert storage.get_run(run.id) == aligned
     storage.align_run(run.id, None)

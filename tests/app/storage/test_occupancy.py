@@ -27,7 +27,7 @@ HERE = f"process {os.getpid()} on {socket.gethostname()}"
 
 
 def test_a_folder_is_held_once(tmp_path: Path) -> None:
-    refusal = rf"another server \(process {os.getpid()}\) keeps its runs in .* --data$"
+    refusal = rf"another server \(process {os.getpid()}\) is using the folder .* --data$"
     with occupied(tmp_path), pytest.raises(InputError, match=refusal), occupied(tmp_path):
         pytest.fail("held twice")
     with occupied(tmp_path / "made" / "for it"):

@@ -14,9 +14,9 @@ def test_parameters_are_found_again_as_they_were_left(opened: Callable[[], Stora
     with opened() as storage:
         assert storage.load_parameters() is None
         storage.save_parameters(1, {"a": 1}, "paper")
-        storage.save_parameters(2, values, None)
+        storage.save_parameters(2, values, None, "mine")
     with opened() as storage:
-        assert storage.load_parameters() == SavedParameters(2, values, None)
+        assert storage.load_parameters() == SavedParameters(2, values, None, "mine")
 
 
 def test_values_that_json_cannot_carry_are_refused_and_the_old_stay(storage: Storage) -> None:

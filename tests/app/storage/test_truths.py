@@ -58,7 +58,7 @@ def test_a_truth_without_runs_goes_at_once(storage: Storage, take: Path) -> None
     file = storage.truth_file(truth.id)
     assert storage.delete_truth(truth.id) is True
     assert not file.exists()
-    with pytest.raises(StorageMissing, match="no truth"):
+    with pytest.raises(StorageMissing, match="no ground truth"):
         storage.truth_file(truth.id)
 
 
@@ -71,12 +71,12 @@ def test_no_name_leads_out_of_the_folder(storage: Storage, take: Path) -> None:
 def test_a_truth_whose_file_is_gone_is_told(storage: Storage, take: Path) -> None:
     truth = storage.save_truth(take, name="take.csv", format="plain")
     storage.truth_file(truth.id).unlink()
-    with pytest.raises(StorageMissing, match="is gone"):
+    with pytest.raises(StorageMissing, match="is missing"):
         storage.truth_file(truth.id)
 
 
 def test_a_file_that_cannot_be_kept_leaves_nothing(storage: Storage, tmp_path: Path) -> None:
-    with pytest.raises(StorageError, match="cannot be kept"):
+    with pytest.raises(StorageError, match="cannot be stored"):
         storage.save_truth(tmp_path / "nothing", name="take.csv", format="plain")
     assert storage.list_truths() == []
     folder = storage.folder.path / "truths"

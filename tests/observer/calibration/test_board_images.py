@@ -48,9 +48,9 @@ def test_pairs_by_number_and_names_files_without_a_partner(tmp_path: Path) -> No
     assert names_of(pairs) == [
         ("left02.jpg", "right2.jpg"), ("left03.jpg", "right3.jpg"), ("left10.jpg", "right10.jpg"),
     ]  # fmt: skip
-    assert {(r.name, r.reason.split(" of ")[0]) for r in refused} == {
-        ("left01.jpg", "it has no right image"),
-        ("right11.jpg", "it has no left image"),
+    assert {(r.name, r.reason.split(" with ")[0]) for r in refused} == {
+        ("left01.jpg", "there is no right image"),
+        ("right11.jpg", "there is no left image"),
     }
 
 
@@ -75,7 +75,7 @@ def test_pairs_in_order_where_names_tell_nothing(tmp_path: Path) -> None:
 
 def test_patterns_that_fit_nothing_or_the_same_files_are_refused(tmp_path: Path) -> None:
     touched(tmp_path, "left1.png", "right1.png", "right2.txt")
-    with pytest.raises(InputError, match="no image fits"):
+    with pytest.raises(InputError, match="no image matches"):
         read_board_pairs(f"{tmp_path}/left*", f"{tmp_path}/nothing*")
     with pytest.raises(InputError, match="share files such as"):
         read_board_pairs(f"{tmp_path}/*", f"{tmp_path}/right*")
@@ -112,8 +112,8 @@ def test_unusable_images_are_refused_by_name_and_the_rest_is_used() -> None:
     }  # fmt: skip
     reasons = {each.name: each.reason for each in found.refused}
     assert set(reasons) == {"cut", "no image", "uneven", "small"}
-    assert "cut left is cut off" in reasons["cut"]
-    assert "no image left is damaged or no image" in reasons["no image"]
+    assert "cut left is truncated" in reasons["cut"]
+    assert "no image left is damaged or not an image" in reasons["no image"]
     assert "320x240 pixels and the right one 640x480" in reasons["uneven"]
     assert "320x240 pixels, the others 640x480" in reasons["small"]
     assert told == pytest.approx(np.arange(1, 9) / 8)
@@ -125,9 +125,9 @@ def test_another_size_of_board_is_named() -> None:
         for image in pictures(BOARD, 1)
     )
     pairs = [pair_of("1", left, right)]
-    with pytest.raises(CalibrationError, match=r"none of 1 pairs .* shows one of 9x6: give this"):
+    with pytest.raises(CalibrationError, match=r"none of 1 pairs .* shows one of 9x6: enter this"):
         find_boards(pairs, Board(columns=7, rows=4))
-    with pytest.raises(CalibrationError, match="can be read: x x left is empty"):
+    with pytest.raises(CalibrationError, match="could be read: x x left is empty"):
         find_boards([pair_of("x", b"", b"")], BOARD)
 
 

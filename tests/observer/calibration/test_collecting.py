@@ -68,11 +68,11 @@ def test_a_new_pose_is_captured_when_it_was_still_for_a_while() -> None:
     looks = hold(collector, Rig(), MIDDLE, 10.0)
     captured = [k for k, look in enumerate(looks) if look.view]
     assert captured == [3]
-    assert looks[0].words == "Hold it still"
+    assert looks[0].words == "Hold the board still"
     assert looks[0].still is None
     assert looks[3].words == "Captured 1"
     assert looks[3].still is True
-    assert looks[4].words.startswith("Seen already: ")
+    assert looks[4].words.startswith("Already captured: ")
     assert [view.name for view in collector.views] == ["1"]
     view = collector.views[0]
     assert len(view.left.common_px(view.right)[0]) == BOARD.corner_count
@@ -85,7 +85,7 @@ def test_a_moving_board_is_not_captured() -> None:
         look = collector.look(*rig.see(FACING, np.add(MIDDLE, (0.008 * k - 0.08, 0, 0))), 0.1 * k)
         assert not look.view
     assert look.still is False
-    assert look.words == "Hold it still"
+    assert look.words == "Hold the board still"
 
 
 def test_slow_motion_matters_where_both_images_are_not_taken_at_once() -> None:
@@ -108,9 +108,9 @@ def test_what_is_not_seen_is_said_by_camera() -> None:
         "Show the chessboard 9x6, 25 mm to both cameras"
     )
     look = collector.look(left, None, 0.1)
-    assert look.words == "Show it to both cameras: the right one does not see it"
+    assert look.words == "Show the board to both cameras: the right camera does not see it"
     assert look.seen == (True, False)
-    assert "the left one" in collector.look(None, right, 0.2).words
+    assert "the left camera" in collector.look(None, right, 0.2).words
     assert look.still is None
 
 
@@ -126,7 +126,7 @@ def test_a_moment_without_detection_does_not_start_stillness_anew() -> None:
 def test_the_first_pose_wanted_is_in_the_middle() -> None:
     look = ViewCollector(BOARD, SIZE).look(None, None, 0.0)
     assert look.ghost is not None
-    assert look.next_words == "Hold it in the middle of the picture"
+    assert look.next_words == "Hold the board in the middle of the image"
     # Left of the middle: the right camera sees it further left.
     assert 200 < look.ghost[:, 0].mean() < 440
     assert look.ghost[:, 1].mean() == pytest.approx(239.5, abs=30)
@@ -134,12 +134,12 @@ def test_the_first_pose_wanted_is_in_the_middle() -> None:
 
 def test_by_hand_a_view_is_taken_wherever_both_see_the_board() -> None:
     collector, rig = ViewCollector(BOARD, SIZE), Rig()
-    with pytest.raises(CalibrationError, match="not in both views now"):
+    with pytest.raises(CalibrationError, match="not visible to both cameras right now"):
         collector.capture(0.0)
     collector.look(*rig.see(FACING, MIDDLE), 0.0)
     assert collector.capture(0.1).name == "1"
     assert collector.capture(0.2).name == "2"
-    with pytest.raises(CalibrationError, match="show it to both cameras"):
+    with pytest.raises(CalibrationError, match="show it to both"):
         collector.capture(3.0)
     left, _ = rig.see(FACING, MIDDLE)
     collector.look(left, None, 4.0)
@@ -155,7 +155,7 @@ def test_what_was_taken_back_is_not_taken_again_before_it_moved() -> None:
     assert taken.name == "1"
     looks = hold(collector, rig, MIDDLE, 0.6)
     assert not any(look.view for look in looks)
-    assert looks[-1].words == "Taken back: move it before the next view"
+    assert looks[-1].words == "View removed: move the board before the next one"
     assert max(looks[-1].coverage.bars.values()) == 0
     there = hold(collector, rig, np.add(MIDDLE, (0.12, 0.1, 0.1)), 2.0)
     assert any(look.view for look in there)
@@ -183,7 +183,7 @@ def test_after_a_crash_it_goes_on_with_the_views_it_had() -> None:
     assert again.coverage.bars == pytest.approx(collector.coverage.bars, abs=0.05)
     looks = hold(again, rig, MIDDLE, 0.0)
     assert not any(look.view for look in looks)
-    assert looks[-1].words.startswith("Seen already")
+    assert looks[-1].words.startswith("Already captured")
 
 
 def test_a_pose_that_cannot_be_reached_is_given_up() -> None:

@@ -100,5 +100,5 @@ def test_full_bars_need_some_views_and_many_views_no_full_bars() -> None:
 def test_nothing_seen_is_nothing_covered() -> None:
     none = coverage([])
     assert set(none.bars.values()) == {0.0}
-    assert "a view of the board tilted" in none.missing
+    assert "a view with the board tilted" in none.missing
     assert "the upper left corner of the image" in none.missing

@@ -23,15 +23,15 @@ def wanted(centre: tuple[float, float], depth: float, normal: tuple[float, ...])
 @pytest.mark.parametrize(
     ("centre", "depth", "normal", "words"),
     [
-        ((100, 80), 1.2, (0, 0, 1), "Move it to the upper left of the picture and closer"),
-        ((319.5, 400), 2.0, (0, 0, 1), "Move it to the bottom of the picture"),
+        ((100, 80), 1.2, (0, 0, 1), "Move it to the upper left of the image and closer"),
+        ((319.5, 400), 2.0, (0, 0, 1), "Move it to the bottom of the image"),
         ((319.5, 239.5), 3.0, (0, 0, 1), "Move it further away"),
         ((319.5, 239.5), 2.0, (-1, 0, 1), "Tilt its right side away from the cameras"),
         (
             (500, 239.5),
             2.0,
             (1, -1, 1.4),
-            "Move it to the right of the picture; tilt its lower left corner away from the cameras",
+            "Move it to the right of the image; tilt its lower left corner away from the cameras",
         ),
         ((330, 245), 2.1, (0.1, 0, 1), "Hold it there"),
     ],
@@ -45,7 +45,7 @@ def test_words_tell_what_differs(
 def test_words_for_a_board_not_seen_tell_all() -> None:
     target = wanted((319.5, 60), 2.0, (0, 1, 1))
     assert GUIDE.words(target, None) == (
-        "Hold it in the top of the picture, tilt its top side away from the cameras"
+        "Hold the board in the top of the image, tilt its top side away from the cameras"
     )
     tilted = SeenPose(np.array([319.5, 239.5]), 2.0, np.array([0.0, 0.6, 0.8]))
     assert GUIDE.words(wanted((319.5, 239.5), 2.0, (0, 0, 1)), tilted) == (

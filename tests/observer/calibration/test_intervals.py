@@ -205,7 +205,7 @@ def test_the_verdict_says_what_pictures_to_add(barely: StereoFit) -> None:
     )
     assert f"that of the {side} camera may be anywhere from {focal - width:.0f} to " in warning
     assert f"{focal + width:.0f} px (95 % interval)" in warning
-    assert "tilted by 30 to 45 degrees to each side and up and down, at several dist" in warning
+    assert "tilted by 30 to 45 degrees to each side, up and down, at several dist" in warning
     report = fit_report(barely, verdict)
     assert report["interval_95"]["focal_left_px"] == half.focal_left_px
     assert warning in report["verdict"]["warnings"]

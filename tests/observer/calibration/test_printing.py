@@ -124,8 +124,8 @@ def test_the_sheet_says_what_to_measure_and_what_it_is(
 ) -> None:
     words = read(Board("charuco", 9, 6, 0.02), "A4").words
     assert (
-        "This bar must measure 100 mm. If it does not, print at 100 % "
-        "(no fitting to the page), or enter what you measure."
+        "This bar must measure 100 mm. If it does not, print at 100 % (no scaling to fit the "
+        "page), or enter the length you measure."
     ) in words
     assert "ChArUco board 9x6, 20 mm" in words
     assert "flat" in words
@@ -144,7 +144,7 @@ def test_a_pdf_s_table_points_at_its_objects() -> None:
 
 
 def test_a_board_too_large_is_refused_with_the_largest_that_fits() -> None:
-    with pytest.raises(CalibrationError, match=r"does not fit on A4.* up to 21 mm do"):
+    with pytest.raises(CalibrationError, match=r"does not fit on A4.* up to 21 mm fit"):
         board_svg(Board(), "A4")
     assert board_pdf(Board(square_m=0.021), "A4")
     with pytest.raises(CalibrationError, match="does not fit"):

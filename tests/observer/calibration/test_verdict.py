@@ -51,7 +51,7 @@ def test_depth_error_is_noise_and_lasting_error(fit: StereoFit) -> None:
     # Z^2 sigma_d / (f B): noise grows with the square.
     assert three.noise_m == pytest.approx(9 * one.noise_m)
     assert five.noise_m == pytest.approx(25 * one.noise_m)
-    assert "At 3 m depth is right to" in verdict.sentence
+    assert "At 3 m, depth is accurate to" in verdict.sentence
     assert verdict.warnings == ()
 
 
@@ -126,13 +126,15 @@ def test_a_wider_baseline_and_a_larger_thing_tell_slower_approach() -> None:
 def test_poor_rigs_are_told_so_with_what_to_do(fit: StereoFit) -> None:
     narrow = StereoCalibration.rectified(640, 480, 500.0, 500.0, 319.5, 239.5, 0.005)
     verdict = judge(replace(fit, calibration=narrow), 30.0)
-    assert any("5 mm apart" in w and "would make it 2 %" in w for w in verdict.warnings)
+    assert any(
+        "5 mm is too short" in w and "would reduce it to ± 4 %" in w for w in verdict.warnings
+    )
     poor = replace(fit, rms_stereo=1.2, coverage=(0.9, 0.3), pairs=6, held_out=None)
     words = " ".join(judge(poor, 30.0).warnings)
-    for part in ("1.2 px only", "30 % of the right image", "with 6 pairs"):
+    for part in ("1.2 px is high", "30 % of the right image", "6 pairs are too few"):
         assert part in words
     sure = replace(fit, held_out=replace(fit.held_out, p95_px=1.5))
-    assert "rows disagree by up to 1.5 px" in " ".join(judge(sure, 30.0).warnings)
+    assert "reaches 1.5 px" in " ".join(judge(sure, 30.0).warnings)
 
 
 def test_what_is_too_near_to_be_matched_is_told(fit: StereoFit) -> None:
@@ -231,7 +233,7 @@ def test_a_turned_camera_explains_a_tape_check_as_well() -> None:
     assert "0.10 degrees" in check.sentence
 
 
-def test_a_tape_check_agrees_within_two_deviations() -> None:
+def test_a_tape_check_agrees_within_its_interval() -> None:
     sure = tape_check(RECTIFIED, 3.04, 3.0)
     unsure = tape_check(RECTIFIED, 3.04, 3.0, bias=DepthBias(((0.02**2, 0, 0, 0),)))
     assert unsure.expected_m > sure.expected_m > 0.02
@@ -242,5 +244,5 @@ def test_a_tape_check_agrees_within_two_deviations() -> None:
 
 @pytest.mark.parametrize(("rig", "tape"), [(math.nan, 3.0), (3.0, 0.0), (3.0, 1e4), (-1.0, 3.0)])
 def test_a_tape_check_wants_distances(rig: float, tape: float) -> None:
-    with pytest.raises(InputError, match="distances of"):
+    with pytest.raises(InputError, match="distances from"):
         tape_check(RECTIFIED, rig, tape)

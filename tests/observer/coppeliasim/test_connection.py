@@ -193,7 +193,7 @@ def test_a_server_that_hangs_ends_the_conversation_and_a_new_one_begins(bare: An
         with _told_soon("did not answer sim.getSimulationTime within 1 s"):
             connection.call("getSimulationTime")
         assert connection.closed
-        with _told_soon("is closed; open it again"):
+        with _told_soon("is closed; reopen it"):
             connection.call("getSimulationTime")
     finally:
         os.kill(bare.process.pid, signal.SIGCONT)

@@ -233,7 +233,7 @@ def test_whatever_ends_a_conversation_leaves_its_wheels_at_rest(
 
 
 def test_what_is_not_there_is_told_and_waited_for(bare: Any, free_port: int) -> None:
-    with pytest.raises(InputError, match="are driven as p3dx-sh, not as amigo"):
+    with pytest.raises(InputError, match="are driven as model p3dx-sh, not amigo"):
         open_coppelia_robot("coppeliasim:127.0.0.1:1/PioneerP3DX", "amigo")
     nobody = open_coppelia_robot(f"coppeliasim:127.0.0.1:{free_port}/PioneerP3DX")
     assert _eventually(lambda: nobody.report().phase is RobotPhase.WAITING)
@@ -244,9 +244,8 @@ def test_what_is_not_there_is_told_and_waited_for(bare: Any, free_port: int) -> 
     robot = open_coppelia_robot(f"{bare.spec}/PioneerP3DX")
     try:
         assert _eventually(lambda: robot.report().trouble is not None)
-        assert (
-            "has no P3-DX /PioneerP3DX with leftMotor and rightMotor; there are: none at all"
-            in (robot.report().trouble)
+        assert "has no P3-DX /PioneerP3DX with leftMotor and rightMotor; there are: none" in (
+            robot.report().trouble
         )
         with bare.connected() as other:
             other.call("loadModel", "models/robots/mobile/pioneer p3dx.ttm")

@@ -84,7 +84,9 @@ def test_built_twice_it_is_one_scene_in_which_the_crossing_robot_is_found(
 def test_a_running_simulation_and_a_missing_model_are_told(bare: Any) -> None:
     with bare.connected() as other:
         other.call("startSimulation")
-        with pytest.raises(CoppeliaSimError, match=r"runs, and what is built .* stop it first"):
+        with pytest.raises(
+            CoppeliaSimError, match=r"is running, and anything built .* stop it first"
+        ):
             build_scene(bare.address)
         with pytest.raises(CoppeliaSimError, match=r"File 'nothing.ttm' could not be opened"):
             other.call("loadModel", "nothing.ttm")

@@ -242,7 +242,7 @@ def test_somebody_stops_pauses_or_holds_the_simulation(shared: Any) -> None:
                 opened.source.read()
                 other.call(what)
                 time.sleep(0.05)
-                with _told_soon("does not go on from .* as if it had been stopped or paused"):
+                with _told_soon("does not advance beyond .* as if it had been stopped or paused"):
                     opened.source.read()
         other.call("stopSimulation")
 
@@ -302,13 +302,15 @@ def test_sensors_are_found_by_where_they_are_and_told_when_they_do_not_fit(bare:
             assert opened.source.calibration.T[0] == pytest.approx(-0.12)
             opened.source.read()
             other.call("setObjectInt32Param", right, width, 640)
-            with _told_soon(r"gives 491520 bytes \(told size \[640, 256\]\), not 512x256 pixels"):
+            with _told_soon(
+                r"returned 491520 bytes \(reported size \[640, 256\]\), not a 512x256 colour"
+            ):
                 opened.source.read()
         _wait_until_stopped(other)
         # Swapped.
         for handle, name in zip((right, left), _CAMERAS, strict=True):
             other.call("setObjectAlias", handle, name)
-        with _told_soon("are no stereo camera: T places the right camera 0.12 m to the left"):
+        with _told_soon("are not a stereo camera: T places the right camera 0.12 m to the left"):
             open_source(bare.spec)
         other.call("setObjectInt32Param", right, width, 640)
         with _told_soon(r"differ: \S+ 640x256 at 60 degrees and \S+ 512x256 at 60 degrees; give"):

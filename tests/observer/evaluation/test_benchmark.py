@@ -132,7 +132,7 @@ def test_an_error_in_a_process_is_the_same_error(tmp_path: Path) -> None:
     scenario.write_text("based_on: lab\nduration_s: 0.2\n")
     export_stereo_folder(str(scenario), 0, folder)
     (folder / "calibration.yaml").unlink()
-    with pytest.raises(InputError, match="brings no calibration"):
+    with pytest.raises(InputError, match="has no calibration"):
         run_benchmark([str(folder)] * 2, PRESETS, max_frames=3, jobs=2)
 
 

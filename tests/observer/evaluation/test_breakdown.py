@@ -173,7 +173,7 @@ def test_delay_by_the_direction_in_which_it_began(scene: Breakdown) -> None:
         "lateral": (3, 1, pytest.approx(0.9)),
         "diagonal": (1, 0, 0.0),
         "radial": (1, 0, 0.0),
-        "radial, begun within 3 m": (1, 0, 0.0),
+        "radial, started within 3 m": (1, 0, 0.0),
     }
 
 
@@ -181,8 +181,8 @@ def test_what_began_farther_away_is_not_near() -> None:
     far = Tally(episodes=[Episode(1, 0.0, 2.0, range_m=3.2, radial=1.0, first_seen=1.0)])
     near = {d.label: d for d in break_down([far]).delays}
     assert near["radial"].median_s == 1.0
-    assert near["radial, begun within 3 m"].episodes == 0
-    assert near["radial, begun within 3 m"].median_s is None
+    assert near["radial, started within 3 m"].episodes == 0
+    assert near["radial, started within 3 m"].median_s is None
 
 
 def test_what_is_scored_for_detection_gives_no_errors_but_counts_otherwise() -> None:

@@ -427,10 +427,10 @@ def test_a_file_is_read_with_all_that_its_lines_hold(tmp_path: Path) -> None:
     ("text", "sentence"),
     [
         ("", "tracks.jsonl holds no lines"),
-        ("{}\n", "line 1, frame: Field required"),
+        ("{}\n", "line 1, frame is missing"),
         ("nonsense\n", "tracks.jsonl line 1 is not valid JSON"),
         ("[1]\n", "line 1, the line"),
-        ('{"frame": 0}\n', "line 1, time: Field required"),
+        ('{"frame": 0}\n', "line 1, time is missing"),
         ("[" * 100_000, "not valid JSON"),
     ],
 )

@@ -143,7 +143,7 @@ def test_no_misses_no_share() -> None:
         ({"causes": {"dark": -1}}, "line 1, unseen.causes.dark"),
         ({"cell_px": 0}, "line 1, unseen.cell_px"),
         ({"rows": []}, "line 1, unseen.rows"),
-        ({"rows": ["..", "."]}, "line 1, unseen.rows: Value error, all rows must be equally long"),
+        ({"rows": ["..", "."]}, "line 1, unseen.rows: all rows must have the same length"),
         ({"rows": [""]}, "line 1, unseen.rows.0"),
     ],
 )

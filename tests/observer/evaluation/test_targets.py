@@ -99,8 +99,8 @@ def test_delays_of_what_began_in_range() -> None:
     found = by_figure((Tally(frames=10, episodes=episodes), "ideal"))
     assert found["delay s, lateral, median"].measured == 0.4
     assert found["delay s, lateral, median"].count == 1
-    assert found["delay s, radial begun within 3 m, median"].measured == 0.6
-    assert found["delay s, radial begun within 3 m, median"].reached
+    assert found["delay s, radial started within 3 m, median"].measured == 0.6
+    assert found["delay s, radial started within 3 m, median"].reached
 
 
 def test_never_reported_is_not_reached_and_nothing_there_is_neither() -> None:
@@ -108,11 +108,11 @@ def test_never_reported_is_not_reached_and_nothing_there_is_neither() -> None:
     found = by_figure((Tally(frames=10, episodes=[never]), "ideal"))
     lateral = found["delay s, lateral, median"]
     assert (lateral.measured, lateral.reached) == (None, False)
-    radial = found["delay s, radial begun within 3 m, median"]
+    radial = found["delay s, radial started within 3 m, median"]
     assert (radial.measured, radial.reached) == (None, None)
     text = targets_table({"default": list(found.values())})
     assert "| delay s, lateral, median | <= 0.5 | never | **no** |" in text
-    assert "| delay s, radial begun within 3 m, median | <= 0.7 | - | - |" in text
+    assert "| delay s, radial started within 3 m, median | <= 0.7 | - | - |" in text
 
 
 def test_identity_switches_in_range() -> None:
@@ -178,7 +178,7 @@ def test_people_have_figures_of_their_own() -> None:
         PEOPLE + "recall": (20 / 21, 21, True),
         PEOPLE + "velocity RMSE, m/s": (0.08, 20, True),
         PEOPLE + "box IoU, median": (0.7, 20, True),
-        PEOPLE + "misses not told": (0, 21, True),
+        PEOPLE + "unflagged misses": (0, 21, True),
         "surplus boxes per 100 frames, scenarios with people": (1.0, 200, False),
         "false per 100 frames, scenarios with people": (0.0, 200, True),
     }
@@ -187,7 +187,7 @@ def test_people_have_figures_of_their_own() -> None:
         assert target.measured == pytest.approx(value), figure
         assert (target.count, target.reached) == (count, reached), figure
     missed = Tally(frames=1, samples=[person(matched=False)], moved=True, people=True)
-    assert by_figure((missed, "ideal"))[PEOPLE + "misses not told"].reached is False
+    assert by_figure((missed, "ideal"))[PEOPLE + "unflagged misses"].reached is False
     blind = Tally(frames=1, samples=[person()], people=True, scored_for="detection")
     only = by_figure((blind, "faulty"))
     assert only[PEOPLE + "velocity RMSE, m/s"].count == 0

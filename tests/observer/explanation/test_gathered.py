@@ -76,7 +76,7 @@ def test_what_stands_out_is_dynamic_with_its_figures() -> None:
         "matches": 50,
     }
     loose = ask(evidence(9.0, obstacle_id=np.array([-1])))
-    assert "no obstacle yet" in loose.sentence
+    assert "not yet part of an obstacle" in loose.sentence
 
 
 def test_the_majority_of_the_nearest_speaks() -> None:
@@ -141,7 +141,7 @@ def test_it_is_too_far_where_a_slow_walk_would_not_stand_out() -> None:
 
     far = at(30.0)
     assert far.verdict is PixelVerdict.TOO_FAR
-    assert "30.0 m away" in far.sentence
+    assert "at 30.0 m" in far.sentence
     assert f"faster than {0.3 * 1.5**2 * THRESHOLD:.1f} m/s" in far.sentence
     near = float(re.search(r"From about ([\d.]+) m on", far.would_change).group(1))
     assert at(near - 0.1).verdict is PixelVerdict.STATIC
@@ -159,7 +159,7 @@ def test_it_is_too_far_where_a_slow_walk_would_not_stand_out() -> None:
 
 def test_what_belongs_to_an_obstacle_counts_for_as_long_as_that_is_followed() -> None:
     seen = ask(evidence([6.0] * 5 + [1.0]))
-    assert "as long as it is followed" in seen.would_change
+    assert "as long as it is tracked" in seen.would_change
     assert "obstacles.min_points at 6 or above (now 3)" in seen.would_change
     many = ask(evidence([6.0] * 60))
     assert "No value of obstacles.min_points" in many.would_change
@@ -172,8 +172,8 @@ def test_what_belongs_to_an_obstacle_counts_for_as_long_as_that_is_followed() ->
 def test_an_obstacle_that_is_not_confirmed_yet_has_no_number_to_tell() -> None:
     made = evidence(9.0, dynamic=np.array([True]), obstacle_id=np.array([-2]))
     answer = ask(made)
-    assert "an obstacle not confirmed yet" in answer.sentence
-    assert "an obstacle not confirmed yet would not be seen" in answer.would_change
+    assert "an unconfirmed obstacle" in answer.sentence
+    assert "an unconfirmed obstacle would not be seen" in answer.would_change
     assert "-2" not in answer.sentence + answer.would_change
 
 
@@ -262,7 +262,7 @@ def test_what_lies_on_an_outline_is_its_obstacles() -> None:
     answer = ask(evidence([1.0] * 4, **changed))
     assert answer.verdict is PixelVerdict.DYNAMIC
     assert "part of obstacle 3" in answer.sentence
-    assert "stands apart in depth" in answer.would_change
+    assert "is separate in depth" in answer.would_change
 
 
 def test_where_motion_could_not_be_noticed_the_cause_is_told_first() -> None:
@@ -274,7 +274,9 @@ def test_where_motion_could_not_be_noticed_the_cause_is_told_first() -> None:
         trace = {"ego_motion": EGO, "evidence": evidence(9.0), "unseen": unseen}
         return explain_pixel(trace, CAMERA, PARAMETERS, px).sentence
 
-    assert ask_with((300.0, 70.0)).startswith("Motion could not be noticed here: too plain. No ")
+    assert ask_with((300.0, 70.0)).startswith(
+        "Motion could not be detected here: too little texture. No "
+    )
     assert ask_with((250.0, 70.0)).startswith("No feature")
     assert ask_with((300.0, 81.0)).startswith("No feature")
     assert ask_with(HERE).startswith("It moves")

@@ -64,7 +64,7 @@ def test_a_motion_lost_otherwise_says_why() -> None:
     parameters = Parameters().changed({"ego_motion.model": "affine"})
     scattered = explain_pixel(_lost(60, parameters, follow=False), CAMERA, parameters, (5.0, 5.0))
     assert scattered.verdict is PixelVerdict.EGO_MOTION_LOST
-    assert "follow one motion" in scattered.sentence
+    assert "agree on one motion" in scattered.sentence
     assert "ego_motion.ransac_threshold_px" in scattered.would_change
     nothing = explain_pixel(_lost(2, parameters, follow=True), CAMERA, parameters, (5.0, 5.0))
     assert "No setting can help" in nothing.would_change

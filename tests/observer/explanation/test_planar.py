@@ -190,7 +190,7 @@ def test_beyond_the_farthest_depth_is_too_far() -> None:
         name, value = promised(answer)
         assert name == "stereo__max_depth_m"
         assert scene.ask(px, **{name: value}).verdict is not PixelVerdict.TOO_FAR
-    assert "No setting reaches so far" in Scene(depth=250.0).ask(STOOD).would_change
+    assert "No setting reaches that far" in Scene(depth=250.0).ask(STOOD).would_change
 
 
 def test_a_motion_without_depth_is_undecided_and_standing_needs_none() -> None:
@@ -219,7 +219,7 @@ def test_where_nothing_is_there_are_too_few_features() -> None:
     assert answer.numbers["features_near"] == 0
     # The nearest moving one ends at u = 200.
     assert answer.numbers["nearest_feature_px"] == pytest.approx(np.hypot(140, 114), abs=0.1)
-    assert "only texture or light" in answer.would_change
+    assert "only more texture or light" in answer.would_change
 
 
 # --- on images, by the whole method --------------------------------------------------------
@@ -276,7 +276,7 @@ def test_what_is_said_to_give_a_feature_gives_one() -> None:
     changes[name] = value
     found = _observed(**changes)
     assert found.verdict is PixelVerdict.TOO_FEW_FEATURES
-    assert "1 feature within 10 px of here could not be followed" in found.sentence
+    assert "1 feature within 10 px of here could not be tracked" in found.sentence
     name, value = promised(found)
     assert name == "flow__min_texture"
     assert _observed(**changes, **{name: value + 0.02}).verdict is found.verdict

@@ -200,9 +200,12 @@ def test_nothing_is_replaced_unasked_nor_by_half(tmp_path: Path) -> None:
     (tmp_path / "mine").mkdir()
     (tmp_path / "mine" / "thesis").touch()
     with (
-        pytest.raises(ExportError, match="no bag"),
+        pytest.raises(ExportError, match="not a bag"),
         whole_output(tmp_path / "mine", overwrite=True),
     ):
         pass
-    with pytest.raises(ExportError, match="exists"), whole_output(tmp_path / "no" / "f.csv"):
+    with (
+        pytest.raises(ExportError, match="existing, writable folder"),
+        whole_output(tmp_path / "no" / "f.csv"),
+    ):
         pass

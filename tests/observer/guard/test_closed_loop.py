@@ -97,7 +97,7 @@ def test_one_who_comes_from_the_side_finds_the_robot_standing() -> None:
     print(f"{moving} of {len(touched)} touched the moving robot, at {max(touched):.2f} m/s most")  # noqa: T201
     # Without sonar's watch it is every second one, at up to its full speed.
     assert moving <= 0.1 * len(touched)
-    assert any("come nearer" in reason for reason in reasons)
+    assert any("approaching" in reason for reason in reasons)
 
 
 @pytest.mark.parametrize("speed", [0.15, 0.4])
@@ -106,7 +106,7 @@ def test_boxes_and_a_door_frame_beside_the_way_do_not_come_nearer(speed: float) 
     frame = [Outline.of_box(0.4, s * 1.55, 0.0, 0.12, 2.0) for s in (1, -1)]
     lab = drive(Lab((*boxes, *frame), x=-2.5), steady(speed), 7.0)
     assert lab.touched_mps == []
-    assert not any("come nearer" in reason for reason in lab.reasons)
+    assert not any("approaching" in reason for reason in lab.reasons)
     assert share(lab, "stop") == 0
 
 

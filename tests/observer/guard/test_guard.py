@@ -78,7 +78,7 @@ class Loop:
 def test_a_sight_is_troubled_in_one_sentence() -> None:
     now = 50.0
     cases = {
-        "no source": None,
+        "no camera source": None,
         "recording": sight(now, world=None),
         "another world": sight(now, world="simulated:lab:1"),
         "for 200 ms": sight(now - 0.21),
@@ -153,7 +153,7 @@ def test_a_surface_ahead_slows_and_stops_whatever_sonar_says() -> None:
     assert [verdict.level for verdict in limits][1:4] == ["slow"] * 3
     assert limits[-1].level == "stop"
     assert limits[-1].limit_mps == 0.0
-    assert "stands ahead" in (limits[2].reason or "")
+    assert "obstruction ahead" in (limits[2].reason or "")
     # Backing out and turning away stay possible.
     assert Loop().ask((-0.2, 0.0), scan(0.35)).level == "clear"
     assert Loop().ask((0.0, 0.5), scan(0.35)).level == "clear"
@@ -214,7 +214,7 @@ def test_a_tracked_obstacle_slows_and_is_named() -> None:
     # It is seen, so what is left before it can be told.
     assert not verdict.comes
     assert verdict.level == "slow"
-    assert verdict.reason == "obstacle 3 would be met soon"
+    assert verdict.reason == "the time to contact with obstacle 3 is short"
     passed = replace(coming, y=1.2, vx=0.0, vy=0.4)
     assert Loop().ask((0.3, 0.0), obstacles=(passed,)).level == "clear"
 

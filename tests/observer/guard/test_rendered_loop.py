@@ -124,5 +124,5 @@ def test_one_who_crosses_in_view_is_seen_and_not_run_into(seed: int) -> None:
     assert fastest < 0.05
     assert lab.way > 0.1
     # Reasons that only images give: what moves, and surfaces.
-    by_sight = ("obstacle", "something that", "what stands")
+    by_sight = ("obstacle", "an object that", "an obstruction")
     assert any(why.startswith(by_sight) for why in lab.reasons)

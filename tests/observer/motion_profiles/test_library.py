@@ -107,7 +107,7 @@ def test_a_name_is_never_taken_for_a_path(tmp_path: Path) -> None:
     file.write_text("steps: {observer: [{seconds: 1, speed_mps: 0.1}]}")
     paths = (str(file), "../library/figure17_a", "figure17_a.yaml", "", "x/../figure17_a")
     for name in paths:
-        with pytest.raises(InputError, match="there are figure17_a, figure17_b"):
+        with pytest.raises(InputError, match="available are figure17_a, figure17_b"):
             load_profile(name)
     assert read_profile(file).name == "mine"
 

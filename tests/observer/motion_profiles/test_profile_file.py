@@ -128,32 +128,32 @@ def test_no_text_does_more_than_be_refused(text: str) -> None:
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        (with_step("{seconds: 1, speed: 0.3}"), "obstacle step 2: 'speed' is no key of a step; "
+        (with_step("{seconds: 1, speed: 0.3}"), "obstacle step 2: 'speed' is not a key of a step; "
          "did you mean speed_mps?"),
         (with_step("{seconds: 1, turn_rate: 3}"), "did you mean turn_rate_deg?"),
-        (MINIMAL + "gestur: true", "'gestur' is no key of a programme; did you mean gesture?"),
-        (MINIMAL + "zzz: 1", "there are name, title, help, gesture, steps"),
+        (MINIMAL + "gestur: true", "'gestur' is not a key of a programme; did you mean gesture?"),
+        (MINIMAL + "zzz: 1", "the keys are name, title, help, gesture, steps"),
         ("name: a\nsteps: {obstacles: []}", "did you mean obstacle?"),
-        (with_step("{seconds: 1, speed_mps: 2.3}"), r"within \+-2.2 m/s, not 2.3"),
-        (with_step("{seconds: 1, speed_mps: -2.3}"), r"within \+-2.2 m/s"),
-        (with_step("{seconds: 1, turn_rate_deg: 501}"), r"\+-500 degrees per second, not 501"),
-        (with_step("{seconds: 0}"), "above 0 seconds"),
-        (with_step("{seconds: -1}"), "above 0 seconds"),
+        (with_step("{seconds: 1, speed_mps: 2.3}"), r"within ±2.2 m/s, not 2.3"),
+        (with_step("{seconds: 1, speed_mps: -2.3}"), r"within ±2.2 m/s"),
+        (with_step("{seconds: 1, turn_rate_deg: 501}"), r"±500 degrees per second, not 501"),
+        (with_step("{seconds: 0}"), "greater than 0 seconds"),
+        (with_step("{seconds: -1}"), "greater than 0 seconds"),
         (with_step("{seconds: 3601}"), "at most 3600 seconds"),
-        (with_step("{seconds: 3600}"), "1000 steps of 3600 seconds together"),
+        (with_step("{seconds: 3600}"), "1000 steps lasting 3600 seconds in total"),
         (with_step("{seconds: .nan}"), "seconds must be a plain number, not '.nan'"),
         (with_step("{seconds: 1e999}"), "finite"),
         (with_step("{seconds: true}"), "must be a plain number"),
         (with_step("{seconds: [1]}"), "must be a plain number"),
         (with_step("{seconds: 1, ramp: 1}"), "ramp must be true or false, not '1'"),
         (with_step("{speed_mps: 0.2}"), "obstacle step 2 has no seconds"),
-        (with_step("{seconds: 1, seconds: 2}"), "given twice"),
+        (with_step("{seconds: 1, seconds: 2}"), "appears twice"),
         (with_step("3"), "must be written as"),
         ("name: a\nsteps: {}", "moves no robot"),
         ("name: a\nsteps: [1]", "steps must hold a list of steps for observer or obstacle"),
         ("name: a\nsteps: {observer: {seconds: 1}}", "must be a list of steps"),
-        ("name: ../etc\nsteps: {observer: [{seconds: 1}]}", "cannot be a programme's name"),
-        ('name: "a\\0"\nsteps: {observer: [{seconds: 1}]}', "cannot be a programme's name"),
+        ("name: ../etc\nsteps: {observer: [{seconds: 1}]}", "is not a valid programme name"),
+        ('name: "a\\0"\nsteps: {observer: [{seconds: 1}]}', "is not a valid programme name"),
         ("title: [x]\n" + MINIMAL, "title must be text"),
         ("title: " + 121 * "x" + "\n" + MINIMAL, "title must be one line of at most 120"),
         ("", "must be YAML with name"),
@@ -182,7 +182,7 @@ def test_an_alias_bomb_and_a_large_text_are_refused_before_they_are_built() -> N
     )
     with pytest.raises(InputError, match="alias or anchor"):
         profile_from_text(bomb)
-    with pytest.raises(InputError, match=f"at most {MAX_BYTES} are taken"):
+    with pytest.raises(InputError, match=f"at most {MAX_BYTES} are allowed"):
         profile_from_text(MINIMAL + "#" * MAX_BYTES)
     with pytest.raises(InputError, match="nested too deeply"):
         profile_from_text("steps: " + 5000 * "[" + 5000 * "]")
@@ -193,5 +193,5 @@ def test_steps_made_by_code_have_the_same_bounds() -> None:
     for values in ((1, math.inf), (1, math.nan), (1, 2.21), (1, 0, 9.0), (0, 0), (math.inf, 0)):
         with pytest.raises(InputError):
             Step(*values)
-    with pytest.raises(InputError, match="'obstacles' is no role"):
+    with pytest.raises(InputError, match="'obstacles' is not a role"):
         MotionProfile("a", "", "", {"obstacles": (Step(1, 0.1),)})  # type: ignore[dict-item]

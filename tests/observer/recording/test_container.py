@@ -119,7 +119,7 @@ def test_a_full_disk_ends_it_with_one_sentence_and_leaves_what_was_written(room:
                 container.write_chunks()
         container.finish()
 
-    with pytest.raises(RecordingError, match="the disk is full; what was written") as told:
+    with pytest.raises(RecordingError, match="the disk is full; everything written") as told:
         write()
     assert told.value.full
     data = file.getvalue()
@@ -309,10 +309,10 @@ def test_what_is_no_recording_is_refused_in_one_sentence(tmp_path: Path) -> None
     with pytest.raises(SourceError, match=r"x\.mcap cannot be read: No such file"):
         Recording(path)
     for content, words in (
-        (b"", "is no MCAP file"),
-        (b"hello, this is text and no recording", "is no MCAP file"),
-        (WHOLE, "is no recording of a run"),
-        (WHOLE[:9], "is no recording of a run"),
+        (b"", "is not an MCAP file"),
+        (b"hello, this is text and no recording", "is not an MCAP file"),
+        (WHOLE, "is not a recording of a run"),
+        (WHOLE[:9], "is not a recording of a run"),
     ):
         path.write_bytes(content)
         with pytest.raises(SourceError, match=words):

@@ -128,7 +128,7 @@ def test_straight_on_tells_pan_and_scale_and_asks_for_a_turn() -> None:
     near(estimate.pan_rad, MOUNT.pan_rad, math.radians(0.2))
     near(estimate.wheel_scale, 1.02, 0.002)
     assert estimate.still_needed == (TURN_ON_THE_SPOT,)
-    assert "still needed: turn by 60 degrees" in estimate.sentence
+    assert "still needed: turn on the spot by 60 degrees" in estimate.sentence
 
 
 def test_a_turn_alone_tells_tilt_and_roll_and_asks_for_a_straight_way() -> None:
@@ -158,8 +158,8 @@ def test_missing_wheels_and_a_lost_camera_are_named() -> None:
     blind = estimate_drive([replace(one, T_world_camera=None) for one in samples])
     assert isinstance(no_wheels, Refused)
     assert isinstance(blind, Refused)
-    assert "wheels report nothing" in no_wheels.sentence
-    assert "camera's own motion is unknown" in blind.sentence
+    assert "reports no wheel odometry" in no_wheels.sentence
+    assert "ego-motion is unknown" in blind.sentence
 
 
 def test_a_yaw_of_the_other_sign_and_millimetres_are_named() -> None:

@@ -121,7 +121,7 @@ def test_the_tops_of_boxes_are_no_floor_when_that_is_hidden() -> None:
 def test_a_view_of_walls_alone_is_refused() -> None:
     mount = CameraMount(0.4, 0.0)
     sentence = refused(estimate_ground([cloud(mount, (), wall_x=0.9)], CAMERA))
-    assert "no level plane is seen below the camera" in sentence
+    assert "no level plane is visible below the camera" in sentence
 
 
 def test_a_ceiling_is_no_floor() -> None:
@@ -170,7 +170,7 @@ def test_views_that_differ_widen_the_uncertainty_and_are_refused_in_the_end() ->
         return estimate_ground([cloud(CameraMount(0.4, tilt)) for tilt in tilts], CAMERA)
 
     assert found(nodding(0.6)).tilt_rad.sigma > 2 * found(nodding(0.0)).tilt_rad.sigma
-    assert "the views differ" in refused(nodding(5))
+    assert "the views disagree" in refused(nodding(5))
 
 
 def test_a_bias_of_the_calibration_is_within_what_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,8 +191,8 @@ def test_equal_views_give_equal_estimates_to_the_last_digit() -> None:
 
 def test_the_sentence_speaks_in_centimetres_and_degrees() -> None:
     estimate = found(estimate_ground([cloud(CameraMount(0.4, math.radians(5)))], CAMERA))
-    assert "40.0 +- " in estimate.sentence
-    assert "looks down by 5.0 +- " in estimate.sentence
+    assert "40.0 ± " in estimate.sentence
+    assert "tilted down by 5.0 ± " in estimate.sentence
 
 
 # --- through the simulated cameras and the stereo stage ----------------------------------------

@@ -145,10 +145,10 @@ def test_it_gives_up_tells_why_and_tries_again_by_itself(
     tries = [number for number, _ in heard.commands[: heard.first]].count(0)
     if nonsense:
         assert tries == 10
-        assert "switch it off and on" in report.trouble
+        assert "power-cycle it" in report.trouble
     else:
         assert tries == 5
-        assert "is it switched on" in report.trouble
+        assert "check that it is switched on" in report.trouble
         # After two in silence.
         assert heard.commands[:7] == [(0, None), (0, None), *STANDSTILL_THEN_CLOSE]
     assert report.fault is None
@@ -234,7 +234,7 @@ def test_a_model_that_is_given_overrides(
     there = EmulatedRobot("p3dx-sh", now=time.monotonic(), subtype="powerbot-sh")
     report = driven("p3dx", there=there).connect()
     assert report.model == "p3dx"
-    assert report.warnings == ("it calls itself 'powerbot-sh' and is driven as p3dx",)
+    assert report.warnings == ("it identifies itself as 'powerbot-sh' but is driven as p3dx",)
 
 
 def test_who_ends_the_connection_is_named(
@@ -242,7 +242,7 @@ def test_who_ends_the_connection_is_named(
 ) -> None:
     peer = scripted(lambda _: None)
     report = until(piloted(peer.port), lambda report: report.phase is RobotPhase.WAITING)
-    assert f"the connection to {peer.port} is lost" in report.trouble
+    assert f"the connection to {peer.port} was lost" in report.trouble
 
 
 def test_a_port_that_cannot_be_opened_is_tried_again(
@@ -270,5 +270,5 @@ def test_a_serial_port_has_one_owner(
     it.connect()
     second = piloted(str(it.serving.port))
     report = until(second, lambda report: report.phase is RobotPhase.WAITING)
-    assert "another program holds it" in report.trouble
+    assert "in use by another program" in report.trouble
     assert it.robot.report().phase is RobotPhase.CONNECTED

@@ -202,7 +202,7 @@ def test_silence_is_warned_of_then_a_fault_then_a_lost_robot(
     assert "no status for 1 s" in failed.fault
     assert 0.85 <= took < 1.5
     lost = it.until(lambda report: report.phase is RobotPhase.WAITING)
-    assert "told nothing" in lost.trouble
+    assert "sent nothing" in lost.trouble
     it.there.faults.silent = False
     back = it.connect()
     assert back.fault is not None

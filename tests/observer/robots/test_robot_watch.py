@@ -100,7 +100,7 @@ def test_enable_is_told_again_only_until_it_was_obeyed() -> None:
     assert told == [(4, command(Command.ENABLE, 1)), (7, command(Command.ENABLE, 1))]
     watch.saw(OFF, 1.6)
     assert watch.tick(1.6)
-    assert "did not go on" in (watch.fault or "")
+    assert "did not switch on" in (watch.fault or "")
 
 
 def test_packets_from_before_the_switching_are_no_fault() -> None:
@@ -122,7 +122,7 @@ def test_motors_that_stay_on_are_told_off_again_and_warned_of() -> None:
     watch.saw(GOOD, 10.8)
     assert watch.due_command(10.8) == command(Command.ENABLE, 0)
     assert watch.due_command(10.9) is None
-    assert watch.warnings(10.8) == ("its motors are on though it is not armed",)
+    assert watch.warnings(10.8) == ("its motors are on although it is not armed",)
 
 
 def test_silence_is_warned_of_and_then_a_fault() -> None:

@@ -114,7 +114,7 @@ def test_the_board_stands_in_the_room_and_not_on_the_camera() -> None:
 
 def test_a_world_without_a_board_says_so() -> None:
     assert world("webcams").board is None
-    with pytest.raises(ScenarioError, match="nobody holds a board"):
+    with pytest.raises(ScenarioError, match="nobody is holding a board"):
         world("webcams").board_pose(0.0)
 
 

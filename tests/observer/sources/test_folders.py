@@ -101,7 +101,7 @@ def test_missing_cut_and_resized_images_are_skipped_with_the_reason(
     assert source.info.frame_count == 5
     assert reasons(source) == {
         1: "000001.png is missing in right",
-        2: "left/000002.png is cut off: the PNG has no end",
+        2: "left/000002.png is truncated: the PNG has no end marker",
         3: "left/000003.png is 32x48 pixels where the sequence has 64x48",
     }
     source.rewind()
@@ -130,7 +130,7 @@ def test_unequal_counts_of_times_are_reported(stereo_folder: Path) -> None:
     }
     times.write_text("".join(f"{k / 10}\n" for k in range(8)))
     source = open_folder(stereo_folder)
-    assert reasons(source) == {5: "times.txt goes on for 3 lines after the last image"}
+    assert reasons(source) == {5: "times.txt has 3 more lines after the last image"}
     source.rewind()
     assert len(frames(source)) == 5
 
@@ -141,7 +141,7 @@ def test_unequal_counts_with_other_names_are_refused(stereo_folder: Path) -> Non
             file.rename(file.with_name(f"img-{file.name}"))
     assert len(frames(open_folder(stereo_folder))) == 5
     (stereo_folder / "times.txt").write_text("0\n0.1\n")
-    with pytest.raises(SourceError, match=r"times\.txt holds 2 times for 5 pairs of images"):
+    with pytest.raises(SourceError, match=r"times\.txt contains 2 times for 5 image pairs"):
         open_folder(stereo_folder)
 
 
@@ -163,7 +163,7 @@ def test_times_that_do_not_rise_cost_their_own_frames(
     assert len(found) == 5 - kept
     # Of two equal times either may go.
     assert set(found) <= skipped | {k - 1 for k in skipped if times[k] == times[k - 1]}
-    assert all("does not lie between those of the frames around it" in r for r in found.values())
+    assert all("is not between those of the neighbouring frames" in r for r in found.values())
     source.rewind()
     rising = [frame.time for frame in frames(source)]
     assert rising == sorted(set(rising))
@@ -180,18 +180,18 @@ def remove(*paths: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "expected"),
     [
-        (lambda p: remove(p / "times.txt"), r"times\.txt is missing; without the time"),
+        (lambda p: remove(p / "times.txt"), r"times\.txt is missing; speeds cannot be measured"),
         (lambda p: remove(p / "right"), r"the folder .*right is missing"),
-        (lambda p: remove(*(p / "left").iterdir()), r"left holds no images"),
+        (lambda p: remove(*(p / "left").iterdir()), r"left contains no images"),
         (lambda p: (p / "times.txt").write_text("0\n0.1\nsoon\n"), r"times\.txt line 3 must be"),
         (lambda p: (p / "times.txt").write_text("0\nnan\n"), r"times\.txt line 2 must be a time"),
         (lambda p: (p / "times.txt").write_bytes(b"\xff\xfe0\n"), r"times\.txt must be a text"),
-        (lambda p: (p / "times.txt").write_text("4\n3\n2\n1\n0\n"), "do not rise from frame to"),
-        (lambda p: (p / "times.txt").write_text("1\n1\n1\n1\n1\n"), "do not rise from frame to"),
+        (lambda p: (p / "times.txt").write_text("4\n3\n2\n1\n0\n"), "do not increase from frame"),
+        (lambda p: (p / "times.txt").write_text("1\n1\n1\n1\n1\n"), "do not increase from frame"),
         (lambda p: [f.rename(f.with_name("x" + f.name)) for f in list((p / "left").iterdir())],
-         "no file name is in both left and right"),
+         "no file name occurs in both left and right"),
         (lambda p: [f.write_text("x") for f in (p / "left").iterdir()],
-         r"no pair of images that can be used: left/000000\.png is damaged or no image"),
+         r"no usable image pair: left/000000\.png is damaged or not an image"),
         (lambda p: remove(*(f for f in (p / "left").iterdir() if f.stem != "000001")),
          r"only one stereo pair .*at least two are needed"),
     ],
@@ -268,13 +268,13 @@ def test_kitti_odometry_without_calibration_still_plays(shared_data: Path, tmp_p
     assert source.calibration is None
     assert reasons(source) == {
         2: "frame 9 is missing in image_0 and image_1",
-        4: "times.txt goes on for 19 lines after the last image",
+        4: "times.txt has 19 more lines after the last image",
     }
     source.rewind()
     times = [float(line) for line in (folder / "times.txt").read_text().split()]
     assert [frame.time for frame in frames(source)] == [times[7], times[8], times[10]]
     shutil.rmtree(folder / "image_1")
-    with pytest.raises(SourceError, match="images of one camera only; KITTI odometry needs"):
+    with pytest.raises(SourceError, match="images of only one camera; KITTI odometry needs"):
         open_folder(folder)
 
 
@@ -321,7 +321,11 @@ def test_kitti_raw_finds_the_days_calibration(raw_drive: Path) -> None:
         ("K_01: ", "X_01: ", "K_01 is missing"),
         ("D_00: -3.728755e-01", "D_00: nan", "D_00 must hold finite numbers only"),
         ("D_00: -3.728755e-01", "D_00: left", "D_00 must hold numbers only"),
-        ("S_00: 1.392000e+03", "S_00: 640", "the images are 1392x512 pixels, which is neither"),
+        (
+            "S_00: 1.392000e+03",
+            "S_00: 640",
+            "the images are 1392x512 pixels, which matches neither",
+        ),
         ("R_01: 9.993513e-01", "R_01: 0.5", "R must be a rotation matrix"),
     ],
 )
@@ -422,7 +426,7 @@ def test_euroc_pairs_by_stamp(euroc: Path) -> None:
     (euroc / "mav0" / "cam0" / "data" / f"{STAMPS[2]}.png").unlink()
     source = open_folder(euroc)
     assert reasons(source) == {
-        1: f"the image of stamp {STAMPS[1]} is missing in cam1",
+        1: f"the image with timestamp {STAMPS[1]} is missing in cam1",
         2: f"data/{STAMPS[2]}.png is missing",
     }
     source.rewind()
@@ -439,10 +443,16 @@ def test_euroc_without_calibration_still_plays(euroc: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "old", "new", "error", "expected"),
     [
-        ("data.csv", f"{STAMPS[2]},", "soon,", SourceError, r"cam1/data\.csv line 4 must be a st"),
+        (
+            "data.csv",
+            f"{STAMPS[2]},",
+            "soon,",
+            SourceError,
+            r"cam1/data\.csv line 4 must be a timest",
+        ),
         ("data.csv", f",{STAMPS[2]}", ",../../x", SourceError, "must name a file in data"),
-        ("data.csv", f"{STAMPS[2]},", f"{STAMPS[1]},", SourceError, "repeats the stamp"),
-        ("data.csv", "14036", "24036", SourceError, "no stamp is in both"),
+        ("data.csv", f"{STAMPS[2]},", f"{STAMPS[1]},", SourceError, "repeats the timestamp"),
+        ("data.csv", "14036", "24036", SourceError, "no timestamp occurs in both"),
         ("sensor.yaml", "radial-tangential", "equidistant", CalibrationError, "_model is equi"),
         ("sensor.yaml", "intrinsics", "x", CalibrationError, r"cam1/sensor\.yaml: intrinsics is m"),
         ("sensor.yaml", "[64, 48]", "[32, 48]", CalibrationError, "resolution is 32x48, but the"),

@@ -150,7 +150,7 @@ def test_unequal_counts_are_reported_frame_by_frame(tmp_path: Path) -> None:
         item = seen[number]
         assert isinstance(item, SkippedFrame)
         assert item.index == number
-        assert item.reason.startswith(f"right.avi ended before frame {number}")
+        assert item.reason.startswith(f"right.avi ends before frame {number}")
 
 
 def test_a_cut_off_video_says_how_much_is_missing(tmp_path: Path) -> None:
@@ -164,7 +164,7 @@ def test_a_cut_off_video_says_how_much_is_missing(tmp_path: Path) -> None:
     path.write_bytes(content[: len(content) // 2])
     seen = played(open_video(str(path)))
     assert isinstance(seen[-1], SkippedFrame)
-    assert "announced 30 frames but ended after" in seen[-1].reason
+    assert "should have 30 frames but ends after" in seen[-1].reason
     assert 5 < len(seen) < 20
 
 
@@ -189,7 +189,7 @@ def test_a_video_whose_frames_are_not_rising_in_time_is_counted_by_its_rate(
         (lambda p: f"{write_video(p / 'left.avi', [image(0, 'left')] * 3)},{p}/absent.mp4",
          r"there is no video file .*absent\.mp4"),
         (lambda _p: "", "video: needs a file"),
-        (lambda p: f"{p}/a.mp4,{p}/b.mp4,{p}/c.mp4", "two files with a comma .* not 3"),
+        (lambda p: f"{p}/a.mp4,{p}/b.mp4,{p}/c.mp4", "two files separated by a comma .* not 3"),
         (str, "there is no video file"),
         (lambda p: str(write_video(p / "one.avi", [image(0, "left")])), "fewer than two frames"),
     ],
@@ -203,7 +203,7 @@ def test_refuses(make: Callable[[Path], str], expected: str, tmp_path: Path) -> 
 def test_refuses_what_is_no_video(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     for name, content in (("note.mp4", b"no video"), ("empty.mp4", b""), ("text.mkv", b"x" * 999)):
         (tmp_path / name).write_bytes(content)
-        with pytest.raises(SourceError, match=rf"{name} is cut off or no video"):
+        with pytest.raises(SourceError, match=rf"{name} is truncated or not a video"):
             open_video(str(tmp_path / name))
     capfd.readouterr()  # FFmpeg's own words
 
@@ -214,7 +214,7 @@ def test_refuses_files_that_do_not_belong_together(tmp_path: Path) -> None:
     fast = write_video(tmp_path / "fast.avi", [image(k, "right") for k in range(5)], rate=25)
     with pytest.raises(SourceError, match=r"left\.avi is 64x48 pixels and small\.avi 32x48"):
         open_video(f"{left},{small}")
-    with pytest.raises(SourceError, match=r"left\.avi has 12\.5 frames a second and fast\.avi 25"):
+    with pytest.raises(SourceError, match=r"left\.avi has 12\.5 fps and fast\.avi 25"):
         open_video(f"{left},{fast}")
 
 

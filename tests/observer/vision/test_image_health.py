@@ -314,8 +314,8 @@ def test_wrong_rows_of_pictures_are_told_with_numbers(
     told = rectification_reason(error)
     assert told is not None
     assert f"median {error.median_px:+.1f} px" in told
-    assert f"turned by {np.degrees(error.roll_rad):+.2f} deg" in told
-    assert "1 px are allowed" in told
+    assert f"rotation {np.degrees(error.roll_rad):+.2f} deg" in told
+    assert "the limit is 1 px" in told
     assert rectification_reason(error, warn_px=4.0) is None
 
 
@@ -344,7 +344,7 @@ def test_other_faults_are_not_taken_for_a_swap_nor_hide_it(
 def test_rows_that_no_point_can_bridge_are_told(pair: Pair, rows: int) -> None:
     left, right = pair
     told = mismatch_reason(left, lowered(right, rows), MAX_DISPARITY_PX) or ""
-    found = re.search(r"about (\d+) px apart", told)
+    found = re.search(r"about (\d+) px:", told)
     assert found is not None, told
     assert int(found[1]) == abs(rows)
 
@@ -353,7 +353,7 @@ def test_rows_that_no_point_can_bridge_are_told(pair: Pair, rows: int) -> None:
     ("fault", "cause"),
     [
         (lambda left, right: (right, left), "swapped"),
-        (lambda left, right: (left, lowered(right, 4)), "4 px apart"),
+        (lambda left, right: (left, lowered(right, 4)), "about 4 px:"),
         (lambda left, right: (left, right), ""),
     ],
     ids=["swapped", "4 rows", "none"],

@@ -47,4 +47,4 @@ def test_at_the_camera_itself_it_is_finite() -> None:
 
 def test_what_is_out_of_sight_says_for_how_long() -> None:
     told = out_of_sight(1.26, "it drove off")
-    assert told == "not seen for 1.3 s, expected where it should be by now; it drove off"
+    assert told == "not seen for 1.3 s, position predicted; it drove off"

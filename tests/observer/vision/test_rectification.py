@@ -165,8 +165,8 @@ def test_refuses_images_of_another_size(calibration: StereoCalibration, side: in
     ("changes", "expected"),
     [
         ({"T": np.array([0.12, 0, 0])}, "swap left and right"),
-        ({"T": np.array([0, -0.12, 0])}, "must stand side by side"),
-        ({"T": np.array([0.01, 0, -0.12])}, "must stand side by side"),
+        ({"T": np.array([0, -0.12, 0])}, "must be side by side"),
+        ({"T": np.array([0.01, 0, -0.12])}, "must be side by side"),
         # Turned round, a right camera to its own left's left is to the left camera's right.
         ({"R": cv2.Rodrigues(np.array([0, 0, np.pi]))[0]}, "swap left and right"),
         ({"D1": np.array([-300.0, 90, 0, 0, 0])}, "cannot be rectified"),

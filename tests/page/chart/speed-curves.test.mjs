@@ -2,13 +2,13 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import {
-  BAND_95,
   firstFrom,
   gapsIn,
   joined,
   speedAt,
   withBand,
 } from "../../../static/app/chart/speed-curves.js";
+import { SIGMAS_95 } from "../../../static/app/elements/glossary.js";
 
 /**
  * @param {number[]} times
@@ -49,8 +49,8 @@ test("a gap stays broken at the times of other curves", () => {
 test("a band has its edges before the curve, and none below zero", () => {
   const rows = joined([curve([0, 1], [1, 0.1], { banded: true, stds: [0.1, 1] })]);
   assert.equal(rows.length, 4);
-  assert.deepEqual(rows[1], [1 + BAND_95 * 0.1, 0.1 + BAND_95]);
-  assert.deepEqual(rows[2], [1 - BAND_95 * 0.1, 0]);
+  assert.deepEqual(rows[1], [1 + SIGMAS_95 * 0.1, 0.1 + SIGMAS_95]);
+  assert.deepEqual(rows[2], [1 - SIGMAS_95 * 0.1, 0]);
   assert.deepEqual(rows[3], [1, 0.1]);
 });
 

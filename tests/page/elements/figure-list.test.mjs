@@ -11,3 +11,10 @@ test("figures stand in the order of importance, with unit, unknown ones in words
     ["odd one", "1.00"],
   ]);
 });
+
+test("a standard deviation is shown as half of the 95 % interval, with its meaning", () => {
+  const [[term, text, help] = []] = figuresOf({ speed_std_mps: 0.1 });
+  assert.equal(term, "Speed, 95 % interval");
+  assert.equal(text, "± 0.20 m/s");
+  assert.match(String(help), /95 of 100 cases/);
+});

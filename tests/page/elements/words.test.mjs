@@ -12,8 +12,8 @@ test("a number that is not known is a dash, never a zero", () => {
     assert.equal(words.fixed(unknown, 2), "–");
 });
 
-test("a speed carries its standard deviation where one is known", () => {
-  assert.equal(words.speedWithBand({ speed: 0.5, speed_std: 0.021 }), "0.50 ± 0.02");
+test("a speed carries half of its 95 % interval where one is known", () => {
+  assert.equal(words.speedWithBand({ speed: 0.5, speed_std: 0.021 }), "0.50 ± 0.04");
   assert.equal(words.speedWithBand({ speed: 0.5, speed_std: null }), "0.50");
 });
 
@@ -51,8 +51,8 @@ test("the first line tells of the nearest that moves, against its truth", () => 
   ]);
   assert.deepEqual(told, {
     text:
-      "Obstacle 1 moves at 0.50 ± 0.02 m/s to the right, 3.0 m ahead" +
-      " — truth 0.48 m/s; one more moves",
+      "Obstacle 1 moves at 0.50 ± 0.04 m/s to the right, 3.0 m ahead" +
+      " — ground truth 0.48 m/s; one more moves",
     id: 1,
     tone: "moving",
   });
@@ -62,8 +62,8 @@ test("the first line says what is missed, unless it is hidden or stands", () => 
   const text = (
     /** @type {Partial<import("../../../static/app/contract").TrueBodyEntry>} */ changes,
   ) => words.firstLine(line(), [body(changes)]).text;
-  assert.equal(text({}), "No motion detected — truth: cart moves at 0.50 m/s.");
-  assert.match(text({ visible: null }), /truth: cart/);
+  assert.equal(text({}), "No motion detected — ground truth: cart moves at 0.50 m/s.");
+  assert.match(text({ visible: null }), /ground truth: cart/);
   assert.equal(text({ visible: 0.1 }), "Nothing moves.");
   assert.equal(text({ speed: 0.01 }), "Nothing moves.");
   assert.equal(text({ role: "observer" }), "Nothing moves.");

@@ -58,12 +58,12 @@ def describe_body(
 def _why(track: BodyTrack, speed: float) -> str:
     moving = track.motion is MotionState.MOVING
     if track.rigid:
-        moves = "move at" if moving else "moved before and stand now:"
+        moves = "move at" if moving else "moved before and are now at rest:"
         subject = f"{track.points} feature points on one rigid body {moves}"
     else:
-        moves = "moves at" if moving else "moved before and stands now:"
+        moves = "moves at" if moving else "moved before and is now at rest:"
         if track.motion is MotionState.IN_PLACE:
-            moves = "moves in place, as waving arms do; its trunk:"
+            moves = "moves in place, like waving arms; its trunk:"
         subject = f"a depth segment with {track.points} feature points on it {moves}"
     what = (
         f"{subject} {speed:.2f} m/s, {track.significance:.1f} σ above zero, "

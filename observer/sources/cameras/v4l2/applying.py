@@ -110,7 +110,7 @@ def _set_all(device: V4l2Device, settings: CameraSettings) -> Iterator[str | Non
         if value is not None:
             yield _tried(f"{what.name} {value}", partial(_adjust, device, what, value))
     if settings.rate is not None:
-        asking = "rate held against automatic exposure"
+        asking = "constant frame rate despite automatic exposure"
         yield _tried(asking, partial(_hold_rate, device, asking))
 
 
@@ -168,15 +168,15 @@ def _switch(
 def _set(device: V4l2Device, control: Control, value: int, asking: str) -> str | None:
     """Set a control and make sure that it took the value."""
     if control.read_only:
-        return f"{asking}: this camera only tells it and does not let it be set"
+        return f"{asking}: this camera reports it but does not let it be set"
     if not control.takes(value):
-        return f"{asking}: this camera takes {control.range_text}"
+        return f"{asking}: this camera accepts {control.range_text}"
     if control.inactive:
-        return f"{asking}: an automatic of this camera governs it and cannot be switched off"
-    if control.grabbed:
         return (
-            f"{asking}: it is locked at present, by another program or by an open stream; close it"
+            f"{asking}: an automatic function of this camera controls it and cannot be switched off"
         )
+    if control.grabbed:
+        return f"{asking}: it is currently locked by another program or an open stream; close it"
     try:
         device.set_value(control.id, value)
     except OSError as error:
@@ -186,18 +186,18 @@ def _set(device: V4l2Device, control: Control, value: int, asking: str) -> str |
     if control.write_only:
         return None
     taken = device.value(control.id)
-    return None if taken == value else f"{asking}: this camera took {taken} in its place"
+    return None if taken == value else f"{asking}: this camera set {taken} instead"
 
 
 def _why_refused(error: OSError, control: Control) -> str:
     if error.errno == errno.ERANGE:
-        return f"this camera takes {control.range_text}"
+        return f"this camera accepts {control.range_text}"
     if error.errno == errno.EBUSY:
-        return "another program holds this camera; close it"
+        return "this camera is in use by another program; close it"
     if error.errno in (errno.EACCES, errno.EPERM):
-        return "this camera does not let it be set at present"
+        return "this camera does not let it be set at the moment"
     if error.errno in (errno.EINVAL, errno.ENOTTY):
-        return f"this camera does not take it, although it says that it takes {control.range_text}"
+        return f"this camera rejects it, although it reports the range {control.range_text}"
     return _no_answer(error)
 
 
@@ -208,7 +208,7 @@ def _no_answer(error: OSError) -> str:
 def _set_power_line(device: V4l2Device, asked: int | Auto, asking: str) -> str | None:
     control = device.control(layout.POWER_LINE_FREQUENCY)
     if control is None:
-        return f"{asking}: this camera has no flicker compensation"
+        return f"{asking}: this camera has no power-line flicker compensation"
     return _set(device, control, _POWER_LINE[asked], asking)
 
 

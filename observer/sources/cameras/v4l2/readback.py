@@ -88,7 +88,7 @@ def _rate_words(now: Readback) -> str | None:
     if now.rate is None:
         return None
     falls = now.automatic_exposure and now.values.get(layout.EXPOSURE_MAY_LOWER_RATE)
-    return f"{rate_text(now.rate)}/s{' (falls in dim light)' if falls else ''}"
+    return f"{rate_text(now.rate)}/s{' (drops in dim light)' if falls else ''}"
 
 
 def _exposure_words(now: Readback) -> str | None:
@@ -102,7 +102,7 @@ def _exposure_words(now: Readback) -> str | None:
         return None if plain is None else _with_remarks(str(plain), [locked])
     remarks = [_exposure_time(value), locked]
     if now.rate is not None and value * layout.EXPOSURE_UNIT_S > 1 / now.rate:
-        remarks.append("longer than a frame, so the rate falls")
+        remarks.append("longer than a frame, so the rate drops")
     return _with_remarks(str(value), remarks)
 
 

@@ -65,7 +65,7 @@ async def test_other_work_is_refused_while_calibrating(
         server.calibrating.activate(None),
         server.change_rig(lambda: replace(server.rig.rig, for_simulated=True)),
     ):
-        with pytest.raises(Conflict, match="a calibration is being made; save it or leave"):
+        with pytest.raises(Conflict, match="a calibration is in progress; save or cancel"):
             await refused
     assert names(server) == ["1"]
     assert peer.calibrating is not None
@@ -74,7 +74,7 @@ async def test_other_work_is_refused_while_calibrating(
 
 async def test_a_run_is_not_ended_by_calibrating(peer: Any, server: Server) -> None:
     await begin(server)
-    with pytest.raises(Conflict, match="is going; stop it before you calibrate"):
+    with pytest.raises(Conflict, match="is in progress; stop it before you calibrate"):
         await server.calibrating.begin(CAMERAS, BOARD)
     assert begun(peer) == []
     assert server.calibrating.session.facts() is None
@@ -119,7 +119,7 @@ async def test_leaving_a_source_that_never_opened(peer: Any, storage: Storage) -
         assert begun(peer)[-1].source == "uncalibrated"
         await server.calibrating.end()
         assert server.source.state.state is EngineState.FAILED
-        assert "brings no calibration" in str(server.source.state.reason)
+        assert "has no calibration" in str(server.source.state.reason)
 
 
 async def test_a_second_begin_replaces_the_first(peer: Any, server: Server) -> None:
@@ -165,7 +165,7 @@ async def test_engines_lost_hours_apart_are_not_three_in_a_row(peer: Any, server
         peer.start_process()
         await until(lambda: peer.calibrating or "in a row" in str(server.source.state.reason))
     assert server.source.state.state is EngineState.FAILED
-    assert f"3 times in a row over {CAMERAS}" in str(server.source.state.reason)
+    assert f"3 times in a row on {CAMERAS}" in str(server.source.state.reason)
     # The views are there still, and so is the way out.
     assert names(server) == ["1", "2", "3"]
     await server.calibrating.end()
@@ -188,12 +188,12 @@ async def test_cameras_that_are_gone_with_the_engine_leave_the_views(
 
 
 async def test_views_are_captured_taken_back_and_removed(peer: Any, server: Server) -> None:
-    with pytest.raises(Conflict, match="begin a calibration first"):
+    with pytest.raises(Conflict, match="start one first"):
         await server.calibrating.change(CAPTURE)
     await server.calibrating.begin(CAMERAS, BOARD)
-    with pytest.raises(Conflict, match="not in both views"):
+    with pytest.raises(Conflict, match="not visible to both cameras"):
         await server.calibrating.change(CAPTURE)
-    with pytest.raises(Conflict, match="no view to take back"):
+    with pytest.raises(Conflict, match="no view to undo"):
         await server.calibrating.change(ChangeCalibration(undo=True))
     peer.board_seen = True
     for _ in range(3):
@@ -231,7 +231,7 @@ async def test_what_is_seen_is_in_the_status(peer: Any, server: Server) -> None:
 async def test_swapping_turns_the_views_round_and_forgets_the_result(
     peer: Any, computing: Computing, server: Server
 ) -> None:
-    with pytest.raises(Conflict, match="begin a calibration first"):
+    with pytest.raises(Conflict, match="start one first"):
         await server.calibrating.swap()
     await server.calibrating.begin("camera:0,2", BOARD)
     both = sighting_of(BOARD)

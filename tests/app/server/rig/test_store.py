@@ -126,7 +126,7 @@ def test_a_change_leaves_what_it_does_not_name(path: Path) -> None:
 def test_a_value_out_of_range_names_its_key(key: str) -> None:
     low, high = LIMITS[key]
     for value in (low - 0.01, high + 0.01):
-        with pytest.raises(FieldError, match=f"^{key} must lie between") as refused:
+        with pytest.raises(FieldError, match=f"^{key} must be between") as refused:
             RigStore(None).changed(
                 {key: RigNumber(value)}, None, for_simulated=False, calibration=None
             )

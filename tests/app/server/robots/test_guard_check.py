@@ -24,7 +24,7 @@ NOW = "2026-11-22T02:09:41.000+00:00"
 STOP = StoppedEvent(
     role="observer",
     kind="guard",
-    sentence="obstacle 7 is too near to stop for later",
+    sentence="obstacle 7 is within the stopping distance",
     incident_time=100.2,
     cause_time=100.0,
     zero_time=100.02,
@@ -35,7 +35,7 @@ STOP = StoppedEvent(
     separation_m=0.42,
 )
 BLIND = replace(STOP, kind="sight", sentence="vision is none", separation_m=None)
-GONE = replace(STOP, kind="lease", sentence="its operator gave the lease back", separation_m=None)
+GONE = replace(STOP, kind="lease", sentence="its operator released control", separation_m=None)
 REPORT = RobotReport(
     RobotPhase.CONNECTED, name="x", model="amigo-sh", watchdog_s=2.0, speed_mps=0.0
 )
@@ -90,9 +90,9 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
     check.stopped(replace(STOP, role="obstacle"), NOW)
     # A robot that was slowed first counts by how fast it was before; one that crept does not.
     check.stopped(replace(STOP, before_mps=0.05), NOW)
-    assert "at 0.05 m/s; it must drive at 0.1" in str(check.steps[0].told)
+    assert "at 0.05 m/s; it must be driving at 0.1" in str(check.steps[0].told)
     check.stopped(replace(STOP, before_mps=None), NOW)
-    assert "does not tell" in str(check.steps[0].told)
+    assert "unknown speed" in str(check.steps[0].told)
     check.stopped(replace(STOP, speed_mps=0.04), NOW)
     assert (states(check)[0], check.steps[0].told) == ("passed", None)
     check.stopped(BLIND, NOW)
@@ -105,8 +105,8 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
     step = check.facts().steps[0]
     assert step.figures == StopMeasured(20.0, 610.0, 0.123, 0.04, 0.42)
     assert step.verdict == (
-        "zero went out 20 ms after the guard's verdict, of the promised 300 ms; it stood after "
-        "610 ms and 0.12 m, with 0.42 m left"
+        "stop command sent 20 ms after the guard's decision (limit 300 ms); the robot stood still "
+        "after 610 ms and 0.12 m, 0.42 m from the obstacle"
     )
     assert (step.operator, step.at) == ("Anna", NOW)
 
@@ -114,10 +114,10 @@ def test_each_step_takes_the_first_stop_of_its_kind_out_of_motion() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"zero_time": 100.301}, "zero went out 301 ms after the guard's verdict, later than"),
-        ({"zero_time": None}, "zero never went out"),
-        ({"stood_time": None}, "was not seen to stand"),
-        ({"separation_m": 0.05}, "0.05 m left: less than the margin of 0.08 m"),
+        ({"zero_time": 100.301}, "stop command sent 301 ms after the guard's decision, later than"),
+        ({"zero_time": None}, "no stop command was sent"),
+        ({"stood_time": None}, "did not report standstill"),
+        ({"separation_m": 0.05}, "0.05 m from the obstacle: less than the margin of 0.08 m"),
     ],
 )
 def test_what_is_not_as_promised_fails(changes: dict[str, Any], words: str) -> None:
@@ -176,7 +176,7 @@ def test_a_record_is_dated_whole_and_never_overwritten(tmp_path: Path) -> None:
     assert record["software"] == {"dynamic-observer": "0.5"}
     assert record["changed_meanwhile"] == ["the guard's parameters"]
     text = records.text(names[0], "md")
-    assert "| Walk in | passed | 0.26 | 20 | 610 | 0.123 | 0.42 | zero went out 20 ms" in text
+    assert "| Walk in | passed | 0.26 | 20 | 610 | 0.123 | 0.42 | stop command sent 20 ms" in text
     records.save(ended("given_up", "2026-12-01T10:00:00+00:00"))
     listed = records.all()
     assert [entry.name for entry in listed] == [
@@ -216,7 +216,7 @@ def test_only_records_are_found_whatever_is_asked_for(tmp_path: Path) -> None:
 def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
     records = CheckRecords(tmp_path)
     today = datetime.fromisoformat(NOW) + timedelta(days=3)
-    assert "not checked yet" in str(advice(records.newest("observer"), circumstances(), today))
+    assert "not been checked yet" in str(advice(records.newest("observer"), circumstances(), today))
     records.save(ended())
     newest = records.newest("observer")
     assert advice(newest, circumstances(), today) is None
@@ -224,7 +224,7 @@ def test_it_is_said_when_to_check_again(tmp_path: Path) -> None:
     rig = Rig(mount=RigMount(height_m=RigValue(0.4)), ports={"observer": "/dev/ttyUSB1"})
     assert advice(newest, circumstances(rig=rig), today) is None
     later = str(advice(newest, circumstances(), today + timedelta(days=30)))
-    assert later == "Check again: the newest check is 33 days old."
+    assert later == "Check again: the latest check is 33 days old."
     for changes, words in (
         ({"rig": Rig()}, "the rig changed"),
         ({"calibration": None}, "the calibration changed"),
@@ -250,7 +250,7 @@ async def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> No
     in_the_way.write_text("")
     checks = checks_at(in_the_way, work)
     checks.start("observer", None, "Anna")
-    with pytest.raises(Conflict, match="going on"):
+    with pytest.raises(Conflict, match="in progress"):
         checks.start("obstacle", None, "Bob")
     for _ in range(3):
         await checks.skip("Anna")
@@ -258,8 +258,8 @@ async def test_a_record_that_cannot_be_written_is_not_lost(tmp_path: Path) -> No
     await work.pop()
     facts = checks.facts()
     assert (facts.record, facts.outcome) == (None, "incomplete")
-    assert "not kept" in facts.trouble
-    with pytest.raises(Conflict, match="not kept yet"):
+    assert "could not be saved" in facts.trouble
+    with pytest.raises(Conflict, match="not saved yet"):
         checks.start("observer", None, "Anna")
     with pytest.raises(FieldError):
         await checks.give_up("Anna")
@@ -283,6 +283,6 @@ async def test_the_servers_end_keeps_what_there_is(tmp_path: Path) -> None:
     (entry,) = checks.records.all()
     assert (entry.outcome, entry.states["walk_in"]) == ("given_up", "passed")
     record = json.loads(checks.records.text(entry.name, "json"))
-    assert record["given_up_by"] == "the end of the server"
+    assert record["given_up_by"] == "the server shutting down"
     started = datetime.fromisoformat(record["started_at"])
     assert abs(datetime.now(UTC) - started) < timedelta(minutes=1)

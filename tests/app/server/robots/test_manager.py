@@ -216,7 +216,7 @@ async def test_a_stop_that_nobody_heard_is_told_the_next_process(
 ) -> None:
     await until(lambda: drive.health.alive)
     drive.lose()
-    with pytest.raises(NotAvailable, match="begins stopped"):
+    with pytest.raises(NotAvailable, match="starts in the stopped state"):
         await server.driving.stop_robots("Anna")
     assert not drive.of(StopRobots)
     drive.start_process()
@@ -270,9 +270,13 @@ async def test_a_driven_roles_command_is_written_once(
 ) -> None:
     async with started(peer, storage, drive=drive):
         event = peer.observe()
-    assert "commanded" in {row.source for row in speed_rows("run", event)}
-    assert "commanded" not in {row.source for row in speed_rows("run", event, ["obstacle"])}
-    assert "commanded" in {row.source for row in speed_rows("run", event, ["observer"])}
+    assert "commanded" in {row.source for row in speed_rows("run", event.line, event.truth)}
+    assert "commanded" not in {
+        row.source for row in speed_rows("run", event.line, event.truth, ["obstacle"])
+    }
+    assert "commanded" in {
+        row.source for row in speed_rows("run", event.line, event.truth, ["observer"])
+    }
 
 
 def test_incidents_have_the_time_of_day_and_the_newest_twenty_stay() -> None:

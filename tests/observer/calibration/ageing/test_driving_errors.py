@@ -44,15 +44,15 @@ def test_a_bias_is_a_vergence_of_its_sign(px: float) -> None:
     assert check.std_rad == pytest.approx(known(px).sigma_px / 500.0)
     # 0.6 px of the 20 px that a thing at 3 m has: what is too small seems too far.
     course, error = ("more", "far") if px > 0 else ("less", "near")
-    assert f"converge {course} than calibrated by 0.07 deg" in check.sentence
-    assert f"depth at 3 m seems about 3 % too {error}" in check.sentence
-    assert "allowed for while this run lasts" in check.sentence
+    assert f"converge {course} than calibrated, by 0.07° ± 0.0" in check.sentence
+    assert f"points at 3 m appear about 3 % too {error}" in check.sentence
+    assert "compensated for the rest of the run" in check.sentence
 
 
 def test_no_bias_that_is_known_well_agrees() -> None:
     check = vergence_by_points(known(0.02), CAMERA)
     assert check.status == "consistent"
-    assert "agrees with near against far points" in check.sentence
+    assert "near and far points confirm the calibrated vergence" in check.sentence
 
 
 def test_what_is_known_stays_until_the_estimate_begins_anew() -> None:
@@ -82,9 +82,9 @@ def test_a_contradiction_is_told() -> None:
     told = joined_vergence(by_wheels("consistent", -0.05, 0.02), points)
     assert (told.status, told.vergence_rad) == ("drifted", points.vergence_rad)
     assert told.sentence.startswith(points.sentence)
-    assert "the wheels contradict this with -0.05 deg (+-0.02)" in told.sentence
+    assert "the wheels contradict this: -0.05° ± 0.04°" in told.sentence
     told = joined_vergence(by_wheels("drifted", -0.05, 0.001), points)
-    assert "near and far points contradict this with +0.07 deg" in told.sentence
+    assert "near and far points contradict this: +0.07°" in told.sentence
 
 
 @pytest.mark.parametrize(("skew_s", "course"), [(0.0162, "after"), (-0.0162, "before")])
@@ -99,7 +99,7 @@ def test_a_sure_skew_is_told_and_news_only_where_it_reads_otherwise(
     assert found is not None
     assert found.exposure_skew_s == pytest.approx(skew_s)
     assert found.sigma_s == pytest.approx(0.0004)
-    assert f"exposes 16.2 +-0.4 ms {course} the left one" in found.sentence
+    assert f"exposes 16.2 ± 0.8 ms {course} the left one" in found.sentence
     assert watch.look(ExposureSkew(information, information * 1.0001 * skew_s)) is found
     assert watch.look(None) is found
     assert watch.look(ExposureSkew(information, information * 1.1 * skew_s)) is not found

@@ -100,7 +100,7 @@ def test_a_drift_is_told_with_its_trend() -> None:
     assert found.trend_px_per_min == pytest.approx(0.06, abs=0.01)
     assert found.warning is not None
     told = re.search(
-        r"are (0\.8) px apart, (0\.\d) px (\d+) minutes ago and growing by (0\.\d+) px a minute",
+        r"is (0\.8) px, (0\.\d) px (\d+) minutes ago and growing by (0\.\d+) px per minute",
         found.warning,
     )
     assert told is not None, found.warning

@@ -113,11 +113,11 @@ def test_a_refusal_asks_for_texture_everywhere() -> None:
         image[:, : int(0.7 * WIDTH)] = 128
     sentence = reason([(left, right)] * 3)
     assert "to tell roll from pitch" in sentence
-    assert "texture to the left and to the right" in sentence
+    assert "texture on the left and on the right" in sentence
 
 
 def test_refuses_more_than_a_drift() -> None:
-    assert "calibrate anew" in reason([pair_seen_by(turned(0.5, 0, 0))])
+    assert "recalibrate" in reason([pair_seen_by(turned(0.5, 0, 0))])
 
 
 def test_leaves_alone_what_is_right() -> None:

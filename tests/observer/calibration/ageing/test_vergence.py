@@ -104,9 +104,9 @@ def test_a_drive_of_two_metres_tells(vergence_deg: float, seed: int) -> None:
     if vergence_deg:
         assert ("converge more" if vergence_deg > 0 else "converge less") in found.sentence
         assert ("too far" if vergence_deg > 0 else "too near") in found.sentence
-        assert "calibrate anew" in found.sentence
+        assert "recalibrate" in found.sentence
     else:
-        assert "agrees with the wheels" in found.sentence
+        assert "the wheels confirm the calibrated vergence" in found.sentence
 
 
 def test_where_all_is_equally_far_the_wheels_scale_is_the_floor() -> None:

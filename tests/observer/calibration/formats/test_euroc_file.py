@@ -45,7 +45,7 @@ def test_the_pose_is_composed_and_tells_left_from_right(order: int) -> None:
     assert made.K2[0, 0] == 459
     assert (made.width, made.height) == (752, 480)
     number = 1 if order == 1 else 2
-    assert f"T_BS tells that sensor.yaml ({number}) is the left camera" in read.notes
+    assert f"according to T_BS, sensor.yaml ({number}) is the left camera" in read.notes
 
 
 def test_fisheye_lenses_are_understood() -> None:
@@ -60,7 +60,7 @@ def test_fisheye_lenses_are_understood() -> None:
         (sensor(T_BODY_RIGHT, 459, size="640, 480"), "resolution is 640x480, but the left"),
         (sensor(T_BODY_RIGHT, 459, "equidistant"), "distortion_model is equidistant, but the left"),
         (sensor(T_BODY_RIGHT, 459, "fov"), "distortion_model must be radial-tangential or equi"),
-        (sensor(T_BODY_LEFT, 459), "T must not be zero.*T follows from T_BS of both cameras"),
+        (sensor(T_BODY_LEFT, 459), "T must not be zero.*T is derived from T_BS of both cameras"),
         (sensor(T_BODY_RIGHT, -459), "intrinsics must be a camera matrix"),
         (RIGHT.replace("T_BS", "T_SB"), "T_BS is missing"),
         (RIGHT.replace("camera_model: pinhole", "camera_model: omni"), "camera_model must be pin"),
@@ -74,5 +74,5 @@ def test_refuses(right: str, expected: str) -> None:
 
 
 def test_one_camera_is_not_enough() -> None:
-    with pytest.raises(CalibrationError, match="holds one camera; bring both files together"):
+    with pytest.raises(CalibrationError, match="contains one camera; supply both files together"):
         read_any([NamedFile("sensor.yaml", LEFT.encode())])

@@ -140,8 +140,12 @@ def test_kalibr_finds_what_it_asks_for() -> None:
 @pytest.mark.parametrize(
     ("made", "kind", "expected"),
     [
-        (rig(D2=[0.1, 0, 0, 0, 0.3]), "kalibr", "D2 has k3 = 0.3 .*knows k1, k2, p1 and p2 only"),
-        (rig(D1=[0.01] * 12), "ros", "D1 holds 12 distortion coefficients, but ROS knows"),
+        (
+            rig(D2=[0.1, 0, 0, 0, 0.3]),
+            "kalibr",
+            "D2 has k3 = 0.3 .*supports only k1, k2, p1 and p2",
+        ),
+        (rig(D1=[0.01] * 12), "ros", "D1 holds 12 distortion coefficients, but ROS supports only"),
         (rig(T=[0.12, 0, 0]), "ros", "swap left and right"),
     ],
 )

@@ -55,12 +55,15 @@ def test_cam1_left_of_cam0_is_taken_as_left() -> None:
     assert np.allclose(made.T, T, rtol=0, atol=1e-12)
     assert made.K1[0, 0] == 462
     assert made.D1[0] == 0.11
-    assert "cam1 stands to the left of cam0 (T_cn_cnm1): cam1 is taken as left" in understood.notes
+    assert (
+        "cam1 is to the left of cam0 (T_cn_cnm1), so cam1 is used as the left camera"
+        in understood.notes
+    )
 
 
 def test_further_cameras_are_left_out_with_a_note() -> None:
     understood = read(chain() + "cam2: {camera_model: omni}\n")
-    assert "of the cameras of this file cam0 and cam1 are used, not cam2" in understood.notes
+    assert "cam0 and cam1 are used; cam2 is ignored" in understood.notes
 
 
 @pytest.mark.parametrize(

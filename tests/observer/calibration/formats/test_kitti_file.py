@@ -67,8 +67,8 @@ def test_rectified_cameras_2_and_3_subtract_both_offsets(tmp_path: Path) -> None
     [
         ("P1", "P9", "P1 is missing"),
         ("-350.0", "0.0", "T must not be zero"),
-        ("-350.0", "-350000.0", r"in millimetres \(500 mm\), say unit=.mm."),
-        ("P1: 700.0", "P1: 701.0", "P0 and P1 must have one camera matrix"),
+        ("-350.0", "-350000.0", r"in millimetres \(500 mm\), set unit=.mm."),
+        ("P1: 700.0", "P1: 701.0", "P0 and P1 must share one camera matrix"),
         ("P1: 700.0", "P1: inf", "P1 must hold finite numbers"),
         ("P1: 700.0", "P1:", "P1 must hold 12 numbers, not 11"),
     ],

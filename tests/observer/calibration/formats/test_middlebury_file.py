@@ -35,7 +35,7 @@ def test_depth_is_what_the_page_says() -> None:
     depth = rectification.camera.triangulate(a, a[:, 0] - b[:, 0])[0, 2]
     assert depth == pytest.approx(BASELINE_MM / 1000 * FOCAL / (100 + DOFFS), rel=1e-6)
     assert a[0, 1] == pytest.approx(b[0, 1], abs=1e-6)
-    assert "the principal points are 124.343 px apart (doffs), which is evened out" in (
+    assert "the principal points are 124.343 px apart (doffs), which is compensated" in (
         understood.notes
     )
     assert understood.notes[-1] == "baseline converted from millimetres: baseline 0.193 m"

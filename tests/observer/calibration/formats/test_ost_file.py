@@ -63,7 +63,7 @@ def test_both_cameras_in_any_order(contents: tuple[str, ...]) -> None:
     assert np.array_equal(made.K2, K["right"])
     assert made.D1.tolist() == [0.1, -0.2, 0.001, 0.002, 0.05]
     assert (made.width, made.height) == SIZE
-    assert not any("exchanged" in note for note in read.notes)
+    assert not any("swapped" in note for note in read.notes)
 
 
 def test_names_that_the_projection_contradicts_are_told() -> None:
@@ -71,10 +71,10 @@ def test_names_that_the_projection_contradicts_are_told() -> None:
     read = read_any(files(text))
     assert np.allclose(read.calibration.T, T, rtol=0, atol=1e-12)
     assert (
-        "ost0.txt [stereo/right] is the left camera (projection_matrix), although the names say "
-        "otherwise" in read.notes
+        "ost0.txt [stereo/right] is the left camera (projection_matrix), although the file names "
+        "suggest otherwise" in read.notes
     )
-    assert any("the cameras were exchanged, bring the images of ost0.txt [stereo/right] as the "
+    assert any("the cameras are swapped: use the images of ost0.txt [stereo/right] as the "
                "left ones" in note for note in read.notes)  # fmt: skip
 
 
@@ -93,14 +93,14 @@ def test_a_file_that_camera_calibration_wrote(shared_data: Path) -> None:
     assert made.K1[0, 0] == pytest.approx(805.838428)
     assert (made.width, made.height) == (1264, 800)
     assert any("65.819 in" in note or "is 0 in" in note for note in read.notes)
-    assert any("although the names say otherwise" in note for note in read.notes)
+    assert any("although the file names suggest otherwise" in note for note in read.notes)
 
 
 @pytest.mark.parametrize(
     ("contents", "expected"),
     [
-        ((LEFT,), "ost0.txt: a ROS ost.txt of a stereo pair holds two cameras, but this"),
-        ((LEFT + RIGHT, LEFT), "but this holds 3 cameras"),
+        ((LEFT,), "ost0.txt: a ROS ost.txt of a stereo pair contains two cameras, but this"),
+        ((LEFT + RIGHT, LEFT), "but this one contains 3 cameras"),
         ((LEFT + RIGHT.replace("projection", "p"),), "narrow_stereo/right]: projection is missing"),
         ((LEFT + RIGHT.split("rectification")[0],), "rectification is missing"),
         ((LEFT + ost("right", [0.1, 0, 0, 0]),), "distortion must hold 5 or 8 numbers, not 4"),
@@ -109,7 +109,7 @@ def test_a_file_that_camera_calibration_wrote(shared_data: Path) -> None:
         ((LEFT + RIGHT.replace("499.0", "1 499.0"),), "camera_matrix must have shape 3 x 3"),
         ((LEFT + RIGHT.replace("640", "320"),), "image_width x image_height is 320x480"),
         ((LEFT + RIGHT.replace("640", "640 2"),), "image_width must"),
-        ((LEFT + RIGHT.replace("[image]", ""),), "width stands twice for one camera"),
+        ((LEFT + RIGHT.replace("[image]", ""),), "width appears twice for one camera"),
         ((LEFT + LEFT,), "projection_matrix has the same offset P[3]"),
     ],
 )  # fmt: skip
@@ -119,7 +119,7 @@ def test_refuses(contents: tuple[str, ...], expected: str) -> None:
     message = str(caught.value)
     assert expected in message
     assert message.startswith("ost")
-    assert "cut off" not in message
+    assert "truncated" not in message
     assert "\n" not in message
 
 

@@ -62,7 +62,7 @@ def test_a_cancelling_pole_within_the_image_is_replaced_and_told(at: float) -> N
     assert made[2:4].tolist() == D[2:4].tolist()
     told = [note for note in understood.notes if "folds over" in note]
     assert [note[:2] for note in told] == ["D1", "D2"]
-    assert f"folds over {fold:.0f} px from the middle, within the image" in told[0]
+    assert f"folds over {fold:.0f} px from the centre, within the image" in told[0]
     Rectification(understood.calibration)
     # As the lens was before the pole came to it, to what the note tells and beyond it.
     s = np.linspace(0, 0.75 * at, 50)

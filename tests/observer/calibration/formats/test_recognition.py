@@ -100,8 +100,8 @@ def test_the_cameras_size_is_held_to(format: str) -> None:
         read_any(FORMATS[format], size=SIZES.get(format), expected_size=(800, 600))
     # ZED and KITTI have no such section or images; KITTI odometry was told another size.
     assert re.search(
-        r"images of \d+x\d+ pixels, but the camera's are 800x600|no section is for images of "
-        r"800x600|the images are 800x600 pixels, which is neither",
+        r"\d+x\d+ images, but the camera delivers 800x600|no section is for "
+        r"800x600 images|the images are 800x600 pixels, which matches neither",
         str(caught.value),
     )
 
@@ -125,7 +125,7 @@ def test_kitti_pairs_and_sizes_are_choices() -> None:
 
 
 def test_a_size_that_no_file_tells_is_asked_for() -> None:
-    with pytest.raises(CalibrationError, match="does not tell the size of its images; give it"):
+    with pytest.raises(CalibrationError, match="does not contain the image size; specify it"):
         read_any(FORMATS["KITTI odometry calib.txt"])
     whole = exported("opencv")[0].content.decode()
     without = texts(re.sub(r"image_\w+: \d+\n", "", whole))
@@ -133,7 +133,7 @@ def test_a_size_that_no_file_tells_is_asked_for() -> None:
         read_any(without)
     for told in ({"size": (640, 480)}, {"expected_size": (640, 480)}):
         understood = read_any(without, **told)  # type: ignore[arg-type]
-        assert "the file does not tell the images' size, taken as 640x480" in understood.notes
+        assert "the file does not contain the image size; 640x480 is assumed" in understood.notes
         assert understood.calibration.width == 640
     with pytest.raises(
         CalibrationError, match=r"K1 has its principal point at \(320, 240\), which"
@@ -150,13 +150,13 @@ def millimetres(text: str) -> str:
 def test_units_are_never_guessed() -> None:
     whole = exported("opencv")[0].content.decode()
     in_mm = texts(millimetres(whole))
-    with pytest.raises(CalibrationError, match=r"in millimetres \(120 mm\), say unit='mm'"):
+    with pytest.raises(CalibrationError, match=r"in millimetres \(120 mm\), set unit='mm'"):
         read_any(in_mm)
     understood = read_any(in_mm, unit="mm")
     assert np.allclose(understood.calibration.T, [-0.12, 0.001, 0.002])
     assert "T converted from millimetres: baseline 0.12002 m" in understood.notes
     in_squares = texts(whole.replace("[ -0.12, 0.001, 0.002 ]", "[ -4.8, 0.0, 0.0 ]"))
-    with pytest.raises(CalibrationError, match=r"in squares of a board of 25 mm, say unit='25mm'$"):
+    with pytest.raises(CalibrationError, match=r"in squares of a board of 25 mm, set unit='25mm'$"):
         read_any(in_squares)
     understood = read_any(in_squares, unit=0.025)
     assert understood.calibration.baseline == pytest.approx(0.12)
@@ -181,7 +181,7 @@ def test_intrinsics_and_extrinsics_are_joined(shared: bool) -> None:
         assert np.array_equal(understood.calibration.K1, RIG.K1)
         assert np.array_equal(understood.calibration.R, RIG.R)
     for name, files in (("R and T are", pair[:1]), ("K1, D1, K2 and D2 are", pair[1:])):
-        with pytest.raises(CalibrationError, match=f"{name} missing; OpenCV's stereo_calib keeps"):
+        with pytest.raises(CalibrationError, match=f"{name} missing; OpenCV's stereo_calib writes"):
             read_any(files)
     with pytest.raises(CalibrationError, match="image_width differs from image_width in file0"):
         read_any(texts(head, extrinsics + "image_width: 320\n"))
@@ -196,7 +196,7 @@ def test_other_spellings_of_opencvs_keys() -> None:
     made = understood.calibration
     assert made.distortion_model == "equidistant"
     assert np.allclose(made.R, cv2.Rodrigues(np.array([0.01, 0.02, 0.03]))[0])
-    assert "R holds three numbers, taken as a rotation vector" in understood.notes
+    assert "R has three numbers and is read as a rotation vector" in understood.notes
     assert "D_LEFT_FE and D_RIGHT_FE: fisheye lenses" in understood.notes
 
 
@@ -209,12 +209,12 @@ WHOLE = exported("opencv")[0].content.decode()
         ((), "no calibration file was given"),
         (texts("a", "b", "c"), "3 files were given; a calibration is one file, or two"),
         (texts(WHOLE, ZED), "file0 is an OpenCV calibration, but file1 is a ZED calibration"),
-        (texts(ZED, ZED), "a ZED calibration is one file for both cameras, but 2 were given"),
-        (texts("K: 1\nP: 2\n"), "no calibration was recognised (its keys: K, P); understood are"),
+        (texts(ZED, ZED), "a ZED calibration is a single file for both cameras, but 2 were given"),
+        (texts("K: 1\nP: 2\n"), "not a known calibration format (its keys: K, P); supported are"),
         (texts(""), "the file is empty"),
-        (texts("just words"), "the file holds no keys"),
+        (texts("just words"), "the file contains no keys"),
         (texts("camera_matrix: [1]\ndistortion_coefficients: [0]\n"),
-         "camera_matrix is that of one camera only"),
+         "this is the calibration of a single camera"),
         ((NamedFile("a.zip", b"PK\x03\x04abc"),), "a.zip: this is a ZIP archive; unpack it"),
         ((NamedFile("a", b"\xff\xfeK1"),), "a: the file must be UTF-8 text"),
         ((NamedFile("a", b"#" * 1_000_001),), "larger than the 1000000 bytes"),
@@ -227,7 +227,7 @@ WHOLE = exported("opencv")[0].content.decode()
          "D1 must hold 1 x 4 numbers, but it holds 1"),
         (texts(WHOLE.replace("[ 500.0, 0.0, 320.0, 0.0, 501.0, 240.0, 0.0, 0.0, 1.0 ]",
                              "[ 500.0, 0, 0, 0, 501.0, 0, 320, 240, 1.0 ]")),
-         "K1 must hold fx, 0, cx; 0, fy, cy; 0, 0, 1 in its rows; it is transposed"),
+         "K1 must have the rows fx, 0, cx; 0, fy, cy; 0, 0, 1; it is transposed"),
         (texts(WHOLE + "distortion_model: ds\n"), "distortion_model must be radtan or equidistant"),
         (texts(WHOLE.replace("[ -0.1, 0.02, 0.0, 0.0 ]", "[0.1, 0, 0, 0, 0]")
                .replace("cols: 4", "cols: 5", 1) + "distortion_model: equidistant\n"),

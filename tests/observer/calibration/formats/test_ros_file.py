@@ -82,8 +82,8 @@ def test_the_projection_tells_left_from_right_whatever_the_names_say() -> None:
     ))  # fmt: skip
     assert np.allclose(read.calibration.T, T, rtol=0, atol=1e-12)
     assert (
-        "right.yaml is the left camera (projection_matrix), although the names say otherwise"
-        in read.notes
+        "right.yaml is the left camera (projection_matrix), although the file names suggest "
+        "otherwise" in read.notes
     )
 
 
@@ -133,5 +133,7 @@ def test_refuses(left: str, right: str, expected: str) -> None:
 
 
 def test_one_camera_is_not_enough() -> None:
-    with pytest.raises(CalibrationError, match=r"left\.yaml: a ROS camera_info holds one camera"):
+    with pytest.raises(
+        CalibrationError, match=r"left\.yaml: a ROS camera_info contains one camera"
+    ):
         read_any([NamedFile("left.yaml", GOOD["left"].encode())])

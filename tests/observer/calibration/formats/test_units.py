@@ -42,7 +42,7 @@ def test_what_people_say(said: str, length: float, words: str) -> None:
     "said", ["", "25", "mm25", "km", "0mm", "-25mm", "1e3mm", "nan mm", "0.mm"]
 )
 def test_what_is_no_unit_is_refused(said: str) -> None:
-    with pytest.raises(CalibrationError, match="is not understood; say m, cm, mm or in, or the"):
+    with pytest.raises(CalibrationError, match="is not known; use m, cm, mm or in, or the"):
         parse_unit(said)
 
 
@@ -62,8 +62,8 @@ def test_any_text_is_a_length_or_refused(said: str) -> None:
                " say --unit cm"),
         (1500.0, "if the file is in millimetres (1.5 m), say --unit mm"),
         (3.0, "say --unit cm; if in squares of a board of 25 mm, say --unit 25mm"),
-        (9000.0, "no unit of length makes it plausible; if the file is in squares of a board of "
-                 "25 mm, say --unit 25mm"),
+        (9000.0, "no unit of length gives a plausible baseline; if the file is in squares of a "
+                 "board of 25 mm, say --unit 25mm"),
     ],
 )  # fmt: skip
 def test_fitting_units_are_asked_about(baseline: float, expected: str) -> None:
@@ -78,7 +78,7 @@ def test_fitting_units_are_asked_about(baseline: float, expected: str) -> None:
 
 def test_each_caller_asks_for_its_own_control() -> None:
     unclear = UnitUnclear("too wide", 120.0, "m")
-    assert "(120 mm), say unit='mm'; if in c" in str(unclear)
+    assert "(120 mm), set unit='mm'; if in c" in str(unclear)
     assert "(120 mm), set unit to mm; if in c" in str(unclear.asking("set unit to {}"))
     assert "unit=" not in str(unclear.asking("set unit to {}"))
 
@@ -90,7 +90,7 @@ def test_a_pair_in_millimetres_that_another_tool_wrote(shared_data: Path) -> Non
     with pytest.raises(CalibrationError, match=re.escape(refused)) as caught:
         read_any(files, size=(1280, 960))
     assert isinstance(caught.value, UnitUnclear)
-    assert "millimetres (60.7 mm), say unit='mm'" in str(caught.value)
+    assert "millimetres (60.7 mm), set unit='mm'" in str(caught.value)
     made = read_any(files, size=(1280, 960), unit="mm").calibration
     assert made.baseline == pytest.approx(0.0607, abs=1e-4)
     assert made.K1[0, 0] == pytest.approx(832.9, abs=0.1)

@@ -54,7 +54,7 @@ def test_directions_and_units_are_opencvs() -> None:
     assert (made.width, made.height) == (1280, 720)
     assert understood.choices == ()
     assert understood.notes == (
-        "section HD is used: 1280x720 images",
+        "using section HD: 1280x720 images",
         "rotation given as rotation vector RX, CV, RZ",
         "[STEREO] Baseline converted from millimetres: baseline 0.11998 m",
     )
@@ -114,7 +114,7 @@ def test_coefficients_in_a_section_of_their_own() -> None:
         ("[RIGHT_CAM_HD]", "[RIGHT_CAM_XX]", r"the section \[RIGHT_CAM_HD\] is missing"),
         ("[STEREO]", "[S]", r"the section \[STEREO\] is missing"),
         ("Baseline=", "Bs=", r"\[STEREO\] baseline is missing"),
-        ("Baseline=119.978", "Baseline=-119.978", "Baseline is -119.978, but a ZED's is positive"),
+        ("Baseline=119.978", "Baseline=-119.978", "Baseline is -119.978, but it must be positive"),
         ("Baseline=119.978", "Baseline=0\nTY_HD=0\nTZ_HD=0", r"\[STEREO\] Baseline must not be ze"),
         ("Baseline=119.978", "Baseline=0.119978", r"outside 0.001 to 2 m; .*in metres \(120 mm\)"),
         ("Baseline=119.978", "Baseline=119978", "119.978 m when read in millimetres, which is ou"),
@@ -123,7 +123,7 @@ def test_coefficients_in_a_section_of_their_own() -> None:
         ("fx=700.0", "fx=", r"\[LEFT_CAM_HD\] fx must hold 1 numbers, not 0"),
         ("fx=700.0", "fx=-700.0", r"\[LEFT_CAM_HD\] must be a camera matrix with positive"),
         ("k1=-0.175286", "", r"\[LEFT_CAM_HD\] k1 is missing"),
-        ("[STEREO]", "[LEFT_CAM_HD]\nfx=1\n[STEREO]", r"the section \[LEFT_CAM_HD\] stands twice"),
+        ("[STEREO]", "[LEFT_CAM_HD]\nfx=1\n[STEREO]", r"the section \[LEFT_CAM_HD\] appears twice"),
     ],
 )
 def test_refuses(old: str, new: str, expected: str) -> None:
@@ -134,8 +134,8 @@ def test_refuses(old: str, new: str, expected: str) -> None:
 
 
 def test_refuses_a_size_that_no_section_is_for() -> None:
-    with pytest.raises(CalibrationError, match=r"no section is for images of 640x480 pixels; the "
+    with pytest.raises(CalibrationError, match=r"no section is for 640x480 images; the "
                                                r"file has 1280x720 \(HD\), 1920x1080"):  # fmt: skip
         read(ALL, size=(640, 480))
-    with pytest.raises(CalibrationError, match="its sections are of no known resolution"):
+    with pytest.raises(CalibrationError, match="none of its sections has a known resolution"):
         read(camera("LEFT", "8K", 4.0))

@@ -59,7 +59,7 @@ def test_default_alone_where_no_preset_is_named() -> None:
         ("evidence.radius_px: []", "must have a list of values"),
         ("evidence.radius_px: [[20], 30]", "plain number or word"),
         ("evidence.radius_px: [20, 20.0]", "lists 20.0 twice"),
-        ("evidence.radius_px: [20]\nevidence.radius_px: [30]", "given twice"),
+        ("evidence.radius_px: [20]\nevidence.radius_px: [30]", "appears twice"),
         ("evidence.radius_px: [nan]", "finite number"),
         ("klt_tracking.spacing_px: [16.5]", "whole number"),
         ("flow.match_brightness: [yes]", "true or false"),
@@ -70,7 +70,7 @@ def test_default_alone_where_no_preset_is_named() -> None:
         ("set: [1]", "one value each"),
         ("set: {evidence.radius_px: 20}\nevidence.radius_px: [20, 30]", "both fixed and varied"),
         ("set: {evidence.radius_px: 2}", "from 4 to 200 px"),
-        ("evidence.radius_px: [20", "cut off or not valid YAML"),
+        ("evidence.radius_px: [20", "truncated or not valid YAML"),
     ],
 )
 def test_what_is_wrong_is_said_in_one_sentence(text: str, part: str) -> None:

@@ -101,7 +101,7 @@ def test_an_ended_sweep_ranks_what_it_has(sweep: Sweep) -> None:
     ranked = ranking(ended)
     assert [r.rank for r in ranked] == [1, None, None, None]
     assert ended.left == 6
-    assert "ended before 6 of 8 tasks" in ranking_markdown(ended, ranked, "mota")
+    assert "interrupted with 6 of 8 tasks left" in ranking_markdown(ended, ranked, "mota")
 
 
 def test_markdown_tells_ranks_failures_and_what_is_the_same(sweep: Sweep) -> None:
@@ -110,7 +110,7 @@ def test_markdown_tells_ranks_failures_and_what_is_the_same(sweep: Sweep) -> Non
     assert rows[2].startswith("| 1 * | 2 | default | 20.0 | affine | 0.900 | 0.100 |")
     assert rows[5].startswith("| - | 3 | default | 26.0 | rigid | 0.950 |")
     assert "- combination 3 over b: it broke" in text
-    assert "The same in all: tracking.gate = 3.0." in text
+    assert "Common to all: tracking.gate = 3.0." in text
     assert "4 of 4 combinations over 2 sources" in text
 
 

@@ -111,7 +111,7 @@ def test_a_bug_in_a_task_ends_no_worker(sources: tuple[str, str]) -> None:
     assert outcome.error is not None
     assert outcome.error.startswith("AttributeError: ")
     other = Task(source, preset("default"), GATE_M, "another", elsewhere=True)
-    assert "install the same one" in (run_task(other, 10**9, False).error or "")
+    assert "install the same version" in (run_task(other, 10**9, False).error or "")
 
 
 def test_a_task_is_named_by_all_that_its_result_depends_on(sources: tuple[str, str]) -> None:
@@ -201,9 +201,9 @@ def test_what_cannot_be_swept_is_refused(spec: str, part: str) -> None:
 def test_a_source_that_cannot_be_judged_is_refused(
     copied: Callable[..., str], sources: tuple[str, str], tmp_path: Path
 ) -> None:
-    with pytest.raises(InputError, match="brings no truth"):
+    with pytest.raises(InputError, match="has no ground truth"):
         sweep_source(copied("bare", without="truth.csv"), None)
-    with pytest.raises(InputError, match="brings no calibration"):
+    with pytest.raises(InputError, match="has no calibration"):
         sweep_source(copied("raw", without="calibration.yaml"), None)
     with pytest.raises(InputError, match="given twice"):
         SweepRun(plan_of((sources[1], sources[1])), TaskStore(tmp_path))

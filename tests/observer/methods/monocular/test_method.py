@@ -89,7 +89,7 @@ def test_a_crossing_robot_is_confirmed_with_its_place_and_velocity(
         error = o.velocity - true.velocity
         assert error @ np.linalg.inv(o.velocity_cov) @ error < 3.5**2
     assert len({o.id for s in seen[25:] for o in s.reported}) == 1
-    assert "foot on the floor" in seen[-1].reported[0].reason
+    assert "ground contact" in seen[-1].reported[0].reason
 
 
 def test_odometry_and_mount_tell_the_pose_in_metres(
@@ -107,7 +107,7 @@ def test_the_height_above_the_floor_alone_tells_metres(lateral: list[StereoFrame
     seen = observe(without_odometry(lateral))
     assert seen[5].T_world_camera is None
     assert seen[5].status is Status.DEGRADED
-    assert "travelled" in seen[5].reasons[-1]
+    assert "not moved far enough" in seen[5].reasons[-1]
     assert {s.segment for s in seen} == {0}
     assert way_share(seen, lateral) == pytest.approx(1, abs=0.05)
 

@@ -177,3 +177,10 @@ def test_unseen_turning_makes_the_velocity_less_certain_but_not_less_significant
     added = turning.velocity_cov - straight.velocity_cov
     np.testing.assert_allclose(added, np.diag([1, 0, 1]) * (0.5 * 0.125) ** 2, atol=1e-12)
     assert turning.significance == straight.significance
+
+
+def test_points_of_which_none_moves_as_the_middle_one_does_are_all_kept() -> None:
+    # Each is far from the middle along one axis, along which the others agree.
+    velocity = np.repeat(5.0 * np.eye(3), 3, axis=0)
+    (found,) = detect(motions(blob((0, 0, 2), 9), velocity, sigma=1e-3))
+    assert found.points == 9

@@ -147,7 +147,7 @@ def test_matches_at_random_are_lost() -> None:
     previous, current = rng.uniform((0, 0), (511, 255), (2, 60, 2)).astype(np.float32)
     ego = estimate_ego_motion(Matches(previous, current), None, CAMERA, EgoMotionParameters(), 0)
     assert ego.status is Status.LOST
-    assert "follow one motion" in ego.reasons[0]
+    assert "agree on one motion" in ego.reasons[0]
 
 
 @pytest.mark.parametrize("model", ["affine", "homography"])
@@ -176,7 +176,7 @@ def test_few_inliers_are_degraded_with_the_reason() -> None:
     matches.current[:28] += scattered.astype(np.float32)
     ego = estimate_ego_motion(matches, None, CAMERA, EgoMotionParameters(), 0)
     assert ego.status is Status.DEGRADED
-    assert any("17 matches only" in reason for reason in ego.reasons)
+    assert any("only 17 matches" in reason for reason in ego.reasons)
     assert any("38 %" in reason for reason in ego.reasons)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from observer.evaluation.speed_errors import BAND_95
+from observer.intervals import SIGMAS_95
 from observer.motion_profiles.gesture import GESTURE_S
 from observer.motion_profiles.library import load_profile
 from observer.motion_profiles.playing import duration_s, velocity_at
@@ -81,7 +81,7 @@ def test_speeds_are_right_while_a_robot_starts_stops_and_goes_to_and_fro(
             near = np.linalg.norm(obstacle.position - body.position) < SAME_M
             if obstacle.state is TrackState.CONFIRMED and near:
                 errors.append(obstacle.speed - float(np.linalg.norm(body.velocity)))
-                bands.append(BAND_95 * obstacle.speed_std)
+                bands.append(SIGMAS_95 * obstacle.speed_std)
                 names.add(obstacle.id)
     # It is never lost, and stays who it is.
     assert len(names) == 1

@@ -169,7 +169,7 @@ def test_rows_that_do_not_match_are_told(lateral: Clip) -> None:
         seen = [
             observer.observe(replace(f, right=lowered(f.right, rows))) for f in lateral.frames[:20]
         ]
-        found = [r for each in seen for r in each.reasons if "calibrate anew" in r]
+        found = [r for each in seen for r in each.reasons if "recalibrate" in r]
         assert bool(found) == told
         if told:
             assert "2.0 px apart" in found[0]
@@ -307,7 +307,7 @@ def test_after_any_fault_the_robot_is_found_again(lateral: Clip, kind: str) -> N
         observation = observer.observe(frame)
         check_sane(observation)
     # A point or two that the fault misled may still seem to move.
-    assert all(reason.startswith("something may have begun") for reason in observation.reasons)
+    assert all(reason.startswith("something may have started") for reason in observation.reasons)
     robots = [
         b for b in lateral.truth.bodies(observation.time) if b.role != "observer" and b.speed > 0.05
     ]

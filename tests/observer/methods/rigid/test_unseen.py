@@ -122,7 +122,7 @@ def test_a_plain_part_of_a_wall_that_stands_does_not_degrade_but_a_dark_one_does
     dark = told(flat(6), flat(6))
     assert dark.hides_person
     (reason,) = dark.reasons
-    assert reason.startswith("motion could not be noticed in ")
+    assert reason.startswith("motion could not be detected in ")
     assert "too dark or saturated (" in reason
 
 
@@ -181,7 +181,7 @@ def test_what_seems_to_move_but_is_not_reported_yet_is_told(
     beside = {"state": TrackState.TENTATIVE, "box_px": (64.0, 64.0, 95.0, 95.0), **seeming}
     unseen = seen_with(an_obstacle(**beside))
     assert (unseen.cause_at((70.0, 70.0)) == "tentative") == told
-    assert any("begun to move" in reason for reason in unseen.reasons) == told
+    assert any("started to move" in reason for reason in unseen.reasons) == told
     assert unseen.share < 0.03
 
 

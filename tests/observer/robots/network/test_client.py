@@ -58,4 +58,4 @@ def test_the_reference_client_needs_nothing_but_python(
         [*command[:-1], "no"], capture_output=True, text=True, timeout=20, check=False
     )
     assert refused.returncode == 2
-    assert "no is no port" in refused.stderr
+    assert "no is not a port" in refused.stderr

@@ -25,10 +25,10 @@ KEY = "a-key-of-the-tests-only"
         (b'{"type": "odometry", "enabled": true, "sequence": NaN}\n', "sequence must be"),
         (b"x" * 5000, "at most 4096 bytes"),
         (2000 * b"[" + b"\n", "one JSON object on one line"),
-        (b'{"type": "permit"}\n', '"type": "odometry" is due'),
+        (b'{"type": "permit"}\n', 'expected a message with "type": "odometry"'),
         (1001 * (json.dumps({"type": "odometry", "sequence": 0, "time": 0, "x": 0, "y": 0,
          "yaw": 0, "speed_mps": 0, "turn_rate_radps": 0, "enabled": False, "permit": 0})
-         .encode() + b"\n"), "at most 1000 messages a second"),
+         .encode() + b"\n"), "at most 1000 messages per second"),
     ],
 )  # fmt: skip
 def test_garbage_ends_the_connection_with_one_sentence(
@@ -44,7 +44,7 @@ def test_garbage_ends_the_connection_with_one_sentence(
     assert sentence in last["sentence"]
     fault = robot.report().fault
     assert fault is not None
-    assert fault.startswith("the robot said what is no message: ")
+    assert fault.startswith("the robot sent an invalid message: ")
     assert robot.report().phase is RobotPhase.WAITING
     raw.close()
 
@@ -53,7 +53,7 @@ def test_a_second_robot_is_refused_while_the_first_speaks(
     robot: ExternalRobot, free_port: int
 ) -> None:
     with reporting(free_port, name="first") as client, driving(robot, client):
-        with pytest.raises(ExternalClientError, match="another robot is connected here already"):
+        with pytest.raises(ExternalClientError, match="another robot is already connected here"):
             ExternalClient("127.0.0.1", free_port, name="second").connect()
         time.sleep(0.1)
         assert client.permitted().speed_mps == 0.3
@@ -71,7 +71,7 @@ def test_a_robot_that_comes_anew_takes_the_place_of_its_silent_connection(
         until(lambda: robot.report().name == "again")
         last = raw.last()
         assert last is not None
-        assert last["sentence"] == "another robot took its place"
+        assert last["sentence"] == "another robot replaced it"
         assert client.permitted().stop
         with driving(robot, client):
             assert robot.report().counters["reconnects"] == 1
@@ -83,7 +83,7 @@ def test_one_who_does_not_say_hello_is_sent_away(
 ) -> None:
     monkeypatch.setattr("observer.robots.network.link._HELLO_WITHIN_S", 0.2)
     with socket.create_connection(("127.0.0.1", free_port), timeout=5) as silent:
-        assert b"say hello within" in silent.makefile("rb").readline()
+        assert b"send hello within" in silent.makefile("rb").readline()
     strangers = [socket.create_connection(("127.0.0.1", free_port), timeout=5) for _ in range(8)]
     until(lambda: all(each.recv(1) for each in strangers))
     for each in strangers:
@@ -96,9 +96,9 @@ def test_a_key_is_asked_for_where_one_is_set(free_port: int) -> None:
     robot = ExternalRobot(f"external:127.0.0.1:{free_port}?key={KEY}")
     until(lambda: robot.report().phase is RobotPhase.WAITING)
     for wrong in (None, "", "wrong", KEY + "x"):
-        with pytest.raises(ExternalClientError, match="not the key"):
+        with pytest.raises(ExternalClientError, match="wrong key"):
             ExternalClient("127.0.0.1", free_port, key=wrong).connect()
-    assert "not the key" in (robot.report().trouble or "")
+    assert "wrong key" in (robot.report().trouble or "")
     assert KEY not in str(robot.report())
     with reporting(free_port, key=KEY):
         assert robot.report().phase is RobotPhase.CONNECTED
@@ -112,16 +112,16 @@ def test_where_to_listen_is_read_strictly() -> None:
     open_to_others = parse_external(f"external:0.0.0.0:7700?key={KEY}")
     assert (open_to_others.port, open_to_others.key) == (7700, KEY)
     for text, sentence in (
-        ("external:0.0.0.0:7700", "can be reached by others; add a key"),
-        ("external:[::]:7700", "can be reached by others; add a key"),
-        ("external:robot.lab:7700", "can be reached by others; add a key"),
+        ("external:0.0.0.0:7700", "can be reached from other machines; add a key"),
+        ("external:[::]:7700", "can be reached from other machines; add a key"),
+        ("external:robot.lab:7700", "can be reached from other machines; add a key"),
         ("external:127.0.0.1", "write it as external:127.0.0.1:7700"),
         ("external:127.0.0.1:0", "write it as"),
         ("external:127.0.0.1:70000", "write it as"),
         ("external:127.0.0.1:7700/x", "write it as"),
         ("127.0.0.1:7700", "write it as"),
         ("external:127.0.0.1:7700?key=short", "16 to 128"),
-        ("external:127.0.0.1:7700?token=" + KEY, "stands key="),
+        ("external:127.0.0.1:7700?token=" + KEY, "followed by key="),
     ):
         with pytest.raises(InputError, match=sentence) as refused:
             parse_external(text)
@@ -136,6 +136,6 @@ def test_a_port_that_is_taken_is_said_and_tried_again(
     monkeypatch.setattr("observer.robots.network.link._RETRY_S", 0.05)
     with socket.create_server(("127.0.0.1", free_port)):
         robot = ExternalRobot(f"external:127.0.0.1:{free_port}")
-        until(lambda: "nobody can listen" in (robot.report().trouble or ""))
+        until(lambda: "cannot listen" in (robot.report().trouble or ""))
     until(lambda: "no robot has connected" in (robot.report().trouble or ""))
     robot.close()

@@ -94,7 +94,7 @@ def test_nothing_is_permitted_until_it_is_armed_and_driven() -> None:
 def test_a_velocity_that_is_not_repeated_is_no_longer_permitted() -> None:
     scene = driving()
     scene.now += SETPOINT_FRESH_S + 0.001
-    assert scene.watch.permit(scene.now) == Permit(0, 0, False, "nothing says how fast to drive")
+    assert scene.watch.permit(scene.now) == Permit(0, 0, False, "no speed has been requested")
 
 
 def test_what_is_asked_for_is_kept_within_the_limits_and_says_why() -> None:
@@ -119,7 +119,7 @@ def test_silence_is_a_fault_that_stays_until_it_is_cleared() -> None:
     before = scene.now
     while not scene.step((0.3, 0.1)).stop:
         assert scene.now - before < SILENCE_S + 2 * STEP_S
-    assert scene.fault == "its odometry has not come for 0.5 s"
+    assert scene.fault == "no odometry received for 0.5 s"
     scene.watch.clear(scene.now)
     assert scene.fault is not None
     scene.speaks = True
@@ -138,7 +138,7 @@ def test_permits_that_are_not_confirmed_are_a_fault() -> None:
     scene.steps(UNHEARD_S - STEP_S, (0.3, 0.1))
     assert scene.fault is None
     scene.steps(3 * STEP_S, (0.3, 0.1))
-    assert scene.fault == "it has not confirmed a permit for 0.7 s"
+    assert scene.fault == "it has not acknowledged a permit for 0.7 s"
 
 
 def test_odometry_that_waited_on_its_way_is_as_old_as_it_is() -> None:
@@ -148,7 +148,7 @@ def test_odometry_that_waited_on_its_way_is_as_old_as_it_is() -> None:
         assert scene.late_s > 0.4 or scene.fault is None
         scene.late_s += 0.9 * STEP_S
         scene.step((0.3, 0.1))
-    assert scene.fault == "its odometry has not come for 0.5 s"
+    assert scene.fault == "no odometry received for 0.5 s"
 
 
 @pytest.mark.parametrize("drift", [-1e-3, 1e-3])
@@ -181,7 +181,7 @@ def test_motors_that_go_off_by_themselves_or_stay_off_are_a_fault() -> None:
     scene = driving()
     scene.obeys = scene.enabled = False
     scene.steps(2 * STEP_S, (0.3, 0.1))
-    assert scene.fault == "its motors went off by themselves"
+    assert scene.fault == "its motors switched off by themselves"
     scene = Scene()
     scene.steps(0.2)
     scene.obeys = False
@@ -189,7 +189,7 @@ def test_motors_that_go_off_by_themselves_or_stay_off_are_a_fault() -> None:
     scene.steps(0.9, (0.3, 0.1))
     assert scene.fault is None
     scene.steps(0.3, (0.3, 0.1))
-    assert scene.fault == "its motors did not go on"
+    assert scene.fault == "its motors did not switch on"
 
 
 def test_arming_again_at_once_is_not_taken_for_motors_that_went_off() -> None:
@@ -217,9 +217,9 @@ def test_its_own_fault_is_ours_until_it_is_over_and_cleared() -> None:
 
 def test_a_lost_connection_is_a_fault_and_the_next_one_stands() -> None:
     scene = driving()
-    scene.watch.lost("the robot ended the connection")
+    scene.watch.lost("the robot closed the connection")
     report = scene.watch.report(scene.now, 0.25)
-    assert (report.phase, report.fault) == (RobotPhase.WAITING, "the robot ended the connection")
+    assert (report.phase, report.fault) == (RobotPhase.WAITING, "the robot closed the connection")
     assert (report.speed_mps, report.motors_enabled, report.received) == (None, None, None)
     scene.watch.clear(scene.now)
     assert scene.fault is not None

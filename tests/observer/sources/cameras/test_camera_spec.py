@@ -32,9 +32,9 @@ def test_all_settings_are_read() -> None:
 @pytest.mark.parametrize(
     ("query", "words"),
     [
-        ("sharpness=3", "no setting 'sharpness'; the settings are size, rate, format"),
+        ("sharpness=3", "no camera setting 'sharpness'; the settings are size, rate, format"),
         ("rate=30&rate=25", "rate is given twice"),
-        ("size=640", "size=640 cannot be meant; use WIDTHxHEIGHT"),
+        ("size=640", "size=640 is not valid; use WIDTHxHEIGHT"),
         ("size=1x1", "16 to 16384 pixels"),
         ("size=-640x480", "WIDTHxHEIGHT"),
         ("size=auto", "WIDTHxHEIGHT"),
@@ -87,11 +87,11 @@ def test_a_device_is_called_by_the_name_that_lasts(tmp_path: Path) -> None:
         ("0", "takes two devices"),
         ("", "takes two devices"),
         ("0,1,2", "takes two devices"),
-        ("left,right", "'left' names no camera"),
-        ("0,-1", "'-1' names no camera"),
-        ("sbs:", "'' names no camera"),
+        ("left,right", "'left' is not a camera"),
+        ("0,-1", "'-1' is not a camera"),
+        ("sbs:", "'' is not a camera"),
         ("0,0", "the same camera"),
-        ("0,1?size=big", "size=big cannot be meant"),
+        ("0,1?size=big", "size=big is not valid"),
     ],
 )
 def test_a_text_that_names_no_cameras_is_refused(rest: str, words: str, tmp_path: Path) -> None:
@@ -148,12 +148,12 @@ def test_an_address_without_secrets_stays_as_it_is() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("rtsp://a:b@host/x", "in pairs, as in rtsp://LEFT,rtsp://RIGHT"),
+        ("rtsp://a:b@host/x", "give two network cameras, as in rtsp://LEFT,rtsp://RIGHT"),
         ("rtsp://h/x,rtsp://h/x", "the same camera"),
-        ("sbs:http://a/1,http://a/2", "takes one address"),
-        ("http://,http://h/x", "not complete"),
-        ("http://h:99999/x,http://h/y", "not complete"),
-        ("sbs:ftp://h/x", "not complete"),
+        ("sbs:http://a/1,http://a/2", "takes the address"),
+        ("http://,http://h/x", "incomplete"),
+        ("http://h:99999/x,http://h/y", "incomplete"),
+        ("sbs:ftp://h/x", "incomplete"),
     ],
 )
 def test_addresses_that_cannot_be_meant_are_refused(text: str, words: str) -> None:

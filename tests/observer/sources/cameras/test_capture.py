@@ -116,7 +116,7 @@ def test_why_a_device_cannot_be_opened(device: Path, monkeypatch: pytest.MonkeyP
     with pytest.raises(SourceError, match="is not connected"):
         DeviceCapture(str(device) + "1", CameraSettings())
     monkeypatch.setattr(StandIn, "works", False)
-    with pytest.raises(SourceError, match="another program has it open or it is no camera"):
+    with pytest.raises(SourceError, match="it is open in another program or not a camera"):
         DeviceCapture(str(device), CameraSettings())
 
 

@@ -122,7 +122,7 @@ def test_one_camera_lost_after_decoding_leaves_no_odd_pair(watch: Watch) -> None
     tend_for(watch.source, 2 * PERIOD_S)
     began = time.monotonic()
     watch.read_until(lambda: watch.troubles)
-    assert "its process ended unexpectedly" in watch.troubles[0][1]
+    assert "its process exited unexpectedly" in watch.troubles[0][1]
     assert time.monotonic() - began < 0.2 + LATE_S
     count = len(watch.frames)
     watch.read_until(lambda: len(watch.frames) >= count + 3)

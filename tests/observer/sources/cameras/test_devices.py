@@ -73,8 +73,8 @@ def test_permission_names_the_group_and_how_to_join_it(machine: FakeMachine) -> 
     kernel = FakeKernel({"video0": webcam()}, denied={"video0"})
     (device,) = list_devices(machine.root, kernel, STRANGER)
     assert device.trouble == (
-        "/dev/video0 may be used by the group video only; join it, then sign out and in again: "
-        "sudo usermod -aG video ada"
+        "only the group video may use /dev/video0; join it, then sign out and in again: sudo "
+        "usermod -aG video ada"
     )
     assert (device.use, device.card) == ("unknown", "Locked Cam")
 
@@ -84,8 +84,8 @@ def test_permission_names_the_group_and_how_to_join_it(machine: FakeMachine) -> 
     [
         (["video:x:{own}:bob,ada"], {54321}, "you were added to the group video after you signed"),
         (["video:x:{own}:"], {54321, None}, "let the group read and write it: sudo chmod g+rw"),
-        (["root:x:{own}:"], {54321}, "may only be used by root"),
-        (["video:x:77:"], {54321}, "may only be used by root"),
+        (["root:x:{own}:"], {54321}, "only root may use"),
+        (["video:x:77:"], {54321}, "only root may use"),
     ],
 )
 def test_each_want_of_permission_has_its_own_advice(
@@ -107,8 +107,8 @@ def test_a_camera_in_use_names_the_process(machine: FakeMachine) -> None:
     (device,) = list_devices(machine.root, FakeKernel({"video0": webcam()}))
     assert device.used_by == (Holder(812, "firefox"),)
     assert device.trouble == (
-        "/dev/video0 is open in firefox (process 812), and delivers images to one program at a "
-        "time; close it there"
+        "/dev/video0 is open in firefox (process 812), and a camera delivers images to "
+        "only one program at a time; close it there"
     )
     assert device.modes  # it can be asked all the same
 
@@ -125,9 +125,9 @@ def test_what_our_own_processes_hold_is_ours(machine: FakeMachine) -> None:
 @pytest.mark.parametrize(
     ("code", "part"),
     [
-        (errno.EBUSY, "/dev/video0 is in use by another program; sudo fuser -v /dev/video0 tells"),
+        (errno.EBUSY, "/dev/video0 is in use by another program; sudo fuser -v /dev/video0 shows"),
         (errno.ENODEV, "/dev/video0 does not answer"),
-        (errno.ENOTTY, "/dev/video0 is no video device"),
+        (errno.ENOTTY, "/dev/video0 is not a video device"),
         (errno.EMFILE, "/dev/video0 cannot be used (Too many open files)"),
     ],
 )
@@ -185,8 +185,8 @@ def test_two_cameras_on_one_bus_are_told_the_arithmetic(machine: FakeMachine) ->
     (hint,) = shared_bus_hints(listed(machine, webcam(), webcam()))
     assert hint == (
         "/dev/video0 and /dev/video2 share one USB 2 bus (bus 1 of the controller 0000:00:14.0), "
-        "which carries about 35 to 40 MB/s: uncompressed (YUYV) 640x480 at 30/s takes 18.4 MB/s "
-        "each, 36.9 MB/s together, which fits barely, if at all; take compressed images with "
+        "which carries about 35 to 40 MB/s: uncompressed (YUYV) 640x480 at 30 fps needs 18.4 MB/s "
+        "per camera, 36.9 MB/s in total, which fits barely, if at all; use compressed images with "
         "format=MJPG, or plug one camera into a port of another controller"
     )
 
@@ -199,7 +199,7 @@ def test_cameras_without_compression_are_told_another_way(machine: FakeMachine) 
     del raw.formats["MJPG"]
     (hint,) = shared_bus_hints(listed(machine, webcam(), raw, webcam()))
     assert "/dev/video0, /dev/video2 and /dev/video4 share one USB 2 bus" in hint
-    assert "55.3 MB/s together, which does not fit" in hint
+    assert "55.3 MB/s in total, which does not fit" in hint
     assert "choose a smaller size or rate (/dev/video2: no MJPG)" in hint
 
 

@@ -154,7 +154,7 @@ def test_a_shared_bus_is_explained_where_it_is_too_narrow(tmp_path: Path) -> Non
     assert "format=MJPG" in hint
     assert hints(left, right, form="MJPG") == []
     (hint,) = hints(left, right, form="MJPG", size=3)
-    assert "lower size or rate" in hint
+    assert "use a smaller size" in hint
     assert hints(left, right, rate=15.0) == []
     assert hints(left, elsewhere) == []
     assert hints(*fast) == []

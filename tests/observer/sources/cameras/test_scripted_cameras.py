@@ -63,7 +63,7 @@ def test_what_the_source_says_of_itself(left: Path, right: Path) -> None:
         assert info.devices == ("left", "right")
         assert source.calibration is None
         assert isinstance(source, LiveSource)
-        with pytest.raises(SourceError, match="cannot go back"):
+        with pytest.raises(SourceError, match="cannot be rewound"):
             source.rewind()
         cameras = source.report().cameras
         assert [each.side for each in cameras] == ["left", "right"]
@@ -104,7 +104,7 @@ def test_one_device_that_shows_both_images(left: Path) -> None:
         assert [each.side for each in report.cameras] == ["both"]
         assert report.skew_median_s is None
         write_script(left, size=[128, 48], mode="hang in grab")
-        watch.trouble_after("the camera (left) sends no more images")
+        watch.trouble_after("the camera (left) no longer sends images")
     finally:
         source.close()
 
@@ -262,7 +262,7 @@ def test_cameras_outlive_the_thread_that_opened_them(left: Path, right: Path) ->
 def test_a_file_that_is_no_camera_is_refused_by_its_own_process(tmp_path: Path) -> None:
     for name in ("one", "two"):
         (tmp_path / name).write_bytes(b"no camera")
-    with pytest.raises(SourceError, match=r"(one|two)\) cannot be used: .* it is no camera"):
+    with pytest.raises(SourceError, match=r"(one|two)\) cannot be used: .* not a camera"):
         CameraSource(parse_devices(f"{tmp_path / 'one'},{tmp_path / 'two'}"))
 
 

@@ -27,13 +27,13 @@ def tell(measured: str) -> None:
     ("mode", "words", "borne_s"),
     [
         # Those that may pass by themselves are borne for a second before it is opened again.
-        ("hang in grab", "sends no more images", 1.2),
-        ("hang in retrieve", "sends no more images", 1.2),
-        ("no image", "sends what cannot be decoded as images", 1.2),
+        ("hang in grab", "no longer sends images", 1.2),
+        ("hang in retrieve", "no longer sends images", 1.2),
+        ("no image", "sends images that cannot be decoded", 1.2),
         ("frozen", "sends the same image again and again", 1.2),
         ("gone", "has stopped sending images", 0.1),
-        ("raise", "failed inside its driver (RuntimeError)", 0.1),
-        ("die", "its process ended unexpectedly", 0.1),
+        ("raise", "failed in its driver (RuntimeError)", 0.1),
+        ("die", "its process exited unexpectedly", 0.1),
     ],
 )
 def test_a_fault_is_told_by_name_in_time_and_gets_over(
@@ -89,7 +89,7 @@ def test_opening_anew_that_hangs_is_given_up_and_tried_again(watch: Watch, left:
     watch.read_frames(5)
     write_script(left, mode="hang in opening")
     grabbers()[0].kill()
-    watch.trouble_after("the left camera (left) was lost because its process ended unexpectedly")
+    watch.trouble_after("the left camera (left) was lost because its process exited unexpectedly")
     watch.read_until(lambda: "does not answer" in watch.troubles[-1][1])
     write_script(left)
     watch.read_frames(3)
@@ -129,6 +129,6 @@ def test_changed_size_is_told_until_it_is_set_back(watch: Watch, left: Path) -> 
 def test_stamps_that_stand_still_are_a_fault(watch: Watch, left: Path) -> None:
     watch.read_frames(5)
     write_script(left, stamps="standing")
-    assert watch.trouble_after("images whose time stamps stand still") < 0.2 + LATE_S
+    assert watch.trouble_after("images whose timestamps do not advance") < 0.2 + LATE_S
     write_script(left)
     watch.read_frames(3)

@@ -71,7 +71,7 @@ def test_reading_says_everything_in_words_and_sets_nothing(bench: Bench) -> None
     assert read.accepted == {
         "size": "640x480",
         "pixel format": "MJPG",
-        "rate": "30/s (falls in dim light)",
+        "rate": "30/s (drops in dim light)",
         "exposure": "automatic",
         "gain": "10 (automatic exposure may change it)",
         "white balance": "automatic",
@@ -118,11 +118,11 @@ def test_automatics_are_switched_on_again(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        ({"exposure": 5000}, "exposure 5000: this camera takes 3 to 2047"),
-        ({"gain": 101}, "gain 101: this camera takes 0 to 100"),
+        ({"exposure": 5000}, "exposure 5000: this camera accepts 3 to 2047"),
+        ({"gain": 101}, "gain 101: this camera accepts 0 to 100"),
         (
             {"white_balance": 4605},
-            "white balance 4605: this camera takes 2800 to 6500 in steps of 10",
+            "white balance 4605: this camera accepts 2800 to 6500 in steps of 10",
         ),
         ({"focus": 10}, "focus 10: this camera has no focus that can be set"),
         ({"focus": "auto"}, "focus auto: this camera has no automatic focus"),
@@ -133,7 +133,7 @@ def test_automatics_are_switched_on_again(bench: Bench) -> None:
         ),
         (
             {"power_line_hz": "auto"},
-            "power line auto: this camera takes 0 (Disabled), 1 (50 Hz), 2 (60 Hz)",
+            "power line auto: this camera accepts 0 (Disabled), 1 (50 Hz), 2 (60 Hz)",
         ),
     ],
 )
@@ -162,7 +162,7 @@ def test_one_refusal_does_not_keep_the_others_from_being_set(bench: Bench) -> No
 def test_a_value_that_the_camera_moves_is_told(bench: Bench) -> None:
     bench.camera.controls[EXPOSURE].moved = lambda value: value // 10 * 10
     applied = bench.apply(exposure=156)
-    assert applied.refused == ("exposure 156: this camera took 150 in its place",)
+    assert applied.refused == ("exposure 156: this camera set 150 instead",)
     assert applied.accepted["exposure"] == "150 (15.0 ms, locked)"
 
 
@@ -178,9 +178,9 @@ def test_an_automatic_that_cannot_be_switched_off_is_told(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("flag", "part"),
     [
-        (READ_ONLY, "only tells it"),
-        (GRABBED, "it is locked at present"),
-        (INACTIVE, "governs it and cannot be switched off"),
+        (READ_ONLY, "reports it but does not"),
+        (GRABBED, "it is currently locked"),
+        (INACTIVE, "controls it and cannot be switched off"),
     ],
 )
 def test_controls_that_cannot_be_set_at_present_are_refused(
@@ -195,10 +195,10 @@ def test_controls_that_cannot_be_set_at_present_are_refused(
 @pytest.mark.parametrize(
     ("code", "part"),
     [
-        (errno.ERANGE, "this camera takes 0 to 100"),
-        (errno.EBUSY, "another program holds this camera"),
-        (errno.EACCES, "does not let it be set at present"),
-        (errno.EINVAL, "does not take it, although"),
+        (errno.ERANGE, "this camera accepts 0 to 100"),
+        (errno.EBUSY, "in use by another program"),
+        (errno.EACCES, "does not let it be set at the moment"),
+        (errno.EINVAL, "rejects it, although"),
         (errno.ETIMEDOUT, "did not answer"),
     ],
 )
@@ -246,7 +246,7 @@ def test_asking_for_a_rate_keeps_the_exposure_from_lowering_it(bench: Bench) -> 
 
 def test_an_exposure_longer_than_a_frame_is_told(bench: Bench) -> None:
     assert bench.apply(exposure=400).accepted["exposure"] == (
-        "400 (40.0 ms, locked, longer than a frame, so the rate falls)"
+        "400 (40.0 ms, locked, longer than a frame, so the rate drops)"
     )
 
 
@@ -287,7 +287,7 @@ def test_a_camera_that_is_not_there_or_goes_away_is_one_sentence(bench: Bench) -
 
 
 def test_a_file_that_is_no_camera_is_one_sentence(bench: Bench) -> None:
-    with pytest.raises(SourceError, match="/dev/video0 is no video device"):
+    with pytest.raises(SourceError, match="/dev/video0 is not a video device"):
         apply_settings("/dev/video0", CameraSettings(), root=bench.machine.root)
 
 

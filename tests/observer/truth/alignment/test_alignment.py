@@ -55,7 +55,7 @@ def test_everything_planted_is_found(room: Any, found: Alignment) -> None:
     assert np.linalg.norm(apart.translation) < 0.05
     assert found.T_body_camera is not None
     np.testing.assert_allclose(found.T_body_camera.matrix, room.T_body_camera.matrix, atol=0.03)
-    assert any("taken for the observer" in note for note in found.notes)
+    assert any("assigned to the observer" in note for note in found.notes)
     truth = AlignedTruth(room.capture, found)
     places, speeds = [], []
     for time in np.arange(2, 24, 0.1):
@@ -94,7 +94,7 @@ def test_without_the_observer_the_obstacles_tell_the_room(rooms: Rooms, mount: C
     assert found.T_body_camera is None
     assert found.time.offset_s == pytest.approx(0.3, abs=3 * found.time.sigma_s)
     assert found.time.sigma_s < 0.02
-    assert any("by the obstacles alone" in note for note in found.notes)
+    assert any("using only the obstacles" in note for note in found.notes)
     truth = AlignedTruth(room.capture, found)
     assert truth.camera_pose(10.0) is None
     (body,) = truth.bodies(11.0)
@@ -177,7 +177,7 @@ def test_nothing_in_common_is_refused(room: Any) -> None:
     still = Trajectory("box", t, np.zeros((len(t), 3)))
     with pytest.raises(NotObservable, match="constant"):
         align(ObservedRun.of_lines(room.lines), Capture("still", 100.0, {"box": still}))
-    with pytest.raises(NotObservable, match="no speed on both sides"):
+    with pytest.raises(NotObservable, match="no speeds can be compared"):
         align(ObservedRun.of_lines(room.lines), Capture("empty", 100.0, {}))
 
 
@@ -189,7 +189,7 @@ def test_lines_that_observe_did_not_write_are_refused() -> None:
 def test_online_it_says_when_it_is_not_yet_aligned(room: Any, mount: CameraMount) -> None:
     online = OnlineAlignment(AlignmentChoices(mount=mount, search=(-1, 1)))
     assert not online.solve()
-    assert str(online.state).startswith("not yet aligned")
+    assert str(online.state).startswith("not aligned yet")
     samples = [
         BodySample(name, float(t), float(t), p if np.isfinite(p).all() else None,
                    R if np.isfinite(R).all() else None)
@@ -211,11 +211,11 @@ def test_online_it_says_when_it_is_not_yet_aligned(room: Any, mount: CameraMount
         if first is None and isinstance(online.state, Alignment):
             first = line["time"]
         if line["time"] < 2:
-            assert str(online.state).startswith("not yet aligned: ")
+            assert str(online.state).startswith("not aligned yet: ")
     assert 3 < tried <= 6
     assert isinstance(online.state, Alignment)
     assert first is not None
     assert first < 15
     assert online.state.time.offset_s == pytest.approx(0.3, abs=0.02)
     online.add_observation(room.lines[0])
-    assert str(online.state).startswith("not yet aligned")
+    assert str(online.state).startswith("not aligned yet")

@@ -49,8 +49,8 @@ def test_an_arc_over_the_floor_tells_all_but_the_height() -> None:
     assert np.degrees(np.arccos((np.trace(turned) - 1) / 2)) < 1.0
     assert found.residual_m < 0.01
     assert found.notes == (
-        "Of the camera's place on its body, motion over a floor does not tell: height; it is "
-        "assumed to be the body's.",
+        "Camera position on the body: planar motion does not determine height; the body's own is "
+        "assumed.",
     )
 
 
@@ -58,10 +58,10 @@ def test_the_height_comes_from_the_mount_or_the_rig() -> None:
     camera, body = poses(*arc())
     by_mount = find_body_camera(camera, body, Assumed(up_world=UP, camera_height_m=0.55))
     assert by_mount.T_body_camera.translation[2] == pytest.approx(0.25, abs=0.01)
-    assert "the mount's height" in by_mount.notes[0]
+    assert "the height of the mount" in by_mount.notes[0]
     by_rig = find_body_camera(camera, body, Assumed(up_world=UP, T_body_camera=T_BODY_CAMERA))
     np.testing.assert_allclose(by_rig.T_world_room.matrix, T_WORLD_ROOM.matrix, atol=0.02)
-    assert "as was told" in by_rig.notes[0]
+    assert "the given value is used" in by_rig.notes[0]
 
 
 def test_motion_in_all_directions_tells_everything() -> None:
@@ -81,7 +81,7 @@ def test_a_straight_drive_tells_directions_but_no_offset() -> None:
     assert found.observed[5]
     forward = T_WORLD_ROOM.rotate([1, 0, 0])
     assert found.T_world_room.rotate([1, 0, 0]) @ forward > np.cos(np.radians(1))
-    assert "moved too little to tell: x, y, height" in found.notes[0]
+    assert "moved too little to determine x, y, height" in found.notes[0]
 
 
 def test_a_drive_that_is_too_short_needs_obstacles_for_the_yaw() -> None:
@@ -100,5 +100,5 @@ def test_gaps_are_left_out_and_too_few_poses_refused() -> None:
     body[10:60] = np.nan
     assert find_body_camera(camera, body, Assumed(up_world=UP)).residual_m < 0.01
     body[3:] = np.nan
-    with pytest.raises(NotObservable, match="in 3 frames"):
+    with pytest.raises(NotObservable, match="in only 3 frames"):
         find_body_camera(camera, body)

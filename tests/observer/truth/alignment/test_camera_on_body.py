@@ -54,9 +54,9 @@ def test_level_it_looks_along_x() -> None:
         ("", "X,Y,Z,PAN,TILT,ROLL"),
         ("0.1,0.2,0.3", "X,Y,Z,PAN,TILT,ROLL"),
         ("0.1,0.2,0.3,0,10,up", "X,Y,Z,PAN,TILT,ROLL"),
-        ("120,0,250,0,0,0", "x_m of the camera on its body must be from -10 to 10, not 120"),
-        ("0,0,0,0,91,0", "tilt_deg of the camera on its body must be from -90 to 90, not 91"),
-        ("0,0,nan,0,0,0", "z_m of the camera on its body must be from -10 to 10, not nan"),
+        ("120,0,250,0,0,0", "x_m of the camera on its body must be between -10 and 10, not 120"),
+        ("0,0,0,0,91,0", "tilt_deg of the camera on its body must be between -90 and 90, not 91"),
+        ("0,0,nan,0,0,0", "z_m of the camera on its body must be between -10 and 10, not nan"),
     ],
 )
 def test_what_is_none_is_refused(text: str, sentence: str) -> None:
@@ -74,5 +74,5 @@ def test_what_was_typed_in_is_what_the_room_is_placed_by(rooms: Any) -> None:
     np.testing.assert_allclose(found.T_body_camera.matrix, typed.matrix, atol=0.02)
     apart = found.T_world_room[0].inverse() @ room.T_world_room
     assert np.linalg.norm(apart.translation) < 0.05
-    assert any("as was told" in note for note in found.notes)
+    assert any("the given value" in note for note in found.notes)
     assert not any("level" in note for note in found.notes)

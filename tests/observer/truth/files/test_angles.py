@@ -55,7 +55,7 @@ def test_vectors_longer_than_half_a_turn_are_helical() -> None:
     assert np.linalg.norm(angles, axis=1).max() > 6
     found, why = find_reading("file", {"robot": angles})
     assert found == "helical"
-    assert "rad, which Euler angles do not" in why
+    assert "rad, which Euler angles cannot" in why
     tilts = np.degrees(np.arccos(rotations(angles, found)[:, 2, 2]))
     assert tilts.max() < 4
 
@@ -68,7 +68,7 @@ def test_a_body_with_axes_of_its_own_tells_by_its_tilt(reading: AngleReading, se
     angles = turned.as_rotvec() if reading == "helical" else turned.as_euler("XYZ")
     found, why = find_reading("file", {"still": np.full((500, 3), 0.1), "robot": angles})
     assert found == reading
-    assert "so read the bodies tilt by at most" in why
+    assert "read this way the bodies tilt by at most" in why
 
 
 @pytest.mark.parametrize("reading", ["helical", "euler_xyz"])
@@ -86,21 +86,21 @@ def test_what_only_a_person_can_tell_is_asked(read: Read) -> None:
     file = tracker_csv({"wand": (wand, places(200))})
     with pytest.raises(AnglesUnclear) as caught:
         read(file)
-    assert "say which was exported: helical or euler_xyz" in str(caught.value)
+    assert "specify which was exported: helical or euler_xyz" in str(caught.value)
     assert caught.value.helical_tilt_deg > 90
     assert caught.value.euler_xyz_tilt_deg > 90
     for reading in ("helical", "euler_xyz"):
         capture = read(file, angles=reading)
         expected = rotations(wand, reading)
         np.testing.assert_allclose(capture.bodies["wand"].rotations, expected, atol=1e-4)
-        assert f"angles are read as {reading.replace('_', ' ')}, as was asked for" in capture.notes
+        assert f"angles are read as {reading.replace('_', ' ')}, as requested" in capture.notes
 
 
 def test_a_body_that_only_drives_straight_on_is_no_question() -> None:
     angles = np.array([1.0, -0.5, 0.8]) + np.random.default_rng(0).normal(0, 1e-3, (500, 3))
     found, why = find_reading("file", {"robot": angles})
     assert found == "helical"
-    assert "no body turns enough to tell them from Euler angles XYZ" in why
+    assert "no body turns enough to distinguish them from Euler angles XYZ" in why
 
 
 def test_bodies_that_are_never_seen_leave_nothing_to_find_out() -> None:

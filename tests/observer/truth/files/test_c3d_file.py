@@ -61,7 +61,7 @@ def test_reads_markers_and_gaps(read: Read) -> None:
     np.testing.assert_allclose(capture.bodies["box:left"].positions, left / 1000, atol=1e-6)
     np.testing.assert_allclose(capture.bodies["box:right"].positions, right / 1000, atol=1e-6)
     np.testing.assert_allclose(capture.bodies["box:left"].times, np.arange(COUNT) / 100)
-    assert "3 of 80 samples are gaps, in 1 of 2 bodies" in capture.notes
+    assert "gaps: 3 of 80 samples are missing, in 1 of 2 bodies" in capture.notes
 
 
 @pytest.mark.parametrize("first", [11, 70_000, 200_000])
@@ -80,7 +80,10 @@ def test_reads_units_rates_and_equal_names(read: Read) -> None:
     with pytest.raises(TruthError, match="POINT:UNITS must be a length in mm, cm or m, not 'ft'"):
         read(c3d_file({"a": places(COUNT)}, unit="ft"))
     silent = read(c3d_file({"a": places(COUNT)}, unit="  "))
-    assert "places are read in millimetres, though the file tells no unit" in silent.notes
+    assert (
+        "positions are assumed to be in millimetres, as the file does not state the unit"
+        in silent.notes
+    )
 
 
 def test_says_how_to_go_on_without_the_package(read: Read, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,7 +92,7 @@ def test_says_how_to_go_on_without_the_package(read: Read, monkeypatch: pytest.M
     with pytest.raises(TruthError) as caught:
         read(WHOLE)
     assert str(caught.value) == (
-        "upload: a C3D file needs the package c3d to be read; install it by: pip install "
+        "upload: reading C3D files needs the package c3d; install it with: pip install "
         "'dynamic-observer[c3d]' -- or export the trajectories as CSV"
     )
 
@@ -97,7 +100,7 @@ def test_says_how_to_go_on_without_the_package(read: Read, monkeypatch: pytest.M
 def test_refuses_a_file_that_is_cut_off(read: Read) -> None:
     for length in (600, 1100, len(WHOLE) - 600):
         with pytest.raises(
-            TruthError, match=r"C3D file (is cut off|is damaged|tells of|ends after)"
+            TruthError, match=r"C3D file (is truncated|is damaged|should have|ends after)"
         ):
             read(WHOLE[:length])
 
@@ -114,7 +117,7 @@ def test_refuses_a_file_without_markers(read: Read) -> None:
     damaged = bytearray(WHOLE.replace(USED + b"\2\0", USED + b"\0\0"))
     damaged[2:4] = b"\0\0"
     assert damaged[100:] != WHOLE[100:], "the parameter was found"
-    with pytest.raises(TruthError, match="holds no markers"):
+    with pytest.raises(TruthError, match="contains no markers"):
         read(bytes(damaged))
 
 

@@ -30,7 +30,7 @@ def test_describes_what_was_understood(read: Read) -> None:
         "highest_speed_mps": pytest.approx(0.5),
     }  # fmt: skip
     assert (cart["seen"], cart["gaps"], cart["highest_speed_mps"]) == (100, 101, None)
-    assert "101 of 402 samples are gaps, in 1 of 2 bodies" in described["notes"]
+    assert "gaps: 101 of 402 samples are missing, in 1 of 2 bodies" in described["notes"]
     assert json.loads(json.dumps(described, allow_nan=False))["rate_hz"] == 100
 
 

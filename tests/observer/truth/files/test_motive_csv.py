@@ -87,8 +87,8 @@ def test_reads_rigid_bodies_with_z_upwards(read: Read, titled: bool) -> None:
     np.testing.assert_allclose(body.rotations[0, 2], up_motive, atol=1e-12)
     assert np.linalg.det(body.rotations[0]) == pytest.approx(1.0)
     assert np.isnan(body.rotations[2]).all()
-    assert "4 columns are left out (rigid body marker, mean marker error)" in capture.notes
-    assert any("millimetres, and turned from y upwards" in note for note in capture.notes)
+    assert "4 columns are ignored (rigid body marker, mean marker error)" in capture.notes
+    assert any("millimetres, rotated from y up" in note for note in capture.notes)
 
 
 def test_points_that_turn_with_a_body_stay_on_it(read: Read) -> None:
@@ -118,7 +118,7 @@ def test_reads_angles_about_the_axes_of_the_body_in_the_order_that_is_named(
     np.testing.assert_allclose(
         capture.bodies["drone"].rotations, expected.rotations[:2], atol=1e-12
     )
-    assert f"angles are read as Euler angles {order} in degrees" in capture.notes
+    assert f"angles are Euler angles {order} in degrees" in capture.notes
 
 
 def test_bodies_of_one_name_are_told_apart_by_their_ids(read: Read) -> None:
@@ -172,26 +172,26 @@ TURN, ONE = "XYZW", ("cup", "A")
         (text(head=HEAD.replace("Global", "Local")), "line 1: export with the Coordinate Space"),
         (text(head=HEAD.replace("Quaternion", "XYX")), "Rotation Type Quaternion, not 'XYX'"),
         (text(head=HEAD.replace("Quaternion", "XYZ")), "line 7: the rotation of 'drone' must be"),
-        (text(types=["Marker"] * 11), "there is no rigid body in it; export with Rigid Bodies"),
-        (text(types=["Bone"] * 11), "there is no rigid body in it; export with Rigid Bodies"),
+        (text(types=["Marker"] * 11), "it contains no rigid bodies; export with Rigid Bodies"),
+        (text(types=["Bone"] * 11), "it contains no rigid bodies; export with Rigid Bodies"),
         (text(types=["Rigid Body"] * 11, names=["drone"] * 11, ids=["1"] * 11),
          "line 7 cell 11: the position X of 'drone' appears twice"),
         (text().replace("Frame,Time", "Picture,Time"), "the line with Frame and Time is missing"),
-        (text().replace("Time (Seconds)", "X"), "line 7 cell 2: behind Frame there must be the"),
+        (text().replace("Time (Seconds)", "X"), "line 7 cell 2: the column after Frame must be"),
         (HEAD + "\n", "the line with Frame and Time is missing"),
-        (HEAD + "\n,Type,Rigid Body\nFrame,Time,X\n", "line 3: rows of types, names and kinds"),
+        (HEAD + "\n,Type,Rigid Body\nFrame,Time,X\n", "line 3: the header rows with types, names"),
         (text().replace("0.01,", "0.0,"), "line 9 cell 2: the time is not later"),
-        (text().replace("0.01,", ","), "line 9 cell 2: the time must be known"),
-        (text().replace("0.02,", "1e300,"), "line 10 cell 2: the time must be known, and within"),
-        (text().replace("1100.0", ""), "line 9 cell 7: X, Y and Z of drone must all be known"),
-        (text().replace("1100.0", "1e99"), "line 9 cell 7: the place of drone must lie within"),
+        (text().replace("0.01,", ","), "line 9 cell 2: the time must be given"),
+        (text().replace("0.02,", "1e300,"), "line 10 cell 2: the time must be given and at most"),
+        (text().replace("1100.0", ""), "line 9 cell 7: X, Y and Z of drone must all be given"),
+        (text().replace("1100.0", "1e99"), "line 9 cell 7: the position of drone must be within"),
         (text().replace("1100.0", "far"), "line 9 cell 7: drone position x must be a number"),
-        (poses(ONE, turn=TURN, rows=[]), "there are no rows of numbers in it"),
+        (poses(ONE, turn=TURN, rows=[]), "it contains no data rows"),
         (poses(ONE, turn=TURN, rows=["0,0,1,1,1,1,0,0,0"]),
          "line 8 cell 3: the rotation of cup must be a unit quaternion"),
         (poses(ONE, turn="XYW", rows=["0,0,0,0,1,0,0,0"]), "columns W, X, Y, Z"),
         (poses(ONE, turn="XYZ", rows=["0,0,1e9,0,0,0,0,0"], head=HEAD.replace("Quaternion", "ZYX")),
-         "line 8 cell 5: the angles of cup must lie within"),
+         "line 8 cell 5: the angles of cup must be within"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_read_is_refused_in_a_sentence(read: Read, changed: str, told: str) -> None:
@@ -206,12 +206,12 @@ def test_what_cannot_be_read_is_refused_in_a_sentence(read: Read, changed: str, 
     "content", ["PathFileType\t4\t(X/Y/Z)\ta.trc\n", "PathFileType,4,(X/Y/Z),a\n"]
 )
 def test_marker_tables_are_refused_by_name(read: Read, content: str) -> None:
-    with pytest.raises(TruthError, match=r"a TRC file holds single markers.* as CSV, or C3D$"):
+    with pytest.raises(TruthError, match=r"a TRC file contains single markers.* as CSV, or C3D$"):
         read(content)
 
 
 def test_the_marker_table_of_another_tool_is_refused_by_name(shared_data: Path) -> None:
-    with pytest.raises(TruthError, match=r"^markers\.trc: a TRC file holds single markers"):
+    with pytest.raises(TruthError, match=r"^markers\.trc: a TRC file contains single markers"):
         read_capture(shared_data / "wild" / "motion_capture" / "markers.trc")
 
 

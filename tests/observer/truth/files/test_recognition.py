@@ -74,14 +74,14 @@ def test_the_projects_own_truth_is_told_apart(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        (b"", "upload: the file is empty; understood are Vicon Tracker (CSV of Obj"),
+        (b"", "upload: the file is empty; supported are Vicon Tracker (CSV of Obj"),
         (b" \r\n\r\n", "upload: the file is empty"),
-        (b",,,\r\n" * 400, "upload: the file holds nothing but empty lines"),
+        (b",,,\r\n" * 400, "upload: the file contains only empty lines"),
         (b"PK\x03\x04 xlsx", "upload: this is a ZIP archive or a spreadsheet; unpack it, or save"),
         ("t,x,y,z\n0,1,2,3\n".encode("utf-16"), "upload: the text is UTF-16; save it as UTF-8"),
-        (b"\x89PNG\0\0\0", "upload: this is neither text nor C3D; understood are"),
-        (b"Lorem ipsum\n", "no motion capture was recognised (it begins with 'Lorem ipsum'); und"),
-        (b"1 " * 12, "no motion capture was recognised (it begins with '1 1 1"),
+        (b"\x89PNG\0\0\0", "upload: the file is neither text nor C3D; supported are"),
+        (b"Lorem ipsum\n", "not a known motion-capture format (it starts with 'Lorem ipsum'); sup"),
+        (b"1 " * 12, "not a known motion-capture format (it starts with '1 1 1"),
         (b"x" * 3_000_000, "upload line 1: the line is longer than 1048576 characters"),
     ],
 )

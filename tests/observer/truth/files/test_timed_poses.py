@@ -47,7 +47,7 @@ def test_reads_the_units_that_a_header_names(read: Read, header: str) -> None:
     capture = read(header + "\n" + table(1000 * T, 1000 * P))
     np.testing.assert_allclose(capture.bodies["body"].times, T)
     np.testing.assert_allclose(capture.bodies["body"].positions, P)
-    assert "places are read in millimetres" in capture.notes
+    assert "positions are in millimetres" in capture.notes
 
 
 def test_a_column_of_names_parts_bodies(read: Read) -> None:
@@ -77,21 +77,21 @@ def test_a_gap_in_tum_is_nan(read: Read) -> None:
 def test_a_rate_is_of_no_use(read: Read) -> None:
     capture = read("t,x,y,z\n" + table(T, P), rate_hz=100)
     assert capture.rate_hz is None
-    assert any("the rate of 100 Hz is not used" in note for note in capture.notes)
+    assert any("the given rate of 100 Hz is ignored" in note for note in capture.notes)
 
 
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        ("t,x,y,z\n1,1,2,3\n0,1,2,3\n", "upload line 3: the time is earlier than that of body"),
-        ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "upload line 3: the time must be known"),
+        ("t,x,y,z\n1,1,2,3\n0,1,2,3\n", "upload line 3: the time is earlier than the previous one"),
+        ("t,x,y,z\n0,1,2,3\n,1,2,3\n", "upload line 3: the time must be given"),
         ("t,x,y,z\n0,1,2\n", "upload line 2: the row has only 3 cells, but there must be 4: t, x"),
-        ("t,x,y,z\n0,1,2,3,4\n", "upload line 2: the row has 5 cells, but the header names 4"),
+        ("t,x,y,z\n0,1,2,3,4\n", "upload line 2: the row has 5 cells, but the header has 4"),
         ("t,x,y,z\n0,1,two,3\n", "upload line 2 cell 3: y must be a number, not 'two'"),
-        ("t,x,y,z\n0,1,,3\n", "upload line 2: x, y and z must all be known, or none"),
-        ("t,x,y,z\n0,1,1e99,3\n", "upload line 2: x, y and z must lie within"),
-        ("t,x,y,z\n", "upload: there are no rows of numbers in it"),
-        ("t,x,y,z,qx\n0,1,2,3,0\n", "upload line 1: there is qx, but not all of qx, qy, qz, qw"),
+        ("t,x,y,z\n0,1,,3\n", "upload line 2: x, y and z must all be given, or none"),
+        ("t,x,y,z\n0,1,1e99,3\n", "upload line 2: x, y and z must be within"),
+        ("t,x,y,z\n", "upload: it contains no data rows"),
+        ("t,x,y,z,qx\n0,1,2,3,0\n", "upload line 1: qx is given, but not all of qx, qy, qz, qw"),
         ("t,x,y,z,x\n0,1,2,3,0\n", "upload line 1 cell 5: x appears twice"),
         ("t,x_mm,y,z\n0,1,2,3\n", "upload line 1: x, y and z must be in the same unit"),
         ("t,x [ft],y [ft],z [ft]\n0,1,2,3\n", "upload line 1 cell 2: the unit 'ft' of x must be"),
@@ -112,18 +112,20 @@ def test_samples_that_repeat_a_time_are_left_out_and_told(read: Read) -> None:
     body = capture.bodies["body"]
     assert body.times.tolist() == [0.0, 1.0]
     assert body.positions.tolist() == [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]]
-    assert "2 samples that repeat the time before them are left out" in capture.notes
+    assert "2 samples with a repeated time are ignored" in capture.notes
 
 
 def test_each_body_has_times_of_its_own(read: Read) -> None:
     capture = read("t,body,x,y,z\n0,a,1,2,3\n0,b,4,5,6\n0,b,7,8,9\n1,a,1,2,3\n")
     assert capture.bodies["a"].times.tolist() == [0.0, 1.0]
     assert capture.bodies["b"].positions.tolist() == [[4.0, 5.0, 6.0]]
-    assert "1 sample that repeats the time before it is left out" in capture.notes
+    assert "1 sample with a repeated time is ignored" in capture.notes
 
 
 def test_a_time_that_goes_back_behind_a_repeated_one_is_refused(read: Read) -> None:
-    with pytest.raises(TruthError, match="upload line 4: the time is earlier than that of body"):
+    with pytest.raises(
+        TruthError, match="upload line 4: the time is earlier than the previous one of body"
+    ):
         read("t,x,y,z\n1,1,2,3\n1,1,2,3\n0.5,1,2,3\n")
 
 
@@ -153,6 +155,6 @@ def test_reads_the_places_of_euroc_and_keeps_the_digits_of_their_times(read: Rea
     assert body.rotations is None
     np.testing.assert_allclose(np.diff(body.times), step * 1e-9, atol=5e-7)
     assert abs(int(body.times[0] * 1e6) - first // 1000) <= 1
-    assert "1 sample that repeats the time before it is left out" in capture.notes
+    assert "1 sample with a repeated time is ignored" in capture.notes
     with pytest.raises(TruthError, match="upload line 3: the time is earlier"):
         read(f"{header}\n{first},1,2,3\n{first - step},1,2,3\n")

@@ -35,7 +35,7 @@ def test_reads_tracker_objects(read: Read) -> None:
     assert amigo.rotations is not None
     np.testing.assert_array_equal(np.isnan(amigo.rotations).all(axis=(1, 2)), ~amigo.seen)
     assert any("helical" in note for note in capture.notes)
-    assert "3 of 60 samples are gaps, in 1 of 2 bodies" in capture.notes
+    assert "gaps: 3 of 60 samples are missing, in 1 of 2 bodies" in capture.notes
 
 
 def test_reads_segments_in_degrees_and_other_units(read: Read) -> None:
@@ -70,8 +70,8 @@ def test_asks_for_a_rate_that_is_missing(read: Read, rate: str | None) -> None:
     with pytest.raises(TruthError) as caught:
         read(file)
     assert str(caught.value) == (
-        "upload: the file does not tell its rate (Tracker 3.5 leaves it out); give the camera "
-        "system's rate in Hz"
+        "upload: the file does not state its frame rate (Tracker 3.5 omits it); give the frame "
+        "rate of the capture system in Hz"
     )
     capture = read(file, rate_hz=120)
     assert capture.rate_hz == 120
@@ -82,9 +82,9 @@ def test_a_rate_that_is_given_overrules_the_file_and_is_noted(read: Read) -> Non
     file = tracker_csv({"robot": (HELICAL, places(COUNT))})
     capture = read(file, rate_hz=50)
     assert capture.rate_hz == 50
-    assert "the rate is 50 Hz as was asked for, though the file says 100 Hz" in capture.notes
+    assert "the rate is 50 Hz as requested, although the file says 100 Hz" in capture.notes
     for wrong in (0.0, -1.0, float("nan"), float("inf")):
-        with pytest.raises(TruthError, match="the rate must lie above 0"):
+        with pytest.raises(TruthError, match="the frame rate must be above 0"):
             read(file, rate_hz=wrong)
 
 
@@ -95,8 +95,8 @@ def test_leaves_devices_out_and_says_so(read: Read, before: bool) -> None:
     capture = read(file)
     assert capture.format == "Vicon Nexus trajectories"
     np.testing.assert_allclose(capture.bodies["box:left"].positions, places(COUNT) / 1000)
-    assert "left out, because it tells no places: Devices" in capture.notes
-    with pytest.raises(TruthError, match="nothing in it but Devices; export Objects"):
+    assert "ignored, because it contains no positions: Devices" in capture.notes
+    with pytest.raises(TruthError, match="it contains only Devices; export Objects"):
         read(DEVICES)
 
 
@@ -135,23 +135,23 @@ def test_samples_of_zeros_and_rows_that_end_early_are_gaps(read: Read) -> None:
         (8, "3,0,0,0,0,1,x,3", "upload line 8 cell 7: TY of robot must be a number, not 'x'"),
         (8, "3,0,0,0,0,1,1_0,3", "upload line 8 cell 7: TY of robot must be a number, not '1_0'"),
         (8, "3,0,0,0,0,1,1e999,3", "upload line 8 cell 7: TY of robot must be a finite number"),
-        (8, "3,0,0,0,0,1,,3", "upload line 8 cell 3: of robot, its place must be known in all"),
-        (8, "3,0,0,0,0,1,2", "upload line 8 cell 3: of robot, its place must be known in all"),
-        (8, "3,0,0,0,0,1,1e200,3", "upload line 8 cell 3: of robot, its place must lie within"),
-        (8, "3,0,0,1e200,0,1,1,3", "upload line 8 cell 3: of robot, its angles must lie within"),
-        (8, "3,0,0,0,0,1,2,3,4", "upload line 8: the row has 9 cells, but the header names 8"),
-        (8, "2,0,0,0,0,1,2,3", "upload line 8 cell 1: frame 2 does not come after frame 2"),
+        (8, "3,0,0,0,0,1,,3", "upload line 8 cell 3: of robot, its position must be given in all"),
+        (8, "3,0,0,0,0,1,2", "upload line 8 cell 3: of robot, its position must be given in all"),
+        (8, "3,0,0,0,0,1,1e200,3", "upload line 8 cell 3: of robot, its position must be within"),
+        (8, "3,0,0,1e200,0,1,1,3", "upload line 8 cell 3: of robot, its angles must be within"),
+        (8, "3,0,0,0,0,1,2,3,4", "upload line 8: the row has 9 cells, but the header has 8"),
+        (8, "2,0,0,0,0,1,2,3", "upload line 8 cell 1: frame 2 does not follow frame 2"),
         (8, "2.5,0,0,0,0,1,2,3", "upload line 8 cell 1: Frame must be a whole number"),
         (8, ",0,0,0,0,1,2,3", "upload line 8 cell 1: Frame must be a whole number"),
         (8, "3,1,0,0,0,1,2,3", "upload line 8 cell 2: Sub Frame must be 0"),
         (8, '3,0,"0,0,0,1,2,3', "upload line 8: the line is not valid CSV"),
-        (8, "", "upload line 12: by the 4th row of a section, which begins with its title"),
+        (8, "", "upload line 12: a section must start with its title"),
         (5, ",,rad,rad,rad,mm,mm,m", "upload line 5 cell 8: the unit 'm' must be a length"),
         (5, ",,rad,rad,turns,mm,mm,mm", "upload line 5 cell 5: the unit 'turns' must be an angle"),
         (5, "1,0,0,0,0,1,2,3", "upload line 5 cell 6: the unit '1' must be a length"),
         (4, "Frame,Sub Frame,RX,RY,RZ,TX,TY,Q", "upload line 4 cell 3: the columns from 'RX' on"),
-        (4, "Frame,Sub Frame", "upload line 4: no column after Frame and Sub Frame"),
-        (4, "Picture,Part", "upload line 4: by the 4th row of a section"),
+        (4, "Frame,Sub Frame", "upload line 4: no columns after Frame and Sub Frame"),
+        (4, "Picture,Part", "upload line 4: a section must start with its title"),
     ],
 )  # fmt: skip
 def test_names_line_and_cell_of_what_is_wrong(
@@ -166,9 +166,9 @@ def test_names_line_and_cell_of_what_is_wrong(
 
 def test_refuses_a_file_without_samples(read: Read) -> None:
     file = tracker_csv({"robot": (HELICAL, places(COUNT))}).split("\r\n")[:5]
-    with pytest.raises(TruthError, match="the section Objects holds no samples"):
+    with pytest.raises(TruthError, match="the section Objects contains no samples"):
         read("\r\n".join(file))
-    with pytest.raises(TruthError, match="by the 4th row of a section"):
+    with pytest.raises(TruthError, match="a section must start with its title"):
         read(BOM + "Objects\r\n")
 
 

@@ -58,7 +58,7 @@ def test_c3d_tells_the_same_to_a_hundredth_of_a_millimetre(
 
 
 def test_devices_alone_are_refused(vicon: Path) -> None:
-    with pytest.raises(TruthError, match="nothing in it but Devices"):
+    with pytest.raises(TruthError, match="it contains only Devices"):
         read_capture(vicon / "nexus_analogs_first400_pyomeca.csv")
 
 

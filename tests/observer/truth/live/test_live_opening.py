@@ -26,13 +26,13 @@ def test_what_names_a_server_or_a_port_is_taken(spec: str) -> None:
 @pytest.mark.parametrize(
     ("spec", "words"),
     [
-        ("vrpn:", "names no host"),
-        ("vrpn:ho st", "names no host"),
+        ("vrpn:", "has no host"),
+        ("vrpn:ho st", "has no host"),
         ("vrpn:host:0", "port from 1 to 65535"),
         ("vrpn:host:65536", "port from 1 to 65535"),
         ("vicon-udp:x", "port from 1 to 65535"),
         ("vicon-udp:99999", "port from 1 to 65535"),
-        ("truth.csv", "live truth is vrpn:HOST"),
+        ("truth.csv", "live motion capture is given as vrpn:HOST"),
     ],
 )
 def test_what_names_none_is_refused_in_a_sentence(spec: str, words: str) -> None:

@@ -85,7 +85,7 @@ def test_objects_come_in_metres_at_times_counted_in_frames(udp_port: int) -> Non
 def test_silence_is_said_and_speech_goes_on(udp_port: int) -> None:
     with capturing(udp_port) as capture:
         quiet = until(capture, lambda r: r.state == "waiting" and r.trouble)
-        assert "no body's pose" in str(quiet.trouble)
+        assert "no poses received" in str(quiet.trouble)
         mishaps = Mishaps()
         with streaming(udp_port, mishaps):
             samples(capture, 40)
@@ -103,7 +103,7 @@ def test_garbage_is_counted_and_a_second_sender_left_out(udp_port: int) -> None:
         until(capture, lambda r: r.malformed == 2)
         other = ViconSender(udp_port)
         other.raw(b"\x01\0\0\0\0")
-        until(capture, noted("sends to this port as well"))
+        until(capture, noted("also sends to this port"))
         other.stop()
         samples(capture, 20)
 
@@ -146,7 +146,7 @@ def test_a_port_that_is_taken_is_said_and_tried_again(
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("", udp_port))
         capture = open_live_truth(f"vicon-udp:{udp_port}")
-        report = until(capture, lambda r: "cannot be listened at" in (r.trouble or ""))
+        report = until(capture, lambda r: "cannot listen on" in (r.trouble or ""))
         assert report.state == "connecting"
     until(capture, lambda r: r.state == "waiting")
     capture.close()

@@ -145,5 +145,5 @@ def test_cookies_of_version_7_are_taken_others_not() -> None:
     assert "07.33" in minor
     with pytest.raises(VrpnError, match=r"06\.04"):
         check_cookie(b"vrpn: ver. 06.04  0".ljust(24, b"\0"))
-    with pytest.raises(VrpnError, match="no VRPN server"):
+    with pytest.raises(VrpnError, match="not a VRPN server"):
         check_cookie(b"SSH-2.0-OpenSSH_9.6\r\n\0\0\0")

@@ -1,0 +1,16 @@
+"""The 95 % interval, by which every uncertainty is shown to a person.
+
+Data files, REST and the library's results keep standard deviations; only what is read as text or
+seen in a picture is widened by this factor. The page takes it from here, see
+``app.contract.glossary``.
+"""
+
+from __future__ import annotations
+
+SIGMAS_95 = 1.96
+"""Half of a normal distribution's middle 95 %, in standard deviations."""
+
+
+def half_95(std: float) -> float:
+    """Return half of the 95 % interval of a value with this standard deviation, in its unit."""
+    return SIGMAS_95 * std

@@ -1,0 +1,44 @@
+"""Pictures of sources as they are asked for by a page, which may be left meanwhile."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from app.server.source.thumbnails import Thumbnails
+
+PICTURE = "/api/sources/picture.jpg?spec=simulated:lab"
+
+
+async def test_a_picture_is_kept_by_the_browser_and_whoever_leaves_ends_its_making(
+    serve: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    begun, ended, let = asyncio.Event(), asyncio.Event(), asyncio.Event()
+
+    async def make(spec: str) -> bytes:
+        begun.set()
+        try:
+            await let.wait()
+        finally:
+            ended.set()
+        return spec.encode()
+
+    async with asyncio.timeout(30), serve() as served:
+        served.server.source.thumbnails = Thumbnails(tmp_path / "pictures", make)
+        with caplog.at_level(logging.WARNING), pytest.raises(httpx.ReadTimeout):
+            await served.http.get(PICTURE, timeout=0.3)
+        await ended.wait()
+        await asyncio.sleep(0.1)
+        assert begun.is_set()
+        assert not [each for each in caplog.records if each.levelno >= logging.ERROR]
+
+        let.set()
+        answer = await served.http.get(PICTURE)
+        assert (answer.status_code, answer.content) == (200, b"simulated:lab")
+        assert answer.headers["content-type"] == "image/jpeg"
+        assert answer.headers["cache-control"] == "private, max-age=86400"

@@ -1,0 +1,29 @@
+"""Write the glossary as a module of the page to the standard output.
+
+    python -m tools.packaging.page_glossary
+
+``tools/packaging/frontend.py types`` makes ``static/app/elements/glossary.js`` of it.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+
+from app.contract.glossary import GLOSSARY
+from observer.intervals import SIGMAS_95
+
+
+def page_glossary() -> str:
+    """Return the module's text, before prettier."""
+    meanings = {term.name: term.meaning for term in GLOSSARY}
+    return (
+        "/** Words and their meaning, for tooltips: made from app/contract/glossary.py. */\n\n"
+        "/** Half of the 95 % interval, in standard deviations. */\n"
+        f"export const SIGMAS_95 = {SIGMAS_95:g};\n\n"
+        f"export const GLOSSARY = {json.dumps(meanings, ensure_ascii=False)};\n"
+    )
+
+
+if __name__ == "__main__":
+    sys.stdout.buffer.write(page_glossary().encode())
