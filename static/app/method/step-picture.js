@@ -2,7 +2,7 @@
 
 import { h, setAttribute } from "../elements/dom.js";
 import { requestImage } from "../shell/api.js";
-import { Newest } from "../sources/newest.js";
+import { Newest } from "../elements/newest.js";
 
 // Of pictures that are kept; one has some hundred kilobytes.
 const MOST_KEPT = 14;

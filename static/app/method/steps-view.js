@@ -11,7 +11,7 @@ import { groupTitle } from "../parameters/value-words.js";
 import { ExportMenu } from "../runs/export-menu.js";
 import { ApiError, request, requestImage } from "../shell/api.js";
 import { attempt } from "../shell/notice.js";
-import { Newest } from "../sources/newest.js";
+import { Newest } from "../elements/newest.js";
 import { formulaParts } from "./step-formula.js";
 import { StepPicture } from "./step-picture.js";
 import { StepPresentation } from "./step-presentation.js";

@@ -15,7 +15,7 @@ import { Part } from "../elements/part.js";
 import { ApiError, request } from "../shell/api.js";
 import { refuse } from "../shell/notice.js";
 import { cameraSpec, modesOf, nameOf, usualMode } from "./choices.js";
-import { Newest } from "./newest.js";
+import { Newest } from "../elements/newest.js";
 
 /** @import { Devices, VideoDevice } from "../contract" */
 

@@ -26,7 +26,7 @@ import {
   suggestions,
 } from "./choices.js";
 import { Combobox } from "./combobox.js";
-import { Newest } from "./newest.js";
+import { Newest } from "../elements/newest.js";
 import { PictureQueue } from "./picture-queue.js";
 import { SourceGroup } from "./source-group.js";
 

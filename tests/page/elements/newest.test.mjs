@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { Newest } from "../../../static/app/sources/newest.js";
+import { Newest } from "../../../static/app/elements/newest.js";
 
 test("a slow first answer does not overwrite a newer one", async () => {
   const newest = new Newest();
