@@ -57,5 +57,5 @@ def test_what_is_wrong_is_refused(wrong: dict[str, Any]) -> None:
 
 def test_a_mistyped_variable_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("DYNAMIC_OBSERVER_PROT", "9000")
-    with pytest.raises(ValidationError, match="DYNAMIC_OBSERVER_PROT names no setting"):
+    with pytest.raises(ValidationError, match="DYNAMIC_OBSERVER_PROT is not a setting"):
         Settings()

@@ -183,7 +183,9 @@ def _watch(page: Page, link: str) -> list[str]:
     page.on(
         "console",
         lambda message: (
-            troubles.append(f"console: {message.text}") if message.type == "error" else None
+            troubles.append(f"console: {message.text} {message.location['url']}")
+            if message.type == "error"
+            else None
         ),
     )
     return troubles

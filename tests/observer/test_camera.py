@@ -81,7 +81,7 @@ def test_any_difference_between_the_cameras_is_not_rectified() -> None:
         ({"K2": np.eye(2)}, "K2 must have shape 3 x 3, not 2 x 2"),
         ({"D1": [0.1, 0.2, 0.3]}, "D1 must hold 4, 5, 8, 12 or 14"),
         ({"R": np.diag([1.0, 1.0, -1.0])}, "R must be a rotation"),
-        ({"T": [np.nan, 0, 0]}, "T must hold finite numbers"),
+        ({"T": [np.nan, 0, 0]}, "T must contain only finite numbers"),
         ({"T": ["a", 0, 0]}, "T must be an array of numbers"),
         ({"T": [0, 0, 0]}, "need a baseline"),
         ({"T": [-120, 0, 0]}, "if T is in millimetres, divide it by 1000"),

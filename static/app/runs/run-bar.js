@@ -46,7 +46,7 @@ class RunBar extends Part {
   #recording = h("span.record-chip.figure", { hidden: true });
   #start = h(
     "button.button.primary",
-    { type: "submit" },
+    { type: "submit", "aria-label": "Start run" },
     icon("record"),
     h("span", "Start", h("span.run-word", " run")),
   );

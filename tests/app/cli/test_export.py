@@ -87,10 +87,10 @@ def test_a_bag_is_a_folder_and_is_replaced_when_asked(
     ("run", "name", "sentence"),
     [
         ("2026", "f.csv", "several runs (2026-a1, 2026-b2)"),
-        ("2027", "f.csv", "2027 was not recorded"),
+        ("2027", "f.csv", "the run 2027 has no recording"),
         ("2028", "f.csv", "there is no run 2028"),
         ("2026-a1", "f.txt", ".csv, .parquet, .tum, .mp4, .ply, .zip, or --ros2"),
-        ("2026-a1", "none/f.csv", "in an existing folder"),
+        ("2026-a1", "none/f.csv", "in an existing, writable folder"),
         ("nowhere/recording.mcap", "f.csv", "there is no recording nowhere"),
     ],
 )
@@ -112,7 +112,7 @@ def test_observe_keeps_a_recording_and_a_video(shell: Callable[..., Done], tmp_p
         "--set", "klt_tracking.spacing_px=20",
     )  # fmt: skip
     assert done.code == 0, done.err
-    assert "3 pictures" in done.err
+    assert "3 frames" in done.err
     with Recording(recording) as kept:
         assert not kept.unfinished
         assert len(lines.read_text().splitlines()) == len(list(kept.lines())) == 3

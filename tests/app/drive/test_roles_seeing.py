@@ -63,7 +63,7 @@ def test_a_second_without_sight_disarms(bench: Any) -> None:
     both(bench, 0.2)
     assert bench.state("observer") == "disarmed"
     assert bench.robots["observer"].calls.count(("disable",)) == 1
-    assert "no frame" in bench.why("observer")
+    assert "no camera frame" in bench.why("observer")
     assert bench.kinds() == ["sight", "sight"]
     assert bench.state("obstacle") == "moving"
     bench.seeing = {}

@@ -78,6 +78,11 @@ def eventually(holds: Callable[[], Any]) -> None:
         time.sleep(0.01)
 
 
+def is_finished(path: Path) -> bool:
+    with Recording(path) as recording:
+        return not recording.unfinished
+
+
 def frames_in(path: Path) -> list[int]:
     with Recording(path) as recording:
         return [each.index for each in recording.frames]
@@ -186,9 +191,8 @@ def test_it_ends_before_the_disk_is_full(tmp_path: Path) -> None:
     left[0] = 199 << 20
     eventually(lambda: recorder.facts().trouble)
     assert "only 199 MB are free" in recorder.facts().trouble
-    with Recording(path) as recording:
-        assert not recording.unfinished
-        assert [f.index for f in recording.frames] == [0]
+    eventually(lambda: is_finished(path))
+    assert frames_in(path) == [0]
     ended(recorder)
 
 

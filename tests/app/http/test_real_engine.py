@@ -56,7 +56,7 @@ async def test_a_run_outlives_its_engine_and_the_page_is_told(real: Any, tmp_pat
         os.kill(pid, signal.SIGKILL)
         killed = time.monotonic()
         told = await message(live, lambda m: m.get("engine", {}) != {} and is_failed(m))
-        assert "restarted" in told["engine"]["reason"]
+        assert "restarting" in told["engine"]["reason"]
         back = await message(
             live, lambda m: m["type"] == "status" and m["engine"]["state"] == "running"
         )

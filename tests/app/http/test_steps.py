@@ -153,4 +153,12 @@ async def test_the_process_ends_when_nobody_needs_it_and_starts_again(
 
 def _workers() -> list[psutil.Process]:
     mine = psutil.Process().children(recursive=True)
-    return [each for each in mine if each.is_running() and "app.workers.steps" in each.cmdline()]
+    return [each for each in mine if _is_worker(each)]
+
+
+def _is_worker(process: psutil.Process) -> bool:
+    try:
+        return "app.workers.steps" in process.cmdline()
+    except psutil.NoSuchProcess:
+        # It has ended, whether or not its parent has noticed.
+        return False

@@ -96,7 +96,7 @@ def test_the_points_are_the_figures() -> None:
     assert [label.get_text() for label in cost.get_yticklabels()] == [
         "stereo",
         "whole step",
-        "OpenCV's calls, bare",
+        "OpenCV calls only",
     ]
     bars = [bar for bar in cost.patches if isinstance(bar, Rectangle)]
     assert sorted(bar.get_width() for bar in bars) == [2, 2, 4, 4, 6, 6]

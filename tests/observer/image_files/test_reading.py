@@ -105,7 +105,7 @@ def test_damage_answers_for_any_bytes(content: bytes) -> None:
 
 def test_names_what_is_no_image(tmp_path: Path) -> None:
     (tmp_path / "note.png").write_text("this is no image at all")
-    with pytest.raises(SourceError, match=r"note\.png is damaged or no image"):
+    with pytest.raises(SourceError, match=r"note\.png is damaged or not an image"):
         read_image(tmp_path / "note.png")
     with pytest.raises(SourceError, match=r"absent\.png is missing"):
         read_image(tmp_path / "absent.png")

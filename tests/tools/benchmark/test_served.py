@@ -62,7 +62,7 @@ def test_a_served_loop_is_measured_alone_and_with_viewers_that_are_really_served
 ) -> None:
     said: list[str] = []
     rates = _loop_rates(server, 1.0, 1.0, 2, said.append)
-    with pytest.raises(MeasurementError, match="PUT /api/source was answered 422"):
+    with pytest.raises(MeasurementError, match="PUT /api/source was answered with status 422"):
         server.request("PUT", "/api/source", {"source": "simulated:moon"})
     assert rates.alone > 0
     assert rates.with_viewers > 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ PUBLIC = {
 
 def concrete(path: str) -> str:
     for name, value in (("id", "some-id"), ("name", "left"), ("role", "observer")):
-        path = path.replace(f"{{{name}}}", value)
+        path = re.sub(rf"\{{{name}(:\w+)?\}}", value, path)
     return path
 
 

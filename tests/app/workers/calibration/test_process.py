@@ -173,14 +173,14 @@ async def test_a_worker_that_dies_is_one_sentence() -> None:
     doing = asyncio.create_task(work(endless(), lambda _: None))
     (await worker()).kill()
     with pytest.raises(
-        CalibrationError, match="the computation ended by SIGKILL, without a result; start it again"
+        CalibrationError, match="the computation ended by SIGKILL without a result; start it again"
     ):
         await doing
 
 
 async def test_a_worker_that_breaks_is_one_sentence(capfd: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(
-        CalibrationError, match="the computation ended with exit code 1, without a result"
+        CalibrationError, match="the computation ended with exit code 1 without a result"
     ):
         await work("no job", lambda _: None)  # type: ignore[arg-type]
     # Its own words are in the log, not in the answer.

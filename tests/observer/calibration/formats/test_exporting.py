@@ -59,8 +59,8 @@ def test_round_trip(made: StereoCalibration, kind: ExportKind) -> None:
     assert all(file.name.startswith("my_rig_1") for file in files)
 
 
-# OpenCV's rectification takes turns below single precision for none.
-ANGLES = st.floats(-0.1, 0.1).map(lambda angle: 0.0 if abs(angle) < 1e-6 else angle)
+# OpenCV's rectification takes turns of up to 1e-5 rad for none.
+ANGLES = st.floats(-0.1, 0.1).map(lambda angle: 0.0 if abs(angle) < 2e-5 else angle)
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -268,4 +268,4 @@ def test_any_pixel_can_be_asked(lateral: list[StereoFrame]) -> None:
         early.observe(f, trace)
     answer = explain_pixel(trace, early.camera, ONE_CAMERA, (250.0, 120.0))
     assert answer.verdict is PixelVerdict.UNDECIDED
-    assert "travel" in answer.sentence
+    assert "translation" in answer.sentence

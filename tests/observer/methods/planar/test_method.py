@@ -47,7 +47,7 @@ def test_a_moving_board_is_confirmed_as_the_model_sees_it(
         centre_px = 255.5 + F * o.position_camera[0] / o.position_camera[2]
         assert u0 < centre_px < u1
         assert v0 < 127.5 < v1
-        assert "standard deviations" in o.reason
+        assert "σ above" in o.reason
     assert len({o.id for s in seen[4:] for o in s.reported if o.position_camera[2] < 2.3}) == 1
 
 

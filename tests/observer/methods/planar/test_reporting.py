@@ -97,7 +97,7 @@ def test_a_coasting_obstacle_grows_less_certain_and_says_why() -> None:
     assert coasting.velocity_time == 2.95
     assert np.trace(coasting.position_cov) > np.trace(seen.position_cov)
     assert coasting.reason.startswith("not seen for 3 frames")
-    assert "12 points moved at 0.50 m/s, 7.5 standard deviations" in seen.reason
+    assert "12 points moved at 0.50 m/s, 7.5 σ" in seen.reason
 
 
 def test_an_unknown_uncertainty_stays_unknown() -> None:

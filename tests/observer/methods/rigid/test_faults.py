@@ -172,7 +172,7 @@ def test_rows_that_do_not_match_are_told(lateral: Clip) -> None:
         found = [r for each in seen for r in each.reasons if "recalibrate" in r]
         assert bool(found) == told
         if told:
-            assert "2.0 px apart" in found[0]
+            assert "epipolar error is 2.0 px" in found[0]
             assert seen[-1].status is not Status.OK
 
 

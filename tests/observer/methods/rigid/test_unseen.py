@@ -162,7 +162,7 @@ def test_what_is_nearer_than_stereo_searches_is_told_as_near(disparity: int) -> 
     cells = letters(unseen)[INSIDE]
     assert (cells == "n").mean() > 0.6
     assert unseen.hides_person
-    assert "too near" in unseen.reasons[0]
+    assert "too close" in unseen.reasons[0]
 
 
 @pytest.mark.parametrize(

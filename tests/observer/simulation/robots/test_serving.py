@@ -213,7 +213,7 @@ def test_noise_damages_packets_both_ways_and_moves_nothing(served: Robots) -> No
 
 
 def test_a_port_that_is_taken_is_one_sentence(served: Robots) -> None:
-    with pytest.raises(InputError, match=r"port \d+ of this machine cannot be used"):
+    with pytest.raises(InputError, match=r"port \d+ on this machine cannot be used"):
         serve_tcp(EmulatedRobot("amigo"), address(served)[1])
 
 
