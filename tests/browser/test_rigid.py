@@ -93,7 +93,7 @@ def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confi
     card = page.locator(".answer")
     expect(card.locator(".verdict-chip")).to_have_text("Moving")
     expect(card).to_contain_text(re.compile(r"It moves at \d\.\d\d m/s over ground"))
-    expect(card).to_contain_text(re.compile(r"Speed, 1 σ ?\d\.\d{3} m/s"))
+    expect(card).to_contain_text(re.compile(r"Speed, 95 % interval ?±? ?\d\.\d+ m/s"))
 
     still = next(a for a in answers if a["verdict"] == "static")
     assert still["numbers"]["least_speed_mps"] < 1
