@@ -12,6 +12,7 @@ def test_it_is_read_and_searched_without_anything_from_elsewhere(
 ) -> None:
     """Whatever the policy refuses is an error on the console, which fails the test."""
     page = open_panel()
+    page.get_by_role("button", name="Menu").click()
     link = page.get_by_role("link", name="Help")
     expect(link).to_have_attribute("target", "_blank")
     page.goto(server.link.partition("/?")[0] + link.get_attribute("href"))

@@ -51,7 +51,7 @@ def test_signing_out_ends_both_tabs_and_the_token_signs_in_again(
     assert context.cookies() == []
     page.get_by_label("Token").fill("wrong")
     page.get_by_role("button", name="Sign in").click()
-    expect(page.get_by_role("alert")).to_contain_text("This is not the server's token")
+    expect(page.get_by_role("alert")).to_contain_text("Wrong token")
     page.get_by_label("Token").fill(server.link.partition("?token=")[2])
     page.get_by_role("button", name="Sign in").click()
     expect(page.locator("observer-first-line")).to_be_visible()
