@@ -21,5 +21,5 @@ def test_it_is_read_and_searched_without_anything_from_elsewhere(
     page.get_by_role("link", name="Accuracy").first.click()
     expect(page.get_by_role("cell", name="centre RMSE, m")).to_be_visible()
     page.get_by_role("textbox", name="Search").fill("vergence")
-    expect(page.locator(".md-search-result__item").first).to_be_visible()
+    expect(page.locator(".md-search-result__item").first).to_be_visible(timeout=20_000)
     keep_picture(page, "help-search")
