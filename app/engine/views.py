@@ -24,6 +24,7 @@ from observer.drawing import (
     hatch_unseen,
     obstacle_color,
 )
+from observer.image_files import jpeg
 from observer.types import Image, Obstacle
 
 JPEG_QUALITY = 80
@@ -76,24 +77,12 @@ def encode_jpeg(image: Image, *, fine_colors: bool = False) -> bytes:
     Args:
         fine_colors: keep the colours of lines one pixel wide, for a quarter more bytes.
     """
-    height, width = image.shape[:2]
-    if width > MAX_WIDTH:
-        size = jpeg_size(width, height)
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    options = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-    if fine_colors:
-        options += [cv2.IMWRITE_JPEG_SAMPLING_FACTOR, cv2.IMWRITE_JPEG_SAMPLING_FACTOR_444]
-    done, jpeg = cv2.imencode(".jpg", image, options)
-    if not done:
-        raise ValueError(f"an image of {width}x{height} pixels cannot be encoded as JPEG")
-    return jpeg.tobytes()
+    return jpeg.encode_jpeg(image, JPEG_QUALITY, most_width=MAX_WIDTH, fine_colors=fine_colors)
 
 
 def jpeg_size(width: int, height: int) -> tuple[int, int]:
     """Return width and height of the JPEG of an image of this size."""
-    if width <= MAX_WIDTH:
-        return width, height
-    return MAX_WIDTH, max(1, round(height * MAX_WIDTH / width))
+    return jpeg.shrunk_size(width, height, MAX_WIDTH)
 
 
 def _left(observed: Observed) -> Image:

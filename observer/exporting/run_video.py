@@ -50,7 +50,7 @@ def write_run_video(
             position = positions.get((line["frame"], line["time"]))
             if position is not None:
                 try:
-                    left, _ = rectified.apply(*recording.pair(position))
+                    left = rectified.apply_left(recording.pair(position)[0])
                 except SourceError:
                     # Its images were lost; the picture before stays.
                     continue

@@ -54,7 +54,7 @@ class Step:
 
     def picture(self) -> Image:
         """Return the rectified left image with overlay, (H, W, 3) RGB, for ``plt.imshow``."""
-        left, _ = self._rectification.apply(self.frame.left, self.frame.right)
+        left = self._rectification.apply_left(self.frame.left)
         return np.ascontiguousarray(draw_overlay(left, self.line)[:, :, ::-1])
 
 

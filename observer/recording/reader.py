@@ -211,14 +211,26 @@ class Recording:
         Raises:
             SourceError: the recording holds no images, or none of this frame, or damaged ones.
         """
+        number = self._image_of(position)
+        left, right = (self._image(side, number) for side in _SIDES)
+        return left, right
+
+    def left(self, position: int) -> Image:
+        """Return the left image of a frame alone, as ``pair`` gives it.
+
+        Raises:
+            SourceError: the recording holds no images, or none of this frame, or a damaged one.
+        """
+        return self._image(_SIDES[0], self._image_of(position))
+
+    def _image_of(self, position: int) -> int:
         number = self.frames[position].image
         if number is None:
             raise SourceError(
                 f"{self.path.name} was recorded without images; choose jpeg or lossless images for "
                 "recordings that can be played"
             )
-        left, right = (self._image(side, number) for side in _SIDES)
-        return left, right
+        return number
 
     @property
     def next_image(self) -> int:

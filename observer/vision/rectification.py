@@ -81,17 +81,29 @@ class Rectification:
         Raises:
             CalibrationError: an image is not of the size the calibration was made for.
         """
-        for name, image in (("left", left), ("right", right)):
-            height, width = image.shape[:2]
-            if (width, height) != (self._calibration.width, self._calibration.height):
-                raise CalibrationError(
-                    f"the {name} image is {width}x{height} pixels, but the calibration is for "
-                    f"{self._calibration.width}x{self._calibration.height}; use the calibration "
-                    "made at this image size"
-                )
+        self._check_size("left", left)
+        self._check_size("right", right)
         if self._maps is None:
             return left, right
         return _remap(left, self._maps[0]), _remap(right, self._maps[1])
+
+    def apply_left(self, left: Image) -> Image:
+        """The rectified left image alone, as ``apply`` gives it.
+
+        Raises:
+            CalibrationError: it is not of the size the calibration was made for.
+        """
+        self._check_size("left", left)
+        return left if self._maps is None else _remap(left, self._maps[0])
+
+    def _check_size(self, name: str, image: Image) -> None:
+        height, width = image.shape[:2]
+        if (width, height) != (self._calibration.width, self._calibration.height):
+            raise CalibrationError(
+                f"the {name} image is {width}x{height} pixels, but the calibration is for "
+                f"{self._calibration.width}x{self._calibration.height}; use the calibration "
+                "made at this image size"
+            )
 
     def rectify_points(
         self, left_px: ArrayLike, right_px: ArrayLike

@@ -11,15 +11,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-import cv2
-import numpy as np
-
 from app.server.errors import NotThere
 from app.server.runs.archive import RunArchive
 from observer.errors import DynamicObserverError, SourceError
+from observer.image_files.jpeg import encode_jpeg
 from observer.recording.reader import Recording
 from observer.recording.run_folder import RECORDING
-from observer.types import Image
 from observer.vision.rectification import Rectification
 
 # Two runs side by side, and the two that somebody else looks at.
@@ -135,9 +132,8 @@ class _Opened:
             position = self._positions.get((frame.index, frame.time), -1)
         if position < 0:
             raise SourceError(f"the image of frame {frame.index} is not recorded")
-        left, right = self._pictured.pair(position)
-        rectified, _ = self._rectification.apply(left, right)
-        return _encoded(rectified)
+        left = self._rectification.apply_left(self._pictured.left(position))
+        return encode_jpeg(left, _JPEG_QUALITY, most_width=_MAX_WIDTH)
 
     def close(self) -> None:
         with self.lock:
@@ -162,12 +158,3 @@ class _Opened:
     @cached_property
     def _rectification(self) -> Rectification:
         return Rectification(self._own.calibration())
-
-
-def _encoded(image: Image) -> bytes:
-    height, width = image.shape[:2]
-    if width > _MAX_WIDTH:
-        size = _MAX_WIDTH, max(1, round(height * _MAX_WIDTH / width))
-        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), dtype=np.uint8)
-    _, jpeg = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])
-    return jpeg.tobytes()

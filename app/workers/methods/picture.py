@@ -6,11 +6,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from observer.camera import StereoCalibration
 from observer.exporting.overlay import draw_overlay
+from observer.image_files.jpeg import encode_jpeg
 from observer.jsonl import ObservationLine
 from observer.types import StereoFrame
 from observer.vision.rectification import Rectification
@@ -37,14 +37,9 @@ class MethodsPicture:
         if self._shown is not None and now - self._shown < _EVERY_S:
             return
         self._shown = now
-        left, _ = self._rectification.apply(frame.left, frame.right)
+        left = self._rectification.apply_left(frame.left)
         both = np.hstack([draw_overlay(left, line) for line in lines])
-        if both.shape[1] > _WIDTH:
-            size = _WIDTH, round(both.shape[0] * _WIDTH / both.shape[1])
-            resized = cv2.resize(both, size, interpolation=cv2.INTER_AREA)
-            both = np.asarray(resized, dtype=np.uint8)
-        _, jpeg = cv2.imencode(".jpg", both, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])
         # Whoever reads it finds a whole one.
         part = self._path.with_suffix(".part")
-        part.write_bytes(jpeg.tobytes())
+        part.write_bytes(encode_jpeg(both, _QUALITY, most_width=_WIDTH))
         part.replace(self._path)

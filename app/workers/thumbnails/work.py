@@ -8,6 +8,7 @@ import numpy as np
 from app.runtime.jobs import Report
 from app.workers.thumbnails.messages import Picture, Pictured
 from observer.errors import SourceError
+from observer.image_files.jpeg import encode_jpeg
 from observer.opening import open_source
 from observer.simulation.source import SimulatedSource
 from observer.types import Image, StereoFrame
@@ -25,8 +26,7 @@ def do_job(job: Picture, _: Report) -> Pictured:
     Raises:
         DynamicObserverError: the source cannot be opened, or no frame of it can be read.
     """
-    jpeg = cv2.imencode(".jpg", _small(_image(job.spec)), [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1]
-    return Pictured(jpeg.tobytes())
+    return Pictured(encode_jpeg(_small(_image(job.spec)), _QUALITY))
 
 
 def _image(spec: str) -> Image:
