@@ -17,11 +17,11 @@ from observer.errors import InputError
 from observer.exporting.overlay import draw_overlay
 from observer.exporting.video import OverlayVideo
 from observer.parameters import Parameters
+from observer.recording.observed import ObservedWriter
 from observer.recording.payloads import Images, ParameterRevision, RunFacts
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame, SourceInfo
 from observer.truth.contract import Truth
-from observer.truth.matching import TrueBodyEntry, TruthMatcher
 from observer.types import Observation, StereoFrame
 from observer.vision.rectification import Rectification
 
@@ -44,8 +44,8 @@ class Keeper:
         rectification: Rectification,
     ) -> None:
         self._writer = writer
+        self._observed = None if writer is None else ObservedWriter(writer, truth)
         self._video = video
-        self._truth = None if truth is None else TruthMatcher(truth)
         self._rectification = rectification
 
     @property
@@ -63,15 +63,10 @@ class Keeper:
         self, frame: StereoFrame, observation: Observation, line: Mapping[str, Any]
     ) -> None:
         """Write the observation of a frame."""
-        if self._writer is not None:
-            bodies: list[TrueBodyEntry] = []
-            if self._truth is not None:
-                sample = self._truth.sample(frame.index, frame.time, frame.time)
-                self._writer.truth(sample, frame.received)
-                bodies = self._truth.match(observation, frame.time)
-            self._writer.observation(line, frame.received, truth=bodies)
+        if self._observed is not None:
+            self._observed.write(frame, observation, line)
         if self._video is not None:
-            left, _ = self._rectification.apply(frame.left, frame.right)
+            left = self._rectification.apply_left(frame.left)
             self._video.add(draw_overlay(left, line), frame.time)
 
     def skipped(self, skipped: SkippedFrame) -> None:

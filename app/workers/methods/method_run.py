@@ -16,12 +16,12 @@ from observer.geometry import Pose
 from observer.jsonl import ObservationLine, observation_line
 from observer.observer import Observer
 from observer.parameters import Parameters
+from observer.recording.observed import ObservedWriter
 from observer.recording.payloads import Begins, ParameterRevision, RunFacts
 from observer.recording.reader import Recording
 from observer.recording.run_folder import RECORDING
 from observer.recording.writer import RecordingWriter
 from observer.truth.contract import TrueBody, Truth
-from observer.truth.matching import TrueBodyEntry, TruthMatcher
 from observer.types import StereoFrame
 
 # Times whose truth is remembered: that of the frame being observed and of the next one.
@@ -79,9 +79,9 @@ class MethodRun:
             # Whatever else keeps the machine busy is no part of a method's cost.
             clock=time.thread_time,
         )
-        self._truth = None if truth is None else TruthMatcher(truth)
         self._speeds = (self._folder / SPEEDS).open("w", encoding="utf-8")
         self._writer = RecordingWriter(self._folder / RECORDING, facts)
+        self._observed = ObservedWriter(self._writer, truth)
         revision = ParameterRevision(revision=0, values=dict(run.parameters))
         self._writer.parameters(revision, facts.anchor.monotonic)
         self.segments = 1
@@ -93,12 +93,7 @@ class MethodRun:
         self._writer.frame(frame, begins=None if begins is None else "segment")
         observation = self._observer.observe(frame)
         line = observation_line(observation)
-        bodies: list[TrueBodyEntry] = []
-        if self._truth is not None:
-            sample = self._truth.sample(frame.index, frame.time, frame.time)
-            self._writer.truth(sample, frame.received)
-            bodies = self._truth.match(observation, frame.time)
-        self._writer.observation(line, frame.received, truth=bodies)
+        bodies = self._observed.write(frame, observation, line)
         self.segments = max(self.segments, line["segment"] + 1)
         kept = {name: line[name] for name in ("time", "segment", "obstacles")}
         self._speeds.write(json.dumps({"line": kept, "truth": bodies}, allow_nan=False) + "\n")

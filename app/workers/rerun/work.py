@@ -15,6 +15,7 @@ from observer.errors import SourceError
 from observer.jsonl import observation_line
 from observer.mount import CameraMount
 from observer.parameters import Parameters
+from observer.recording.observed import ObservedWriter
 from observer.recording.payloads import ParameterRevision, RecordedFrame, RunFacts
 from observer.recording.reader import Recording
 from observer.recording.replay import replay
@@ -24,7 +25,6 @@ from observer.recording.writer import RecordingWriter
 from observer.rig.applied import mount_for
 from observer.rig.rig_file import read_rig
 from observer.sources.contract import SkippedFrame
-from observer.truth.matching import TrueBodyEntry, TruthMatcher
 from observer.types import Observation, StereoFrame
 
 _REPORT_S = 0.25
@@ -108,9 +108,8 @@ class _Kept:
         self.segments = 1
         # Number of the first segment of the present observer.
         self._first_segment = 0
-        truth = recording.truth()
-        self._truth = None if truth is None else TruthMatcher(truth)
         self._writer = RecordingWriter(Path(job.output), facts)
+        self._observed = ObservedWriter(self._writer, recording.truth())
         revision = ParameterRevision(revision=_REVISION, values=dict(job.parameters))
         self._writer.parameters(revision, facts.anchor.monotonic)
 
@@ -135,12 +134,7 @@ class _Kept:
         self.frames += 1
         self.time.add_recorded(recorded)
         line = observation_line(observation)
-        truth: list[TrueBodyEntry] = []
-        if self._truth is not None:
-            truth = self._truth.match(observation, frame.time)
-            sample = self._truth.sample(frame.index, frame.time, frame.time)
-            self._writer.truth(sample, frame.received)
-        self._writer.observation(line, frame.received, truth=truth)
+        truth = self._observed.write(frame, observation, line)
         told = {name: line[name] for name in ("time", "segment")}
         obstacles = [
             {
