@@ -88,6 +88,20 @@ export function iconButton(name, label, pressed, attributes) {
 }
 
 /**
+ * Have a button offer to pause what plays, or to play what does not.
+ *
+ * @param {HTMLElement} element
+ * @param {boolean} playing
+ */
+export function offerPlayback(element, playing) {
+  const words = playing ? "Pause" : "Play";
+  if (element.getAttribute("aria-label") === words && element.childElementCount) return;
+  setAttribute(element, "aria-label", words);
+  setAttribute(element, "title", words);
+  element.replaceChildren(icon(playing ? "pause" : "play"));
+}
+
+/**
  * Make a link to a file that is saved, in the looks of a button.
  *
  * @param {string} words

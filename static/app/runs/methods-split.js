@@ -1,6 +1,6 @@
 /** Two methods side by side on the same frames, one slider for both. */
 
-import { h, iconButton, icon, input, setAttribute, setText } from "../elements/dom.js";
+import { h, iconButton, input, offerPlayback, setAttribute, setText } from "../elements/dom.js";
 import { fillFigures } from "../elements/figure-list.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
@@ -165,7 +165,7 @@ export class MethodsSplit extends Part {
     if (this.#count < 2) return;
     if (this.#position >= this.#count - 1) this.#position = 0;
     this.#began = performance.now() - 1000 * (this.#time(this.#position) - this.#time(0));
-    this.#tellPlaying(true);
+    offerPlayback(this.#play, true);
     void this.#playOn();
   }
 
@@ -173,16 +173,8 @@ export class MethodsSplit extends Part {
     clearTimeout(this.#timer);
     if (this.#began === null) return;
     this.#began = null;
-    this.#tellPlaying(false);
+    offerPlayback(this.#play, false);
     this.#tellAddress();
-  }
-
-  /** @param {boolean} playing */
-  #tellPlaying(playing) {
-    const words = playing ? "Pause" : "Play";
-    this.#play.replaceChildren(icon(playing ? "pause" : "play"));
-    setAttribute(this.#play, "aria-label", words);
-    setAttribute(this.#play, "title", words);
   }
 
   /** Show the frame whose turn it is, and go on; what comes late slows it down. */

@@ -1,6 +1,6 @@
 /** A run frame by frame: its left image with what was found in it, and the scene from above. */
 
-import { button, h, icon, input, select, setAttribute, setText } from "../elements/dom.js";
+import { button, h, input, offerPlayback, select, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
@@ -67,7 +67,7 @@ export class RunPlayer extends Part {
     this.#slider.addEventListener("input", () => this.#stop(this.#slider.valueAsNumber));
     this.#rate.addEventListener("change", () => this.#begin());
     this.addEventListener("keydown", (event) => this.#pressed(event));
-    this.#renderPlay();
+    offerPlayback(this.#play, this.#playing);
     this.#empty("");
   }
 
@@ -212,7 +212,7 @@ export class RunPlayer extends Part {
     const frames = this.#frames?.frames;
     if (playing === this.#playing || (playing && !frames)) return;
     this.#playing = playing;
-    this.#renderPlay();
+    offerPlayback(this.#play, this.#playing);
     if (!playing || !frames) return;
     // At its end it begins again.
     if (this.#at >= frames.length - 1) this.#goTo(0);
@@ -234,13 +234,6 @@ export class RunPlayer extends Part {
     if (at !== this.#at) this.#goTo(at);
     if (at >= frames.length - 1) return this.#setPlaying(false);
     requestAnimationFrame(() => this.#tick());
-  }
-
-  #renderPlay() {
-    const words = this.#playing ? "Pause" : "Play";
-    setAttribute(this.#play, "aria-label", words);
-    setAttribute(this.#play, "title", words);
-    this.#play.replaceChildren(icon(this.#playing ? "pause" : "play"));
   }
 
   /** Arrows step from every control here; the slider has them anyway. @param {KeyboardEvent} event */

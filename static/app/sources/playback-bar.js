@@ -1,6 +1,14 @@
 /** Playback of files and simulation: pause, step, restart, rate, loop and where it is. */
 
-import { button, h, icon, iconButton, input, setAttribute, setText } from "../elements/dom.js";
+import {
+  button,
+  h,
+  iconButton,
+  input,
+  offerPlayback,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { attemptIn } from "../shell/notice.js";
@@ -82,12 +90,7 @@ class PlaybackBar extends Part {
       control.toggleAttribute("disabled", playback === null);
     }
     this.#paused = playback?.paused ?? false;
-    const label = this.#paused ? "Play" : "Pause";
-    if (this.#pause.getAttribute("aria-label") !== label) {
-      setAttribute(this.#pause, "aria-label", label);
-      setAttribute(this.#pause, "title", label);
-      this.#pause.replaceChildren(icon(this.#paused ? "play" : "pause"));
-    }
+    offerPlayback(this.#pause, !this.#paused);
     if (playback) {
       this.#loop.checked = playback.loop;
       if (performance.now() > this.#holdRateUntil) this.#showRate(playback.rate);
