@@ -128,8 +128,11 @@ class CalibrationWizard extends Part {
     this.#result.show(this.#step === "result");
     const { calibrating } = this.hub.status ?? {};
     const words = STEPS.find(([step]) => step === this.#step)?.[1].slice(2) ?? "";
-    setText(this.#title, words ? `Calibrate: ${words}` : "Calibrate");
-    this.hub.tell("titled");
+    const title = words ? `Calibrate: ${words}` : "Calibrate";
+    if (this.#title.textContent !== title) {
+      setText(this.#title, title);
+      this.hub.tell("titled");
+    }
     for (const [step, button] of this.#steps) {
       const possible =
         step === "board" ||

@@ -28,12 +28,15 @@ class FirstLine extends Part {
     this.hear("freshness", () => this.#render(true));
     this.hear("status", () => this.#renderContext());
     this.#render(true);
-    setInterval(() => this.#render(false), SHOWN_EVERY_MS);
+    // Nothing but its age changes while what is shown is old.
+    setInterval(() => {
+      if (this.hub.freshness.state === "stale") this.#render(false);
+    }, SHOWN_EVERY_MS);
   }
 
   /** @param {boolean} atOnce */
   #render(atOnce) {
-    document.documentElement.dataset.freshness = this.hub.freshness.state;
+    setAttribute(document.documentElement, "data-freshness", this.hub.freshness.state);
     const now = performance.now();
     const { text, id, tone } = this.#words();
     if (!atOnce && tone === this.#tone && now - this.#shownAt < SHOWN_EVERY_MS) return;
