@@ -123,6 +123,9 @@ def test_runs_of_other_frames_are_not_put_side_by_side(
         run = server.api.post("/api/runs", json={"name": name}).json()["id"]
         eventually(lambda run=run: server.get(f"/runs/{run}")["frames"] > 5, 30)
         server.api.post(f"/api/runs/{run}/stop")
+        # Until its recording is complete, its frames are refused.
+        frames = f"/api/runs/{run}/frames"
+        eventually(lambda path=frames: server.api.get(path).is_success, 60)
         ids.append(run)
     page = open_panel()
     page.evaluate(f"location.hash = '#methods/{ids[0]},{ids[1]}'")
