@@ -222,7 +222,7 @@ def test_the_calibration_process_is_killed(system: System) -> None:
         (victim,) = wait_until("it computes", lambda: processes(system, CALIBRATION), 10.0)
         victim.kill()
         told = wait_until("a sentence", lambda: calibrating()["trouble"], 10.0)
-        assert told.startswith("the computation ended by SIGKILL, without a result; start it again")
+        assert told.startswith("the computation ended by SIGKILL without a result; start it again")
         assert calibrating()["computing"] is None
         assert len(calibrating()["views"]) == views
         assert not processes(system, CALIBRATION)

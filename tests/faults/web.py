@@ -31,7 +31,7 @@ _LONGEST_HEAD = 64 * 1024
 _SAMPLE_S = 0.01
 _PATIENCE_S = 15.0
 _IN_PATHS = {"id": "some-id", "name": "left", "role": "observer", "kind": "opencv"} | {
-    "side": "left", "format": "svg",
+    "side": "left", "format": "svg", "position": "0", "number": "1",
 }  # fmt: skip
 _CALIBRATION = StereoCalibration.rectified(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 
