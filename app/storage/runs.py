@@ -21,7 +21,7 @@ from observer.parameters import translated
 
 # Time during which a deletion can be undone.
 UNDO = timedelta(days=7)
-_DAMAGED = "its parameters in the database are damaged and unknown"
+_DAMAGED = "the {} of this run {} damaged in the database and unknown"
 # The recording of a run, or a clip that was saved during it.
 _RECORDED = re.compile(r"(?:.*/)?runs/([^/]+)/(recording|ring-[\d-]+)\.mcap")
 _NEWEST_FIRST = (Run.started_at.desc(), Run.id.desc())
@@ -290,15 +290,21 @@ class RunTables(Database):
 
 
 def _run(row: Run) -> RunRecord:
+    unknown = None if isinstance(row.parameters, dict) else _DAMAGED.format("parameters", "are")
+    reason = row.reason or unknown
+    try:
+        state = RunState(row.state)
+    except ValueError:
+        state, reason = RunState.FAILED, _DAMAGED.format("state", "is")
     return filled(
         RunRecord,
         row,
-        state=RunState(row.state),
+        state=state,
         parameters=translated(mapping(row.parameters)),
         versions={name: str(version) for name, version in mapping(row.versions).items()},
         alignment=None if row.alignment is None else mapping(row.alignment),
         recording_name=_recording_name(object_session(row), row.source),
-        reason=row.reason or (None if isinstance(row.parameters, dict) else _DAMAGED),
+        reason=reason,
         # Sorted here: databases order text by their locale.
         tags=tuple(sorted(each.tag for each in row.tags)),
     )

@@ -14,7 +14,7 @@ import structlog
 
 from app.contract.commands import LiveTruthOrder
 from app.contract.runs import AlignChoicesEntry, AlignedRunEntry, AlignmentFacts
-from app.contract.truths import TruthEntry, TruthInfo
+from app.contract.truths import TruthEntry, TruthInfo, TruthReading
 from app.contract.values import filled, of_plain, plain
 from app.server.errors import FieldError, NotThere
 from app.server.runs.archive import RunArchive
@@ -58,7 +58,7 @@ class TruthFiles:
 
     async def all(self) -> list[TruthEntry]:
         """Return the listed truths, newest first."""
-        return [_entry(each) for each in await asyncio.to_thread(self._storage.list_truths)]
+        return [truth_entry(each) for each in await asyncio.to_thread(self._storage.list_truths)]
 
     async def upload(
         self, content: IO[bytes], name: str, rate_hz: float | None, angles: AngleReading | None
@@ -93,7 +93,7 @@ class TruthFiles:
                 raise FieldError(("body", "angles"), sentence)
             info = told | {"reading": reading}
             save = self._storage.save_truth
-            return _entry(
+            return truth_entry(
                 await asyncio.to_thread(save, file, name=name, format=told["format"], info=info)
             )
 
@@ -185,8 +185,15 @@ class TruthFiles:
         await self.align(run_id, original.truth_id, choices, heard_by=heard_by)
 
 
-def _entry(record: TruthRecord) -> TruthEntry:
-    return filled(TruthEntry, record, info=of_plain(TruthInfo, record.info))
+def truth_entry(record: TruthRecord) -> TruthEntry:
+    """Return a truth file as it is listed."""
+    try:
+        info = of_plain(TruthInfo, record.info)
+    except ValueError:
+        # Damaged by hand. The file itself is whole: its name says what it contains.
+        notes = ["the facts stored about this file are damaged; upload it again to restore them"]
+        info = TruthInfo(record.format, None, None, (), notes, TruthReading(None, None))
+    return filled(TruthEntry, record, info=info)
 
 
 def _copy(content: IO[bytes], file: Path) -> None:

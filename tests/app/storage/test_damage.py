@@ -24,12 +24,15 @@ from pydantic import TypeAdapter
 from app.contract.calibrating import Calibration
 from app.contract.parameters import Preset
 from app.contract.runs import Run
+from app.contract.truths import TruthEntry
 from app.contract.values import filled
 from app.server import Server
 from app.server.calibrations.library import with_tape_check
 from app.server.parameters.in_force import ParametersInForce
+from app.server.runs.truths import truth_entry
 from app.storage import Storage
 from app.storage.bundle import BackupError, Manifest, bundle_writer, open_bundle
+from app.storage.records import RunState
 from observer.errors import DynamicObserverError
 from observer.guard.parameters import AllParameters
 
@@ -135,9 +138,17 @@ INFO: dict[str, Any] = {
         "at": "2026-01-01T00:00:00Z",
     }],
 }  # fmt: skip
+TRUTH_INFO: dict[str, Any] = {
+    "format": "csv", "rate_hz": 100.0, "duration_s": 2.0, "notes": [],
+    "bodies": [{
+        "name": "cart", "has_orientation": False, "samples": 200, "seen": 200, "gaps": 0,
+        "from_s": 0.0, "to_s": 2.0, "extent_m": [0.8, 0.0, 0.0], "highest_speed_mps": 0.4,
+    }],
+    "reading": {"rate_hz": None, "angles": None},
+}  # fmt: skip
 WORDS = ("mine", "one_camera", "following.growth_noise", {"tracking.gate": 3.0}, 2**31)
 AS_PRESETS, AS_RUN = TypeAdapter(list[Preset]), TypeAdapter(Run)
-AS_CALIBRATION = TypeAdapter(Calibration)
+AS_CALIBRATION, AS_TRUTH = TypeAdapter(Calibration), TypeAdapter(TruthEntry)
 
 
 @pytest.fixture(scope="module")
@@ -153,6 +164,8 @@ def storage(folder: Path, migrated_file: Path) -> Iterator[Storage]:
         kept = storage.save_calibration(rectified_calibration(), name="a", info=INFO)
         storage.activate_calibration(kept.id)
         storage.create_run(name="a", source="simulated:lab", parameters=VALUES, versions={})
+        (folder / "truth.csv").write_bytes(FILES["truths/a.csv"])
+        storage.save_truth(folder / "truth.csv", name="truth.csv", format="csv", info=TRUTH_INFO)
         yield storage
 
 
@@ -164,6 +177,7 @@ PLACES: dict[str, tuple[str, Any]] = {
     "parameters of a run": ("runs SET parameters = ?", VALUES),
     "versions of a run": ("runs SET versions = ?", {"numpy": "2.0"}),
     "alignment of a run": ("runs SET alignment = ?", {"time_offset": {}}),
+    "ground truth": ("truths SET info = ?", TRUTH_INFO),
 }
 
 
@@ -200,6 +214,16 @@ def test_what_is_left_out_is_told_of(
         put(storage, where, json.dumps(whole).encode())
 
 
+def test_a_run_of_an_unknown_state_is_listed_as_failed(storage: Storage) -> None:
+    put(storage, "runs SET state = ?", b"dreaming")
+    try:
+        (run,) = storage.list_runs()
+        assert run.state is RunState.FAILED
+        assert run.reason == "the state of this run is damaged in the database and unknown"
+    finally:
+        put(storage, "runs SET state = ?", b"running")
+
+
 def put(storage: Storage, where: str, content: bytes) -> None:
     """Write the bytes as text, whatever they are, as a hand or a damaged page of the file does."""
     statement = f"UPDATE {where.replace('?', 'CAST(? AS TEXT)')}"
@@ -232,4 +256,6 @@ def hold(storage: Storage, engine: PeerEngine) -> list[str]:
         assert (checks[-1]["stated_m"], checks[-1]["measured_m"]) == (1.01, 1.0)
     (run,) = server.storage.list_runs()
     AS_RUN.dump_json(filled(Run, run))
+    (truth,) = server.storage.list_truths()
+    AS_TRUTH.dump_json(truth_entry(truth))
     return server.shared.warnings
