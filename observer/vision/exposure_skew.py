@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
-from observer.robust import MAD_TO_SIGMA
+from observer.robust import MAD_TO_SIGMA, median
 
 _LEAST_POINTS = 30
 _LEAST_DISPARITY_PX = 1.0
@@ -81,7 +81,7 @@ class DisparityStep:
         d, widened = (d0 + d1) / 2, 1 + x * x
         design = np.stack([widened, d * d, x * d, y * d])
         constant, sigma = _robust_first(design, d1 - d0)
-        flow = float(np.median((end[:, 0] - start[:, 0]) / widened)) / dt
+        flow = median((end[:, 0] - start[:, 0]) / widened) / dt
         sigma = math.hypot(_SHARED * sigma, _LEAST_SIGMA_PX)
         return DisparityStep(dt, constant, sigma, flow)
 
@@ -151,7 +151,7 @@ def _robust_first(design: Float64Array, values: Float64Array) -> tuple[float, fl
         inverse = np.linalg.inv(weighted @ scaled.T + 1e-9 * len(values) * np.eye(4))
         found = inverse @ (weighted @ values)
         residual = np.abs(values - found @ scaled)
-        scatter = max(_LEAST_SCATTER_PX, MAD_TO_SIGMA * float(np.median(residual)))
+        scatter = max(_LEAST_SCATTER_PX, MAD_TO_SIGMA * median(residual))
         weight = np.clip(1 - (residual / (_TUKEY_SIGMAS * scatter)) ** 2, 0.0, None) ** 2
     size = float(np.abs(design[0]).max())
     return float(found[0]) / size, scatter * math.sqrt(inverse[0, 0]) / size

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
-from observer.robust import MAD_TO_SIGMA
+from observer.robust import MAD_TO_SIGMA, median
 from observer.types import Image
 from observer.vision.swapped import swapped_sentence
 
@@ -62,7 +62,7 @@ def exposure_reason(left: Image, right: Image) -> str | None:
             f"the {worse} image has only {share:.0f} % of the detail of the {better} one: its lens "
             "is covered, dirty or out of focus"
         )
-    ratio = float(np.median(views["right"][1:4] / np.maximum(views["left"][1:4], 1.0)))
+    ratio = median(views["right"][1:4] / np.maximum(views["left"][1:4], 1.0))
     if not 1 / _GAIN_RATIO <= ratio <= _GAIN_RATIO:
         brighter, darker = ("right", "left") if ratio > 1 else ("left", "right")
         return (
@@ -153,12 +153,12 @@ def vertical_error(
     # In half image sizes, so that all three parameters are pixels of about the same worth.
     half = np.array([camera.width / 2, camera.height / 2])
     A = np.column_stack([np.ones(len(y)), (px - (camera.cx, camera.cy)) / half])
-    plane = np.array([np.median(y), 0.0, 0.0])
+    plane = np.array([median(y), 0.0, 0.0])
     weight = np.ones(len(y))
     sigma = _MIN_SIGMA_PX
     for _ in range(_FIT_ROUNDS):
         residual = y - A @ plane
-        sigma = max(_MIN_SIGMA_PX, MAD_TO_SIGMA * float(np.median(np.abs(residual))))
+        sigma = max(_MIN_SIGMA_PX, MAD_TO_SIGMA * median(np.abs(residual)))
         weight = np.clip(1 - (residual / (_TUKEY_SIGMAS * sigma)) ** 2, 0, None) ** 2
         # One part in a million of a prior keeps points on one line from making a slope of nothing.
         information = (A * weight[:, None]).T @ A + np.diag([0.0, 1e-6, 1e-6]) * len(y)
@@ -173,7 +173,7 @@ def vertical_error(
     covariance = sigma**2 * np.linalg.inv(information)
     gradient = share * plane / max(typical, 1e-9)
     return VerticalError(
-        median_px=float(np.median(y[fitting])),
+        median_px=median(y[fitting]),
         centre_px=float(plane[0]),
         p95_px=float(sizes[int(0.95 * (len(sizes) - 1))]),
         typical_px=typical,

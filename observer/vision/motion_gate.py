@@ -10,6 +10,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
+from observer.robust import median
 
 # What a body that carries a camera can do. A car brakes at 10 m/s^2, a drone turns over at
 # 20 rad/s^2, and shaking by a quarter of a degree at 11 Hz amounts to 21 rad/s^2.
@@ -94,7 +95,7 @@ class ImageReach:
         known = disparity[np.isfinite(disparity)]
         if len(known) == 0:
             return None
-        far = camera.fx * camera.baseline / float(np.median(known))
+        far = camera.fx * camera.baseline / median(known)
         return ImageReach(camera.fx, far, reach_px)
 
 

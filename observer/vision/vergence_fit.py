@@ -24,7 +24,7 @@ import numpy as np
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, rotation_matrix
-from observer.robust import MAD_TO_SIGMA
+from observer.robust import MAD_TO_SIGMA, median
 from observer.vision.view import StereoRows
 
 # Standard deviation of a followed point and of its disparity, pixels.
@@ -150,7 +150,7 @@ def way_equation(
         J[:, :, 7] = 0.0
         noise = sigma * np.sqrt(1 + lever**2)
         length = np.sqrt(((residual / noise) ** 2).mean(axis=0))
-        spread = max(1.0, MAD_TO_SIGMA * float(np.median(length)))
+        spread = max(1.0, MAD_TO_SIGMA * median(length))
         fits = np.clip(1 - (length / (_TUKEY_SIGMAS * spread)) ** 2, 0, None) ** 2
         if np.count_nonzero(fits) < _LEAST_POINTS:
             return None

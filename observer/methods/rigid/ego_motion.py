@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose, orthonormal, rotation_matrix
 from observer.parameters import EgoMotionParameters
+from observer.robust import median
 from observer.types import Status
 from observer.vision.chi_square import quantile
 from observer.vision.pose_fit import (
@@ -130,7 +131,7 @@ def estimate_rigid_motion(
         T_current_previous=pose @ T_previous_world.inverse(),
         pose_covariance=covariance.astype(np.float64),
         residual_rms=rms,
-        noise_scale=float(np.sqrt(np.median(mahalanobis**2) / _MEDIAN_CHI2)),
+        noise_scale=float(np.sqrt(median(mahalanobis**2) / _MEDIAN_CHI2)),
     )
 
 

@@ -14,6 +14,7 @@ from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.point_tracking import LEAST_DISPARITY_PX
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import Parameters
+from observer.robust import median
 from observer.types import Trace
 from observer.vision.disparity_bias import DisparityBias
 from observer.vision.exposure_skew import DisparityStep, ExposureSkew
@@ -137,9 +138,9 @@ class StereoDrift:
         T_now_key = now.T_camera_world @ key.T_world_camera
         way_m, turn = (float(np.linalg.norm(v)) for v in (T_now_key.translation, T_now_key.rotvec))
         deep = rows.disparity > 0
-        if not deep.any() or float(np.median(np.abs(rows.offset_px[deep]))) > _MOST_ROW_PX:
+        if not deep.any() or median(np.abs(rows.offset_px[deep])) > _MOST_ROW_PX:
             return
-        disparity = float(np.median(rows.disparity[deep]))
+        disparity = median(rows.disparity[deep])
         depth_m = self._camera.fx * self._camera.baseline / disparity
         if way_m < _WAY_SHARE * depth_m and turn < _MOST_TURN:
             return

@@ -27,6 +27,7 @@ from observer.methods.rigid.dense.segments import (
 )
 from observer.methods.rigid.point_motion import PooledMotion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
+from observer.robust import median
 from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds, is_provisional
 
@@ -215,7 +216,7 @@ def _by_members(
     track.stands = float(lies.mean()) <= _LYING_SHARE
     mask = np.zeros(scene.grid.shape, np.bool_)
     mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
-    return Expected(mask, float(np.median(points.disparity[members])))
+    return Expected(mask, median(points.disparity[members]))
 
 
 def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) -> Segment:

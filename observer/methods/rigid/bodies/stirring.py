@@ -20,6 +20,7 @@ from observer.methods.rigid.dense.segments import (
     standing_segment,
     widened,
 )
+from observer.robust import median
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
@@ -99,7 +100,7 @@ def _changes(scene: DenseScene) -> list[tuple[tuple[int, int], Float64Array]]:
         left, top, width, height, area = stats[label].tolist()
         window = (slice(top, top + height), slice(left, left + width))
         mine = labels[window] == label
-        d = float(np.median(scene.disparity[window][mine]))
+        d = median(scene.disparity[window][mine])
         if area < _LEAST_M2 * scene.grid.per_metre(d) ** 2:
             continue
         place = camera.triangulate(scene.grid.to_px(middles[label][None]), np.array([d]))[0]

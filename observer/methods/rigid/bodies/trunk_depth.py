@@ -16,7 +16,7 @@ from observer.geometry import Float64Array, inverse_3x3
 from observer.methods.rigid.bodies.filter import POSITION, BodyFilter
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
-from observer.robust import MAD_TO_SIGMA
+from observer.robust import MAD_TO_SIGMA, median
 
 # Fewer points may all be on an arm.
 _LEAST_POINTS = 3
@@ -92,10 +92,10 @@ def _robust_mean(
     moved: Float64Array, variance: Float64Array
 ) -> tuple[float, float, NDArray[np.bool_]]:
     """Return the mean of (N,) metres with variances (N,), its own variance, and which fit."""
-    mean = float(np.median(moved))
+    mean = median(moved)
     for _ in range(_STEPS):
         length = np.abs(moved - mean) / np.sqrt(variance)
-        scale = max(_LEAST_SCALE, float(np.median(length)) * MAD_TO_SIGMA)
+        scale = max(_LEAST_SCALE, median(length) * MAD_TO_SIGMA)
         fits = length <= _LEAVE_SIGMAS * scale
         weight = np.minimum(1.0, _FULL_SIGMAS * scale / np.maximum(length, 1e-9)) * fits / variance
         mean = float(weight @ moved / weight.sum())

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from observer.methods.rigid.dense.grid import Grid
 from observer.parameters import StereoParameters
-from observer.robust import MAD_TO_SIGMA
+from observer.robust import MAD_TO_SIGMA, median
 from observer.types import Image
 
 _BLOCK = 3
@@ -86,4 +86,4 @@ def noise_of(image: Image) -> float:
     top, bottom = levels[:-1:2], levels[1::2]
     mixed = (top[:, :-1:2] - top[:, 1::2]) - (bottom[:, :-1:2] - bottom[:, 1::2])
     # The sum of four independent values has twice their deviation.
-    return float(np.median(np.abs(mixed))) * MAD_TO_SIGMA / 2
+    return median(np.abs(mixed).ravel()) * MAD_TO_SIGMA / 2

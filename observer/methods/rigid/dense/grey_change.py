@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from observer.methods.rigid.dense.free_space import DepthFrame, slack_px
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.reprojection import reproject
-from observer.robust import MAD_TO_SIGMA
+from observer.robust import MAD_TO_SIGMA, median
 from observer.types import Image
 
 # Seconds back of the frame that is compared, and by how many it may be another: long enough for
@@ -87,10 +87,10 @@ class GreyChange:
             image.ravel()[there.at].astype(np.float32)
             for image in (before.grey, before.darkest, before.brightest)
         )
-        usual, before_usual = (float(np.median(values[visible])) for values in (now, then))
+        usual, before_usual = (median(values[visible]) for values in (now, then))
         gain = np.float32(max(1.0, usual) / max(1.0, before_usual))
         difference = now - gain * then
-        noise = MAD_TO_SIGMA * float(np.median(np.abs(difference[visible])))
+        noise = MAD_TO_SIGMA * median(np.abs(difference[visible]))
         limit = max(_SIGMAS * noise, _LEAST_GREY)
         # What was cut off at either end then or is now may be as it was.
         visible &= (np.maximum(now, high) < _SATURATED) & (np.minimum(now, low) > _BLACK)

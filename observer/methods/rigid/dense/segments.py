@@ -12,6 +12,7 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
+from observer.robust import median
 
 Mask = NDArray[np.bool_]
 Window = tuple[slice, slice]
@@ -103,7 +104,7 @@ def segment_of(scene: DenseScene, mask: Mask) -> Segment:
     top, left = window[0].start, window[1].start
     bottom, right = window[0].stop, window[1].stop
     trunk = part[: max(1, round(TRUNK_SHARE * len(part)))]
-    d = float(np.median(disparity[: len(trunk)][trunk]))
+    d = median(disparity[: len(trunk)][trunk])
     rows = np.flatnonzero(trunk.any(axis=1))
     width = part.shape[1]
     first = trunk[rows].argmax(axis=1) + left
@@ -126,7 +127,7 @@ def segment_of(scene: DenseScene, mask: Mask) -> Segment:
         static=float(evidence[STATIC] / tested),
         apart=apart,
         clear=clear,
-        columns=(float(np.median(first)), float(np.median(middle)), float(np.median(last))),
+        columns=(median(first), median(middle), median(last)),
         cut=(cut_left, cut_right, top <= 1, bottom >= scene.grid.height - 1),
     )
 
@@ -152,7 +153,7 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
         area = np.count_nonzero(part)
         if area < _LEAST_CELLS:
             continue
-        d = float(np.median(scene.disparity[window][part]))
+        d = median(scene.disparity[window][part])
         if area < _cells_of(scene, _SEED_M2, d):
             continue
         seed = np.zeros_like(left)
@@ -212,7 +213,7 @@ def standing_segment(scene: DenseScene, place: Float64Array, free: Mask) -> Segm
         mask = _grown(scene, scene.standing & free & near, seed, near, d)
         if mask is None:
             return None
-        d = float(np.median(scene.disparity[mask]))
+        d = median(scene.disparity[mask])
     assert mask is not None
     if np.count_nonzero(mask) < _cells_of(scene, _SEGMENT_M2, d):
         return None
@@ -230,7 +231,7 @@ def followed_segment(
     """
     if np.count_nonzero(core) < _LEAST_CELLS:
         return None
-    d = float(np.median(scene.disparity[core]))
+    d = median(scene.disparity[core])
     near = _widened(scene, expected.mask, d) if grows else expected.mask
     mask = _grown(scene, scene.standing & free & near, core, expected.mask, d)
     if mask is None or np.count_nonzero(mask) < _cells_of(scene, _SEGMENT_M2 / 2, d):
