@@ -266,9 +266,11 @@ class _Lasting(io.TextIOBase):
 def _configure_logging(level: str) -> None:
     """Log one line per event to stderr, for our code and for libraries."""
     number = logging.getLevelNamesMapping()[level.upper()]
-    logging.basicConfig(level=number, format="%(levelname)s %(name)s: %(message)s")
-    for handler in logging.getLogger().handlers:
-        handler.addFilter(LibraryLog(time.monotonic))
+    handler = logging.StreamHandler()
+    handler.addFilter(LibraryLog(time.monotonic))
+    logging.basicConfig(
+        level=number, format="%(levelname)s %(name)s: %(message)s", handlers=[handler]
+    )
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,
