@@ -15,7 +15,7 @@ and ``tables`` gives its data::
     step_figure(pair, 6, labelled=True).savefig("residual_flow.pdf")
 """
 
-from observer.steps.nine_steps import COUNT, Number, PaperStep, nine_steps
+from observer.steps.nine_steps import COUNT, nine_steps
 from observer.steps.pair import (
     FrameReader,
     ObservedPair,
@@ -24,6 +24,7 @@ from observer.steps.pair import (
     observe_pair,
     usual_frame,
 )
+from observer.steps.paper_step import Number, PaperStep
 
 __all__ = [
     "COUNT",

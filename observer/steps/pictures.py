@@ -30,15 +30,11 @@ from observer.figures import (
     show_stars,
 )
 from observer.steps.formulas import text
-from observer.steps.nine_steps import (
-    COUNT,
-    PaperStep,
-    differences,
-    nine_steps,
-    shown_obstacles,
-    true_speed_of,
-)
+from observer.steps.image_steps import differences
+from observer.steps.nine_steps import COUNT, nine_steps
 from observer.steps.pair import ObservedPair
+from observer.steps.paper_step import PaperStep
+from observer.steps.space_steps import shown_obstacles, true_speed_of
 from observer.types import Obstacle, TrackState
 from observer.vision.stereo import sample_disparity
 

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from observer.steps.nine_steps import COUNT, nine_steps, true_speed_of
+from observer.steps.nine_steps import COUNT, nine_steps
 from observer.steps.pair import ObservedPair
+from observer.steps.space_steps import true_speed_of
 from observer.vision.stereo import sample_disparity
 
 _Rows = tuple[Sequence[str], Iterable[Sequence[Any]]]
