@@ -5,26 +5,17 @@ from __future__ import annotations
 import random
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from app.cli.progress import progress_bar
 from app.cli.results import JsonOption, make_folder, tell, tell_measured
 from observer.errors import InputError
-from observer.evaluation.benchmark import DEFAULT_MAX_FRAMES, run_benchmark
-from observer.evaluation.breakdown import LAB, ROAD
-from observer.evaluation.calibration_accuracy import (
-    CalibrationAccuracy,
-    calibration_accuracy,
-    calibration_targets,
-)
-from observer.evaluation.calibration_report import calibration_markdown
-from observer.evaluation.machine import machine_facts, machine_line
-from observer.evaluation.report import benchmark_markdown
-from observer.evaluation.sources import simulated_sources
-from observer.parameters import preset, preset_names
-from observer.simulation.scenarios import load_scenario, scenario_names
+from observer.evaluation.choices import DEFAULT_MAX_FRAMES, LAB, ROAD
+
+if TYPE_CHECKING:
+    from observer.evaluation.calibration_accuracy import CalibrationAccuracy
 
 FIGURE_SUFFIXES = (".png", ".svg", ".pdf")
 
@@ -78,7 +69,7 @@ def benchmark(
 ) -> None:
     """Compare the presets over scenarios and seeds, and measure the processing time.
 
-    Calibration is measured only on request, and then nothing else is.
+    Calibration is measured only with --calibration, and then nothing else is.
     """
     drawn = seed or random.SystemRandom().sample(range(1, 10_000), seeds)
     if calibration:
@@ -86,6 +77,8 @@ def benchmark(
             raise InputError(
                 "--calibration uses its own cameras and draws no figure; omit SOURCE and --figure"
             )
+        from observer.evaluation.calibration_report import calibration_markdown
+
         tell_measured(
             "calibration",
             lambda: _calibrations(drawn),
@@ -96,6 +89,14 @@ def benchmark(
         )
         return
     figures_to = _figure_paths(figure, output)
+    # They bring OpenCV and the methods with them, which take seconds.
+    from observer.evaluation.benchmark import run_benchmark
+    from observer.evaluation.machine import machine_facts, machine_line
+    from observer.evaluation.report import benchmark_markdown
+    from observer.evaluation.sources import simulated_sources
+    from observer.parameters import preset, preset_names
+    from observer.simulation.scenarios import load_scenario, scenario_names
+
     scenarios = [name for name in scenario_names() if load_scenario(name).benchmark]
     sources = [source] if source else list(simulated_sources(scenarios, drawn))
     with progress_bar("observing") as progress:
@@ -139,6 +140,8 @@ def _figure_paths(figure: Path | None, output: Path | None) -> list[Path]:
 
 
 def _calibrations(seeds: list[int]) -> tuple[CalibrationAccuracy, ...]:
+    from observer.evaluation.calibration_accuracy import calibration_accuracy
+
     runs = []
     with progress_bar("calibrating") as progress:
         for done, seed in enumerate(seeds):
@@ -148,6 +151,8 @@ def _calibrations(seeds: list[int]) -> tuple[CalibrationAccuracy, ...]:
 
 
 def _calibrations_as_dict(runs: tuple[CalibrationAccuracy, ...]) -> dict[str, Any]:
+    from observer.evaluation.calibration_accuracy import calibration_targets
+
     targets = calibration_targets(runs)
     return {
         "seeds": [asdict(run) for run in runs],

@@ -5,21 +5,19 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.output import whole_file
 from app.cli.progress import progress_bar
-from observer.calibration.board import Board, parse_board_size
-from observer.calibration.board_images import FoundBoards, find_boards, read_board_pairs
-from observer.calibration.fit import fit_stereo
-from observer.calibration.formats.opencv_file import calibration_text
-from observer.calibration.report import fit_report
-from observer.calibration.stereo_fit import StereoFit
-from observer.calibration.verdict import Verdict, judge, length_words
 from observer.errors import InputError
 from observer.intervals import half_95
+
+if TYPE_CHECKING:
+    from observer.calibration.board_images import FoundBoards
+    from observer.calibration.stereo_fit import StereoFit
+    from observer.calibration.verdict import Verdict
 
 # Detection uses both cores; the fit takes roughly the remaining share of the steps.
 _WORKERS = 2
@@ -53,6 +51,14 @@ def calibrate(
     ] = False,
 ) -> None:
     """Calibrate a stereo camera from images of a board, and state what it can detect."""
+    # They bring OpenCV and SciPy with them, which take seconds.
+    from observer.calibration.board import Board, parse_board_size
+    from observer.calibration.board_images import find_boards, read_board_pairs
+    from observer.calibration.fit import fit_stereo
+    from observer.calibration.formats.opencv_file import calibration_text
+    from observer.calibration.report import fit_report
+    from observer.calibration.verdict import judge
+
     columns, rows = parse_board_size(board)
     shown = Board("charuco" if charuco else "chessboard", columns, rows, square_mm / 1e3)
     pairs, unpaired = read_board_pairs(left, right)
@@ -116,6 +122,8 @@ def _tell_views(found: FoundBoards, fit: StereoFit) -> None:
 
 
 def _words(fit: StereoFit, verdict: Verdict) -> list[str]:
+    from observer.calibration.verdict import length_words
+
     c, half = fit.calibration, fit.interval_95
     across, down = fit.field_of_view_deg
     lines = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -18,16 +18,13 @@ from app.cli.truth_options import (
     body_camera,
     body_roles,
 )
-from observer.evaluation.breakdown import LAB, ROAD, break_down, breakdown_tables
-from observer.evaluation.evaluate import summarise
-from observer.evaluation.lines import read_both
-from observer.evaluation.results import listed
-from observer.evaluation.tally import tally
+from observer.evaluation.choices import LAB, ROAD
 from observer.intervals import half_95
-from observer.truth.alignment.choices import AlignmentChoices
-from observer.truth.alignment.result import Alignment
 from observer.truth.files.known import names_in_words
-from observer.truth.opening import OpenedTruth, open_truth
+
+if TYPE_CHECKING:
+    from observer.truth.alignment.result import Alignment
+    from observer.truth.opening import OpenedTruth
 
 
 def evaluate(
@@ -57,6 +54,15 @@ def evaluate(
     angles: AnglesOption = None,
 ) -> None:
     """Compare tracks with ground truth: recall, false obstacles, position and velocity errors."""
+    # They bring SciPy with them, which takes a second.
+    from observer.evaluation.breakdown import break_down, breakdown_tables
+    from observer.evaluation.evaluate import summarise
+    from observer.evaluation.lines import read_both
+    from observer.evaluation.results import listed
+    from observer.evaluation.tally import tally
+    from observer.truth.alignment.choices import AlignmentChoices
+    from observer.truth.opening import open_truth
+
     scale = ROAD if road else LAB
     lines, plain = read_both(tracks)
     choices = AlignmentChoices(

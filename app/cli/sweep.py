@@ -6,21 +6,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from app.cli.output import whole_file
 from app.cli.progress import progress_bar
 from observer.errors import DynamicObserverError, InputError
-from observer.evaluation.breakdown import LAB, ROAD
-from observer.evaluation.sweep.cluster import ClusterChoice, cluster_missing
-from observer.evaluation.sweep.grid import read_grid
-from observer.evaluation.sweep.results import RankedBy, Sweep, ranking
-from observer.evaluation.sweep.sources import sweep_source
-from observer.evaluation.sweep.store import TaskStore
-from observer.evaluation.sweep.sweep import Plan, SweepRun
-from observer.evaluation.sweep.tables import ranking_csv, ranking_markdown, write_parquet
+from observer.evaluation.choices import LAB, ROAD, RankedBy
+
+if TYPE_CHECKING:
+    from observer.evaluation.sweep.results import Sweep
 
 
 class TasksFailed(DynamicObserverError):
@@ -41,13 +37,13 @@ def sweep(
     ],
     output: Annotated[
         Path,
-        typer.Option(help="Folder for results and finished tasks; calling again continues there."),
+        typer.Option(help="Folder for results and finished tasks; a second call continues there."),
     ],
     frames: Annotated[
         int | None, typer.Option(min=5, help="Maximum number of frames per source; default: all.")
     ] = None,
     limit: Annotated[
-        int | None, typer.Option(min=1, help="Only this many combinations, from the first.")
+        int | None, typer.Option(min=1, help="Only the first combinations, up to this many.")
     ] = None,
     drawn: Annotated[
         int | None,
@@ -81,6 +77,13 @@ def sweep(
     Sources need ground truth. Finished tasks are saved at once, so that an interrupted sweep
     continues when it is called again.
     """
+    # They bring OpenCV and the methods with them, which take seconds.
+    from observer.evaluation.sweep.cluster import ClusterChoice, cluster_missing
+    from observer.evaluation.sweep.grid import read_grid
+    from observer.evaluation.sweep.sources import sweep_source
+    from observer.evaluation.sweep.store import TaskStore
+    from observer.evaluation.sweep.sweep import Plan, SweepRun
+
     missing = cluster_missing()
     if missing is not None:
         raise InputError(missing)
@@ -137,6 +140,8 @@ def _write(result: Sweep, folder: Path, rank_by: RankedBy) -> str:
     # Imported here because matplotlib would slow down the start of every command.
     from observer.evaluation.figure import save_figure
     from observer.evaluation.sweep.figure import sweep_figure
+    from observer.evaluation.sweep.results import ranking
+    from observer.evaluation.sweep.tables import ranking_csv, ranking_markdown, write_parquet
 
     ranked = ranking(result, rank_by)
     text = ranking_markdown(result, ranked, rank_by)

@@ -10,7 +10,8 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 
 from observer.errors import InputError
-from observer.evaluation.breakdown import LAB, Scale, break_down
+from observer.evaluation.breakdown import break_down
+from observer.evaluation.choices import DEFAULT_MAX_FRAMES, LAB, Scale
 from observer.evaluation.evaluate import summarise
 from observer.evaluation.jobs import run_sources_in_processes
 from observer.evaluation.results import (
@@ -25,9 +26,6 @@ from observer.evaluation.sources import BenchmarkSource, described
 from observer.evaluation.tally import Tally
 from observer.evaluation.targets import Cost, targets
 from observer.parameters import Parameters
-
-# A scenario without an end is left after this many frames, unless told otherwise.
-DEFAULT_MAX_FRAMES = 300
 
 
 def run_benchmark(

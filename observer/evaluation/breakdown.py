@@ -14,6 +14,7 @@ from itertools import pairwise
 from math import inf
 from typing import Literal
 
+from observer.evaluation.choices import LAB, Scale
 from observer.evaluation.evaluate import (
     box_iou_median,
     coverage,
@@ -25,9 +26,6 @@ from observer.evaluation.evaluate import (
     shown,
 )
 from observer.evaluation.tally import (
-    GATE_M,
-    MOVING_MPS,
-    ROAD_GATE_M,
     Episode,
     Sample,
     Tally,
@@ -41,25 +39,6 @@ NEAR_M = 3.0
 
 Direction = Literal["lateral", "diagonal", "radial"]
 DIRECTIONS: tuple[Direction, ...] = ("lateral", "diagonal", "radial")
-
-
-@dataclass(frozen=True)
-class Scale:
-    """Scale on which a place is judged: a room or a road.
-
-    Attributes:
-        gate_m: greatest distance of an instance from its body.
-        range_limits_m, speed_limits_mps: limits of the classes, ascending, the last one infinite.
-    """
-
-    name: str
-    gate_m: float
-    range_limits_m: tuple[float, ...]
-    speed_limits_mps: tuple[float, ...]
-
-
-LAB = Scale("lab", GATE_M, (0.0, 2.0, 3.0, 4.0, inf), (MOVING_MPS, 0.2, 0.4, 0.7, inf))
-ROAD = Scale("road", ROAD_GATE_M, (0.0, 10.0, 20.0, 30.0, inf), (0.0, 5.0, 10.0, inf))
 
 
 @dataclass(frozen=True)

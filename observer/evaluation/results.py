@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from observer.evaluation.breakdown import Breakdown, Scale
+from observer.evaluation.breakdown import Breakdown
+from observer.evaluation.choices import Scale
 from observer.evaluation.evaluate import Evaluation
 from observer.evaluation.sources import BenchmarkSource
 from observer.evaluation.tally import FalseInstance

@@ -28,6 +28,7 @@ from typing import Literal
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
+from observer.evaluation.choices import GATE_M, MOVING_MPS
 from observer.evaluation.image_boxes import area, box_iou, clipped, unseen_share
 from observer.evaluation.instances import Instance, axis_distance, centre_distance, instances_of
 from observer.evaluation.lines import Line
@@ -35,13 +36,10 @@ from observer.evaluation.surface import visible_surface
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import Kind, TrueBody, Truth
 
-MOVING_MPS = 0.05
 VISIBLE_SHARE = 0.5
 FILLING_SHARE = 0.1
 UNSEEN_SHARE = 0.5
 SETTLING_S = 0.6
-GATE_M = 0.5
-ROAD_GATE_M = 3.0
 
 # Figures of a run that count: everything, or only status, detection and coverage (where depth is
 # known to be biased, errors of position and speed say nothing about the method).

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 from matplotlib.figure import Figure
 
+from observer.evaluation.choices import RankedBy
 from observer.evaluation.figure import COLOURS, GREY, TARGET, plain_axes
-from observer.evaluation.sweep.results import RANKED_BY, Ranked, RankedBy, Sweep
+from observer.evaluation.sweep.results import RANKED_BY, Ranked, Sweep
 
 # Number of the best that are labelled; more labels would overlap.
 _NAMED = 12

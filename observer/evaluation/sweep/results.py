@@ -6,22 +6,14 @@ import statistics
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, get_args
+from typing import get_args
 
+from observer.evaluation.choices import RankedBy
 from observer.evaluation.evaluate import FIGURE_TITLES
 from observer.evaluation.sweep.grid import Combination, Grid
 from observer.evaluation.sweep.sources import SweepSource
 from observer.evaluation.sweep.task import Outcome
 
-RankedBy = Literal[
-    "mota",
-    "recall",
-    "false_per_100_frames",
-    "speed_rmse_mps",
-    "velocity_rmse_mps",
-    "centre_rmse_m",
-    "delay_median_s",
-]
 # Figures that may rank combinations: title, and True if more of it is better.
 RANKED_BY: Mapping[RankedBy, tuple[str, bool]] = {
     name: (FIGURE_TITLES[name], name in ("mota", "recall")) for name in get_args(RankedBy)

@@ -11,8 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from observer.errors import InputError
+from observer.evaluation.choices import RankedBy
 from observer.evaluation.evaluate import Evaluation, markdown_table, shown
-from observer.evaluation.sweep.results import RANKED_BY, Ranked, RankedBy, Row, Sweep
+from observer.evaluation.sweep.results import RANKED_BY, Ranked, Row, Sweep
 from observer.parameters import Parameters, ParameterValue
 
 # More are in the CSV file.

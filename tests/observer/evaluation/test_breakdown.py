@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from observer.evaluation.breakdown import (
-    LAB,
-    ROAD,
     Breakdown,
     break_down,
     breakdown_tables,
     direction_of,
 )
+from observer.evaluation.choices import LAB, ROAD
 from observer.evaluation.lines import checked_lines
 from observer.evaluation.tally import Episode, Sample, Tally, tally
 from observer.geometry import Pose

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 from observer.errors import InputError
+from observer.evaluation.choices import GATE_M, ROAD_GATE_M
 from observer.evaluation.evaluate import FIGURE_TITLES, Evaluation, summarise
 from observer.evaluation.lines import checked_lines, read_both
 from observer.evaluation.results import FALSE_LISTED, listed
-from observer.evaluation.tally import GATE_M, ROAD_GATE_M, tally
+from observer.evaluation.tally import tally
 from observer.geometry import Pose
 from observer.truth.contract import TrueBody, Truth
 

@@ -13,7 +13,8 @@ from matplotlib.patches import Rectangle
 
 from observer.errors import InputError
 from observer.evaluation.benchmark import run_benchmark
-from observer.evaluation.breakdown import LAB, break_down
+from observer.evaluation.breakdown import break_down
+from observer.evaluation.choices import LAB
 from observer.evaluation.evaluate import summarise
 from observer.evaluation.figure import benchmark_figure, save_figure
 from observer.evaluation.results import (

@@ -1,0 +1,45 @@
+"""What may be chosen for an evaluation: its scale, its frames, and what ranks a sweep.
+
+It is imported by helps of the command line and therefore imports nothing that takes time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+from typing import Literal
+
+MOVING_MPS = 0.05
+GATE_M = 0.5
+ROAD_GATE_M = 3.0
+# A scenario without an end is left after this many frames, unless told otherwise.
+DEFAULT_MAX_FRAMES = 300
+
+RankedBy = Literal[
+    "mota",
+    "recall",
+    "false_per_100_frames",
+    "speed_rmse_mps",
+    "velocity_rmse_mps",
+    "centre_rmse_m",
+    "delay_median_s",
+]
+
+
+@dataclass(frozen=True)
+class Scale:
+    """Scale on which a place is judged: a room or a road.
+
+    Attributes:
+        gate_m: greatest distance of an instance from its body.
+        range_limits_m, speed_limits_mps: limits of the classes, ascending, the last one infinite.
+    """
+
+    name: str
+    gate_m: float
+    range_limits_m: tuple[float, ...]
+    speed_limits_mps: tuple[float, ...]
+
+
+LAB = Scale("lab", GATE_M, (0.0, 2.0, 3.0, 4.0, inf), (MOVING_MPS, 0.2, 0.4, 0.7, inf))
+ROAD = Scale("road", ROAD_GATE_M, (0.0, 10.0, 20.0, 30.0, inf), (0.0, 5.0, 10.0, inf))
