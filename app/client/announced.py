@@ -9,7 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import socket
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -33,7 +33,7 @@ class AnnouncedServer(BaseModel):
 
     Attributes:
         host, port, tls, allowed_hosts: as ``ServerAddress`` has them.
-        token, read_only_token: of operators, and of those who only watch.
+        token, read_only_token: of operators, and of the newest link to watch by.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -61,21 +61,26 @@ class AnnouncedServer(BaseModel):
 
 
 @contextmanager
-def announced(folder: Path, server: AnnouncedServer) -> Iterator[None]:
-    """Let commands find the server during the context; where they cannot, serving goes on."""
+def announced(folder: Path, server: AnnouncedServer) -> Iterator[Callable[[AnnouncedServer], None]]:
+    """Let commands find the server during the context; where they cannot, serving goes on.
+
+    Gives what tells of the server anew where it has changed.
+    """
     file = folder / ANNOUNCED_FILE
     part = file.with_name(f".{ANNOUNCED_FILE}.{os.getpid()}")
+
+    def tell(server: AnnouncedServer) -> None:
+        try:
+            descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+            with os.fdopen(descriptor, "w", encoding="utf-8") as opened:
+                opened.write(server.model_dump_json())
+            os.replace(part, file)
+        except OSError as error:
+            log.warning("server_not_announced", file=str(file), reason=str(error))
+
+    tell(server)
     try:
-        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(descriptor, "w", encoding="utf-8") as opened:
-            opened.write(server.model_dump_json())
-        os.replace(part, file)
-    except OSError as error:
-        log.warning("server_not_announced", file=str(file), reason=str(error))
-        yield
-        return
-    try:
-        yield
+        yield tell
     finally:
         with contextlib.suppress(OSError):
             file.unlink()
@@ -99,7 +104,7 @@ def find_server(folder: Path) -> AnnouncedServer:
         ) from None
     except ValidationError:
         raise InputError(
-            f"{folder / ANNOUNCED_FILE} is damaged; restart the server, which writes it anew"
+            f"{folder / ANNOUNCED_FILE} is damaged; restart the server, which rewrites it"
         ) from None
     if not server.answers():
         # It ended without a chance to delete the file.

@@ -26,6 +26,16 @@ class ShareLink:
 
 
 @dataclass(frozen=True)
+class ReadOnlyLinkNow:
+    """A read-only link in force."""
+
+    id: str
+    made_at: str
+    watching: Annotated[int, means("Number of browsers that have a page open by it.")]
+    shared: Annotated[bool, means("Whether it is the one that is shared, the newest.")]
+
+
+@dataclass(frozen=True)
 class ShareLinks:
     access: AccessWord
     links: Annotated[Sequence[ShareLink], means("The likeliest first.")]

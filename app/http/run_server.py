@@ -22,7 +22,7 @@ from app.addresses import ServerAddress
 from app.client.announced import AnnouncedServer, announced
 from app.contract.events import EngineState
 from app.http.gate.strangers import GuardedListener, Strangers, guarded_protocol
-from app.http.gate.token import load_token, read_only_token
+from app.http.gate.token import load_token
 from app.http.library_log import LibraryLog
 from app.http.own_browser import open_page
 from app.http.server import create_app
@@ -70,18 +70,23 @@ def run(settings: Settings, *, browser: bool = False) -> int:
         keep_for_good()
         port = listener.getsockname()[1]
         address = ServerAddress(settings.host, port, settings.tls, settings.allowed_hosts)
-        told = AnnouncedServer(
-            host=address.host,
-            port=port,
-            tls=address.tls,
-            allowed_hosts=address.allowed_hosts,
-            token=token,
-            read_only_token=read_only_token(token),
-        )
+        links = app.state.admission.sessions.links
+
+        def told() -> AnnouncedServer:
+            return AnnouncedServer(
+                host=address.host,
+                port=port,
+                tls=address.tls,
+                allowed_hosts=address.allowed_hosts,
+                token=token,
+                read_only_token=links.newest.token,
+            )
+
         with contextlib.ExitStack() as serving:
 
             def ready() -> None:
-                serving.enter_context(announced(settings.data, told))
+                tell = serving.enter_context(announced(settings.data, told()))
+                links.changed = lambda: tell(told())
                 _announce(address, token)
                 if browser:
                     once = app.state.admission.guard.once()
@@ -130,11 +135,12 @@ async def _check_configuration(server: Server) -> None:
     source = server.source
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(_OPENING_S):
-            while source.state.state is EngineState.IDLE:
+            while source.state.state is EngineState.IDLE and source.to_calibrate is None:
                 await asyncio.sleep(_LOOK_EVERY_S)
     problems = list(server.shared.warnings)
     if source.state.state in (EngineState.IDLE, EngineState.FAILED):
-        why = source.state.reason or f"it did not open within {_OPENING_S:g} s"
+        late = f"it did not open within {_OPENING_S:g} s"
+        why = "it has no calibration" if source.to_calibrate else source.state.reason or late
         problems.append(f"{shown_spec(source.wanted.source)} cannot be opened: {why}")
     if problems:
         raise StartRefused(

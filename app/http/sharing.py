@@ -8,7 +8,7 @@ from app.addresses import ServerAddress, is_loopback
 from app.contract.sharing import ShareLink, ShareLinks
 from app.http.gate.access import Access
 from app.http.gate.origins import parse_host
-from app.http.gate.token import read_only_token
+from app.http.gate.read_only_links import ReadOnlyLink
 from app.settings import Settings
 
 ONLY_HERE = (
@@ -27,12 +27,15 @@ class Sharing:
 
     def __init__(self, settings: Settings, token: str) -> None:
         self._settings = settings
-        self._tokens = {Access.OPERATOR: token, Access.READ_ONLY: read_only_token(token)}
+        self._token = token
 
-    def links(self, access: Access, port: int, asked_at: str | None = None) -> ShareLinks:
-        """Return the links of an access.
+    def links(
+        self, read_only: ReadOnlyLink | None, port: int, asked_at: str | None = None
+    ) -> ShareLinks:
+        """Return the addresses of a read-only link, or those for operators.
 
         Args:
+            read_only: None for operators.
             port: where the server listens.
             asked_at: the address that the asking browser uses, as in ``http://lab.example``; it
                 leads here also from outside of a container.
@@ -42,12 +45,12 @@ class Sharing:
         others = list(address.elsewhere)
         if asked_at is not None:
             others = [asked_at, *(each for each in others if each != asked_at)]
-        links = [self._link(access, each, here=False) for each in others]
+        access = Access.OPERATOR if read_only is None else Access.READ_ONLY
+        token = self._token if read_only is None else read_only.token
+        links = [ShareLink(each, token_link(each, token), here=False) for each in others]
         note = None if links else ONLY_HERE.format(host=settings.host)
-        return ShareLinks(access.value, [*links, self._link(access, address.here, here=True)], note)
-
-    def _link(self, access: Access, address: str, *, here: bool) -> ShareLink:
-        return ShareLink(address, token_link(address, self._tokens[access]), here)
+        here = ShareLink(address.here, token_link(address.here, token), here=True)
+        return ShareLinks(access.value, [*links, here], note)
 
 
 def token_link(address: str, token: str) -> str:

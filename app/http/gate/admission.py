@@ -12,16 +12,19 @@ from dataclasses import dataclass
 from starlette.types import Scope
 
 from app.http.gate.access import Access
+from app.http.gate.connections import Connections
+from app.http.gate.read_only_links import ReadOnlyLink
 from app.http.gate.session_file import SessionFile
 from app.http.gate.sessions import Session, Sessions
 from app.http.gate.strangers import SIGNED_IN
-from app.http.gate.token import ACCESS_BY_VERDICT, TokenGuard, Verdict
+from app.http.gate.token import TokenGuard, Verdict
 
 COOKIE_NAME = "dynamic_observer_session"
 
-# Keys of a request's state: its session, None where it came with the token; what it may do.
+# Keys of a request's state: its session, None where it came with a token; the read-only link that
+# either came by, None of an operator's.
 _SESSION = "session"
-_ACCESS = "access"
+_LINK = "link"
 # More than a browser sends in one cookie; one request must not try a list of tokens.
 _MOST_CANDIDATES = 4
 
@@ -69,15 +72,14 @@ class Admission:
     def admit(self, scope: Scope) -> Refusal | None:
         """Return why a request may not come in, or None if it may.
 
-        ``session_of`` and ``access_of`` then tell by what, and as what.
+        ``session_of``, ``link_of`` and ``access_of`` then tell by what, and as what.
         """
         ids = _session_ids(scope)
         _, session = self._found(ids)
         if session is not None:
-            _note(scope, session, session.access)
+            _note(scope, session, session.link)
             return None
-        access = self._check_token(scope, _bearer_tokens(scope), ended=bool(ids))
-        return access if isinstance(access, Refusal) else None
+        return self._check_token(scope, _bearer_tokens(scope), ended=bool(ids))
 
     def is_signed_in(self, scope: Scope) -> bool:
         """Return whether the request comes from a browser with a session."""
@@ -87,18 +89,19 @@ class Admission:
         """Exchange a token for a session, and return its ``Set-Cookie``.
 
         A browser that has a session keeps it: somebody may be driving in another of its tabs. Only
-        who watched becomes an operator by an operator's link.
+        who watched becomes an operator by an operator's link, or watches by another one.
         """
-        access = self._check_token(scope, tokens)
-        if isinstance(access, Refusal):
-            return access
+        refusal = self._check_token(scope, tokens)
+        if refusal is not None:
+            return refusal
+        link = link_of(scope)
         session_id, session = self._found(_session_ids(scope))
-        if session is not None and session.access is Access.READ_ONLY is not access:
+        if session is not None and session.link is not None and session.link is not link:
             self.sessions.end(session)
             session = None
         if session is None:
-            session_id = self.sessions.start(access)
-        elif session.access is access:
+            session_id = self.sessions.start(link)
+        elif session.link is link:
             self.sessions.renew(session)
         await self.file.save()
         return self._cookie(session_id, int(self.sessions.lifetime_s))
@@ -108,6 +111,17 @@ class Admission:
         self.sessions.end(session)
         await self.file.save()
         return self._cookie("", 0)
+
+    async def make_link(self) -> ReadOnlyLink:
+        """Make another read-only link; raises as ``ReadOnlyLinks.make``."""
+        link = self.sessions.links.make()
+        await self.file.save()
+        return link
+
+    async def revoke(self, link: ReadOnlyLink) -> None:
+        """End a read-only link, with all sessions and WebSockets that came by it."""
+        self.sessions.revoke(link)
+        await self.file.save()
 
     async def sign_out_everywhere(self) -> str:
         """End every session and return the ``Set-Cookie`` that takes the cookie away."""
@@ -122,13 +136,15 @@ class Admission:
 
     def _check_token(
         self, scope: Scope, tokens: list[str], *, ended: bool = False
-    ) -> Access | Refusal:
+    ) -> Refusal | None:
         client = scope.get("client")
         verdict = self.guard.check(client[0] if client else None, tokens[:_MOST_CANDIDATES])
-        access = ACCESS_BY_VERDICT.get(verdict)
-        if access is not None:
-            _note(scope, None, access)
-            return access
+        if isinstance(verdict, ReadOnlyLink):
+            _note(scope, None, verdict)
+            return None
+        if verdict is Verdict.OPERATOR:
+            _note(scope, None, None)
+            return None
         if verdict is Verdict.LIMITED:
             return Refusal(429, _TOO_MANY, ((b"retry-after", b"60"),))
         # An id of a session is no guess at the token: it may have ended, or be another server's.
@@ -150,13 +166,24 @@ def session_of(scope: Scope) -> Session | None:
     return session
 
 
+def link_of(scope: Scope) -> ReadOnlyLink | None:
+    """Return the read-only link by which a request was admitted; None of an operator's."""
+    link: ReadOnlyLink | None = scope.get("state", {}).get(_LINK)
+    return link
+
+
+def connections_of(scope: Scope) -> Connections | None:
+    """Return with what an admitted connection ends; None of the operators' token itself."""
+    return session_of(scope) or link_of(scope)
+
+
 def access_of(scope: Scope) -> Access:
     """Return what an admitted request may do.
 
     One that nobody admitted may only watch.
     """
-    access: Access = scope.get("state", {}).get(_ACCESS, Access.READ_ONLY)
-    return access
+    is_operator = _LINK in scope.get("state", {}) and link_of(scope) is None
+    return Access.OPERATOR if is_operator else Access.READ_ONLY
 
 
 def header_values(scope: Scope, name: bytes) -> list[str]:
@@ -164,8 +191,8 @@ def header_values(scope: Scope, name: bytes) -> list[str]:
     return [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
 
 
-def _note(scope: Scope, session: Session | None, access: Access) -> None:
-    state = {SIGNED_IN: True, _SESSION: session, _ACCESS: access}
+def _note(scope: Scope, session: Session | None, link: ReadOnlyLink | None) -> None:
+    state = {SIGNED_IN: True, _SESSION: session, _LINK: link}
     scope.setdefault("state", {}).update(state)
 
 

@@ -17,11 +17,11 @@ from urllib.parse import parse_qsl
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.http.gate.access import SAFE_METHODS, WATCHING_ONLY
-from app.http.gate.admission import Admission, Refusal, access_of, header_values, session_of
+from app.http.gate.admission import Admission, Refusal, access_of, connections_of, header_values
 from app.http.gate.bodies import LimitedBody, accepts_kind
+from app.http.gate.connections import run_connected
 from app.http.gate.headers import RawHeaders, page_policy, secured
 from app.http.gate.origins import Names, NetworkName, parse_host
-from app.http.gate.sessions import run_in_session
 
 PUBLIC_PATHS = frozenset({"/healthz", "/readyz", "/sign-in"})
 # A multipart body adds boundaries and headers to the file.
@@ -71,10 +71,10 @@ class Gate:
             await _deny(scope, refusal, send)
             return
         job = self._app(scope, receive, send)
-        session = session_of(scope)
-        if session is None:
+        by = connections_of(scope)
+        if by is None:
             await job
-        elif await run_in_session(session, job):
+        elif await run_connected(by, job):
             # It may have been closed already.
             with contextlib.suppress(RuntimeError, OSError):
                 await send(

@@ -1,4 +1,4 @@
-"""File that keeps sessions over a restart, so that an open page goes on where it was."""
+"""File that keeps sessions and read-only links over a restart, so that an open page goes on."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from pathlib import Path
 import structlog
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from app.http.gate.access import Access
 from app.http.gate.sessions import SessionAge, Sessions
 from app.server.whole_files import write_whole
 from observer.errors import DynamicObserverError
@@ -34,21 +33,32 @@ class _Kept(BaseModel):
     digest: str = Field(pattern=r"^[0-9a-f]{64}$")
     started: float = Field(allow_inf_nan=False)
     used: float = Field(allow_inf_nan=False)
-    # Files of earlier versions, which knew operators only, do not tell.
-    access: Access = Access.OPERATOR
+    # Id of the read-only link that it came by.
+    link: str | None = None
+
+
+class _KeptLink(BaseModel):
+    """Read-only link in the file; its token is made from the operators', which is not there."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    id: str = Field(pattern=r"^[0-9a-f]{16}$")
+    made: float = Field(allow_inf_nan=False)
 
 
 class _Content(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     sessions: list[_Kept]
+    links: list[_KeptLink] = []
 
 
 class SessionFile:
     """File of the sessions.
 
     What cannot be written ends with the process, and does no harm to what goes on. But no session
-    that was signed out comes back: if the file cannot be replaced, it is deleted.
+    that was signed out comes back, and no link that was revoked: if the file cannot be replaced, it
+    is deleted.
 
     Args:
         path: None where the token, too, ends with the process.
@@ -62,7 +72,8 @@ class SessionFile:
         self._sessions = sessions
         self._wall_clock = wall_clock
         self._writing = asyncio.Lock()
-        self._in_file: set[bytes] = set()
+        # Digests of sessions, ids of links.
+        self._in_file: set[bytes | str] = set()
 
     def load(self) -> None:
         """Go on with the sessions of an earlier process; with none if the file is damaged."""
@@ -78,10 +89,12 @@ class SessionFile:
             return
         now = self._wall_clock()
         ages = [
-            SessionAge(bytes.fromhex(each.digest), now - each.started, now - each.used, each.access)
+            SessionAge(bytes.fromhex(each.digest), now - each.started, now - each.used, each.link)
             for each in content.sessions
         ]
-        self._in_file = {each.digest for each in ages}
+        links = [(each.id, each.made) for each in content.links]
+        self._in_file = _keys(ages, links)
+        self._sessions.links.restore(links)
         self._sessions.restore(ages)
 
     async def save(self) -> None:
@@ -90,19 +103,22 @@ class SessionFile:
             return
         async with self._writing:
             now, ages = self._wall_clock(), self._sessions.ages()
+            links = self._sessions.links.kept()
             kept = [
                 _Kept(
                     digest=a.digest.hex(),
                     started=now - a.age_s,
                     used=now - a.unused_s,
-                    access=a.access,
+                    link=a.link,
                 )
                 for a in ages
             ]
-            text = _Content(sessions=kept).model_dump_json()
-            if await asyncio.to_thread(self._write, self._path, text):
-                self._in_file = {each.digest for each in ages}
-            elif self._in_file - {each.digest for each in ages}:
+            content = _Content(
+                sessions=kept, links=[_KeptLink(id=id, made=made) for id, made in links]
+            )
+            if await asyncio.to_thread(self._write, self._path, content.model_dump_json()):
+                self._in_file = _keys(ages, links)
+            elif self._in_file - _keys(ages, links):
                 await asyncio.to_thread(self._delete, self._path)
                 self._in_file = set()
 
@@ -137,3 +153,7 @@ class SessionFile:
                 reason=str(error),
                 next="delete the file before the next start",
             )
+
+
+def _keys(ages: list[SessionAge], links: list[tuple[str, float]]) -> set[bytes | str]:
+    return {*(each.digest for each in ages), *(id for id, _ in links)}

@@ -10,16 +10,14 @@ know which ids are revoked and which connections are theirs. The table of sessio
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import hmac
 import secrets
-from collections.abc import Awaitable, Callable, Iterable, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 
-from app.http.gate.access import Access
+from app.http.gate.connections import Connections
+from app.http.gate.read_only_links import ReadOnlyLink, ReadOnlyLinks
 
 _ID_BYTES = 32
 # Bounds the memory that repeated signing in can take.
@@ -27,30 +25,18 @@ _MOST = 200
 
 
 @dataclass(eq=False)
-class Session:
+class Session(Connections):
     """Session of one browser.
 
     Attributes:
         digest: of its id. started, used: monotonic seconds of signing in and of the last use.
-        access: what it allows.
-        over: whether it has ended. closers: each closes one of its open connections.
+        link: the read-only link that it came by; None of an operator's.
     """
 
     digest: bytes
     started: float
     used: float
-    access: Access = Access.OPERATOR
-    over: bool = False
-    closers: set[Callable[[], Any]] = field(default_factory=set)
-
-    @contextmanager
-    def connected(self, closer: Callable[[], Any]) -> Iterator[None]:
-        """Have ``closer`` called if the session ends while the block runs."""
-        self.closers.add(closer)
-        try:
-            yield
-        finally:
-            self.closers.discard(closer)
+    link: ReadOnlyLink | None = None
 
 
 @dataclass(frozen=True)
@@ -58,13 +44,13 @@ class SessionAge:
     """Session as it outlives the process: its digest, and seconds since its start and last use.
 
     Attributes:
-        access: what it allows.
+        link: id of the read-only link that it came by; None of an operator's.
     """
 
     digest: bytes
     age_s: float
     unused_s: float
-    access: Access = Access.OPERATOR
+    link: str | None = None
 
 
 class Sessions:
@@ -77,6 +63,9 @@ class Sessions:
         lifetime_s: it ends so long after signing in, whatever is done with it.
         most: of more sessions, those give way that were not used for longest and have no open
             connection.
+
+    Attributes:
+        links: the read-only links in force.
     """
 
     def __init__(
@@ -92,16 +81,17 @@ class Sessions:
         self._clock = clock
         self._unused_s, self._lifetime_s, self._most = unused_s, lifetime_s, most
         self._sessions: dict[bytes, Session] = {}
+        self.links = ReadOnlyLinks(token)
 
     @property
     def lifetime_s(self) -> float:
         """Return the longest life of a session in seconds."""
         return self._lifetime_s
 
-    def start(self, access: Access = Access.OPERATOR) -> str:
-        """Start a session and return its id."""
+    def start(self, link: ReadOnlyLink | None = None) -> str:
+        """Start a session, an operator's without a read-only link, and return its id."""
         session_id, now = secrets.token_urlsafe(_ID_BYTES), self._clock()
-        session = Session(self._digest(session_id), now, now, access)
+        session = Session(self._digest(session_id), now, now, link)
         self._sessions[session.digest] = session
         self._make_room(session)
         return session_id
@@ -127,15 +117,26 @@ class Sessions:
 
     def end(self, session: Session) -> None:
         """End a session and close its connections."""
-        session.over = True
         self._sessions.pop(session.digest, None)
-        for close in tuple(session.closers):
-            close()
+        session.end()
 
     def end_all(self) -> None:
         """End every session."""
         for session in tuple(self._sessions.values()):
             self.end(session)
+
+    def revoke(self, link: ReadOnlyLink) -> None:
+        """End a read-only link, the sessions that came by it, and their connections."""
+        self.links.revoke(link)
+        for session in self._by(link):
+            self.end(session)
+
+    def watching(self, link: ReadOnlyLink) -> int:
+        """Return how many browsers are connected by a read-only link; scripts count as one."""
+        return sum(bool(each.closers) for each in self._by(link)) + bool(link.closers)
+
+    def _by(self, link: ReadOnlyLink) -> list[Session]:
+        return [each for each in self._sessions.values() if each.link is link]
 
     def sweep(self) -> None:
         """End the sessions that are too old, and note that those with open connections are used."""
@@ -150,20 +151,31 @@ class Sessions:
         """Return what a later process needs in order to go on with the sessions."""
         now = self._clock()
         return [
-            SessionAge(each.digest, now - each.started, now - each.used, each.access)
+            SessionAge(
+                each.digest,
+                now - each.started,
+                now - each.used,
+                None if each.link is None else each.link.id,
+            )
             for each in self._sessions.values()
         ]
 
     def restore(self, ages: Iterable[SessionAge]) -> None:
-        """Add the sessions of an earlier process, but for those that have ended meanwhile."""
+        """Add the sessions of an earlier process, but for those that have ended meanwhile.
+
+        The links that they came by are restored first.
+        """
         now = self._clock()
         for each in ages:
+            link = self.links.get(each.link)
+            if link is None and each.link is not None:
+                continue
             # The wall clock, by which these ages were reckoned, may have been set back.
             session = Session(
                 each.digest,
                 now - max(0.0, each.age_s),
                 now - max(0.0, each.unused_s),
-                each.access,
+                link,
             )
             if not self._is_old(session, now):
                 self._sessions[session.digest] = session
@@ -183,17 +195,3 @@ class Sessions:
         idle = [each for each in self._sessions.values() if not each.closers and each is not new]
         if idle:
             self.end(min(idle, key=lambda each: each.used))
-
-
-async def run_in_session(session: Session, job: Awaitable[None]) -> bool:
-    """Run a connection's job, cancelled where its session ends; return whether it ended so."""
-    task = asyncio.ensure_future(job)
-    with session.connected(task.cancel):
-        try:
-            await task
-        except asyncio.CancelledError:
-            # Otherwise it is the server that shuts down, and cancels this one.
-            caller = asyncio.current_task()
-            if not session.over or (caller is not None and caller.cancelling()):
-                raise
-    return session.over

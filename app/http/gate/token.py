@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import hmac
 import ipaddress
 import os
@@ -13,7 +11,7 @@ from collections.abc import Callable, Iterable
 from enum import Enum, auto
 from pathlib import Path
 
-from app.http.gate.access import Access
+from app.http.gate.read_only_links import ReadOnlyLink, ReadOnlyLinks, digest
 from observer.errors import InputError
 
 _TOKEN_BYTES = 32
@@ -31,15 +29,6 @@ _ONCE_S = 60.0
 def new_token() -> str:
     """Return 256 random bits as URL-safe text."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
-
-
-def read_only_token(token: str) -> str:
-    """Return the token of links that only let watch; the operators' token cannot be told from it.
-
-    It is made from that one, so that it lasts as long and needs no file of its own.
-    """
-    digest = hmac.digest(token.encode("utf-8", "surrogatepass"), b"read-only", hashlib.sha256)
-    return base64.urlsafe_b64encode(digest).rstrip(b"=").decode()
 
 
 def load_token(path: Path | None) -> str:
@@ -88,16 +77,12 @@ def _write_token(path: Path) -> str:
 
 
 class Verdict(Enum):
-    """Result of checking a request's tokens."""
+    """Result of checking a request's tokens, where none of them is a read-only link's."""
 
     OPERATOR = auto()
-    READ_ONLY = auto()
     MISSING = auto()
     WRONG = auto()
     LIMITED = auto()
-
-
-ACCESS_BY_VERDICT = {Verdict.OPERATOR: Access.OPERATOR, Verdict.READ_ONLY: Access.READ_ONLY}
 
 
 class TokenGuard:
@@ -106,12 +91,12 @@ class TokenGuard:
     The right token always works: nobody can lock the operator out by guessing.
 
     Args:
-        token: the operators'. clock: monotonic seconds.
+        token: the operators'. clock: monotonic seconds. links: those that let watch.
     """
 
-    def __init__(self, token: str, clock: Callable[[], float]) -> None:
-        self._operator = _digest(token)
-        self._read_only = _digest(read_only_token(token))
+    def __init__(self, token: str, clock: Callable[[], float], links: ReadOnlyLinks) -> None:
+        self._operator = digest(token)
+        self._links = links
         self._clock = clock
         self._wrong: OrderedDict[str, deque[float]] = OrderedDict()
         self._once: tuple[bytes, float] | None = None
@@ -123,24 +108,27 @@ class TokenGuard:
         of its process.
         """
         token = new_token()
-        self._once = (_digest(token), self._clock() + _ONCE_S)
+        self._once = (digest(token), self._clock() + _ONCE_S)
         return token
 
-    def check(self, address: str | None, candidates: Iterable[str]) -> Verdict:
+    def check(self, address: str | None, candidates: Iterable[str]) -> Verdict | ReadOnlyLink:
         """Check whether one of the tokens is right; the operators' counts first.
+
+        A read-only link's gives that link.
 
         Args:
             address: the client's network address; None if there is none.
             candidates: the tokens of the request.
         """
-        given = [_digest(candidate) for candidate in candidates]
+        candidates = list(candidates)
+        given = [digest(candidate) for candidate in candidates]
         # Every candidate is compared, so that the time does not reveal which one was right.
-        operator = sum([hmac.compare_digest(digest, self._operator) for digest in given])
-        read_only = sum([hmac.compare_digest(digest, self._read_only) for digest in given])
+        operator = sum([hmac.compare_digest(each, self._operator) for each in given])
+        read_only = self._links.find(candidates)
         if operator or self._is_once(given):
             return Verdict.OPERATOR
-        if read_only:
-            return Verdict.READ_ONLY
+        if read_only is not None:
+            return read_only
         if not given:
             return Verdict.MISSING
         return Verdict.WRONG if self._count(_network(address)) else Verdict.LIMITED
@@ -149,8 +137,8 @@ class TokenGuard:
         """Return whether one is the token that works once; from now on it does not."""
         if self._once is None:
             return False
-        digest, until = self._once
-        if not sum([hmac.compare_digest(each, digest) for each in given]):
+        once, until = self._once
+        if not sum([hmac.compare_digest(each, once) for each in given]):
             return False
         self._once = None
         return self._clock() <= until
@@ -168,11 +156,6 @@ class TokenGuard:
             return False
         times.append(now)
         return True
-
-
-def _digest(token: str) -> bytes:
-    # Digests of equal length, so that the comparison does not reveal the token's length.
-    return hashlib.sha256(token.encode("utf-8", "surrogatepass")).digest()
 
 
 def _network(address: str | None) -> str:

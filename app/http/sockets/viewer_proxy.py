@@ -23,6 +23,7 @@ from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, InvalidHandshake
 from websockets.typing import Subprotocol
 
+from app.http.compressed import takes_gzip
 from app.http.errors import SafeJSON
 from app.http.gate.headers import VIEWER_POLICY
 from app.http.sockets.connections import GOING_AWAY, BadMessage, close, until_one_ends
@@ -126,7 +127,7 @@ async def viewer_page(request: Request, door: Door) -> Response:
     }
     if request.headers.get("if-none-match") == page.tag:
         return Response(None, 304, headers)
-    if "gzip" in request.headers.get("accept-encoding", ""):
+    if takes_gzip(request.headers):
         return HTMLResponse(page.compressed, headers={**headers, "Content-Encoding": "gzip"})
     return HTMLResponse(page.plain, headers=headers)
 

@@ -1,6 +1,7 @@
 /** The links by which others come to this server, one of them as a QR code for a phone. */
 
 import { button, field, h, icon, input, offer, select, setText } from "../elements/dom.js";
+import { RevokeList } from "./revoke-list.js";
 import { request } from "./api.js";
 import { access } from "./access.js";
 import { showModal } from "./modal.js";
@@ -25,22 +26,35 @@ const CHOICES = [
 class Share extends HTMLElement {
   connectedCallback() {
     if (this.childElementCount) return;
-    this.append(button([icon("share"), "Share"], () => attempt(() => this.#open())));
+    this.append(
+      button([icon("share"), h("span", "Share")], () => attempt(() => this.#open()), {
+        title: "Links and a QR code for others",
+      }),
+    );
   }
 
   async #open() {
-    const offered = (await access()) === "operator" ? CHOICES : CHOICES.slice(0, 1);
-    const lists = await Promise.all(
-      offered.map(({ value }) =>
-        request("GET", `/links?access=${value}`).then((told) => /** @type {ShareLinks} */ (told)),
-      ),
-    );
+    const mayRevoke = (await access()) === "operator";
+    const offered = mayRevoke ? CHOICES : CHOICES.slice(0, 1);
+    const ask = () =>
+      Promise.all(
+        offered.map(({ value }) =>
+          request("GET", `/links?access=${value}`).then((told) => /** @type {ShareLinks} */ (told)),
+        ),
+      );
+    const revoking = mayRevoke ? new RevokeList() : null;
+    const { content, take } = sharing(offered, await ask(), revoking);
+    if (revoking) {
+      revoking.changed = async () => take(await ask());
+      await revoking.begin();
+    }
     await showModal(
       "question",
       "Share this page",
-      sharing(offered, lists),
+      content,
       h("button.button.primary", { value: "" }, "Close"),
     );
+    revoking?.end();
   }
 }
 
@@ -49,9 +63,11 @@ class Share extends HTMLElement {
  *
  * @param {typeof CHOICES} offered
  * @param {ShareLinks[]} lists of each choice
- * @returns {HTMLElement[]}
+ * @param {RevokeList | null} revoking
+ * @returns {{content: HTMLElement[], take: (lists: ShareLinks[]) => void}} take: has others shown
  */
-function sharing(offered, lists) {
+function sharing(offered, lists, revoking) {
+  let drawn = 0;
   const help = h("p.hint", { id: "share-help" });
   const address = select({ id: "share-address" }, []);
   const code = h("img.share-code", { alt: "QR code of the link", width: 208, height: 208 });
@@ -77,6 +93,7 @@ function sharing(offered, lists) {
     );
     const { access, links } = lists[at] ?? { access: "read_only", links: [] };
     setText(help, offered[at]?.help ?? "");
+    if (revoking) revoking.element.hidden = access !== "read_only";
     offer(
       address,
       links.map((each, index) => [
@@ -88,13 +105,15 @@ function sharing(offered, lists) {
     link.value = links[chosen]?.link ?? "";
     // No phone can open what only this computer can.
     code.hidden = links[chosen]?.here ?? true;
-    if (!code.hidden) code.src = `/api/links/qr.svg?access=${access}&link=${chosen}`;
+    // Another address each time: the browser would show again what it has drawn before.
+    drawn += 1;
+    if (!code.hidden) code.src = `/api/links/qr.svg?access=${access}&link=${chosen}&n=${drawn}`;
     setText(copy, "Copy");
   };
   address.addEventListener("change", show);
   link.addEventListener("focus", () => link.select());
   show();
-  return [
+  const content = [
     h(
       "fieldset.share-choice",
       { "aria-describedby": help.id },
@@ -107,7 +126,13 @@ function sharing(offered, lists) {
     h("div.field", h("label", { for: link.id }, "Link"), h("div.row.share-copy", link, copy)),
     copied,
     note,
+    ...(revoking ? [revoking.element] : []),
   ];
+  const take = (/** @type {ShareLinks[]} */ others) => {
+    lists = others;
+    show();
+  };
+  return { content, take };
 }
 
 /**

@@ -1,25 +1,53 @@
-/** Says that this browser only watches, and disables what it may not do. */
+/**
+ * Says that this browser only watches, and disables what it may not do.
+ *
+ * The server refuses a watcher every change, so here every control counts as one that changes
+ * something, new ones included, unless it is marked as one that only looks: it or what it stands in
+ * is listed below or has `data-looks`. `data-acts` marks what acts in such a place after all. The
+ * nearest mark holds.
+ */
 
-import { h } from "../elements/dom.js";
+import { h, setAttribute } from "../elements/dom.js";
 import { access } from "./access.js";
 
-// The parts in which everything that can be pressed or filled in changes something for everybody.
-const CHANGING = [
-  "observer-calibration",
-  "observer-calibration-wizard",
-  "observer-guard-check",
-  "observer-live-truth",
-  "observer-method-switch",
-  "observer-parameters",
-  "observer-playback",
-  "observer-programmes",
-  "observer-rig",
-  "observer-robots",
-  "observer-run-bar",
-  "observer-source-picker",
-];
-// But not what only opens, finds or leads somewhere.
-const LOOKING = '[data-looks], [data-looks] *, [popovertarget], [type="search"], [role="tab"]';
+const WATCHING_ONLY = "This link is for watching. Ask for an operator link to change anything.";
+
+const LOOKS = [
+  "[data-looks]",
+  "[popovertarget]",
+  '[type="search"]',
+  '[role="tab"]',
+  // What acts only asks in a dialog, and tells in a notice.
+  "dialog",
+  "#notices",
+  // The page itself.
+  "observer-keyboard-help",
+  "observer-places",
+  "observer-share",
+  "observer-sign-out",
+  "observer-splitter",
+  "observer-theme-choice",
+  "observer-tour",
+  ".tour-card",
+  // Whoever sees that something goes wrong stops the robots.
+  "observer-stop",
+  // What is live.
+  "observer-live-views",
+  "observer-log",
+  "observer-obstacles",
+  "observer-scene",
+  "observer-speed-chart",
+  "observer-status",
+  // What was recorded.
+  ".history-head",
+  ".export-told",
+  "observer-methods-split",
+  "observer-run-chart",
+  "observer-run-player",
+  "observer-run-search",
+  "observer-steps",
+].join();
+const ACTS = "[data-acts]";
 const CONTROLS = "button, input, select, textarea";
 
 class Watching extends HTMLElement {
@@ -31,32 +59,38 @@ class Watching extends HTMLElement {
   async #begin() {
     if ((await access()) === "operator") return;
     document.documentElement.dataset.access = "read_only";
-    const words = "This link is for watching. Ask for an operator link to change anything.";
-    this.append(h("span.state-chip", { title: words }, "Watching only"));
-    this.append(h("span.visually-hidden", `. ${words}`));
+    this.append(h("span.state-chip", { title: WATCHING_ONLY }, "Watching only"));
+    this.append(h("span.visually-hidden", `. ${WATCHING_ONLY}`));
     this.hidden = false;
-    for (const part of document.querySelectorAll(CHANGING.join())) lock(part);
+    lockAll(document.body);
+    // Controls that are made, enabled or named later.
+    new MutationObserver((changes) => {
+      for (const { type, target, addedNodes } of changes) {
+        const touched = type === "childList" ? addedNodes : [target];
+        for (const node of touched) if (node instanceof HTMLElement) lockAll(node);
+      }
+    }).observe(document.body, {
+      subtree: true,
+      childList: true,
+      attributeFilter: ["disabled", "title"],
+    });
   }
 }
 
-/**
- * Disable a part's controls, and those it makes or enables later.
- *
- * @param {Element} part
- */
-function lock(part) {
-  const disable = () => {
-    for (const control of part.querySelectorAll(CONTROLS)) {
-      if (!control.hasAttribute("disabled") && !control.matches(LOOKING))
-        control.setAttribute("disabled", "");
-    }
-  };
-  disable();
-  new MutationObserver(disable).observe(part, {
-    subtree: true,
-    childList: true,
-    attributeFilter: ["disabled"],
-  });
+/** @param {HTMLElement} part */
+function lockAll(part) {
+  if (part.matches(CONTROLS)) lock(part);
+  for (const control of part.querySelectorAll(CONTROLS)) lock(control);
+}
+
+/** @param {Element} control */
+function lock(control) {
+  const marked = control.closest(`${LOOKS}, ${ACTS}`);
+  if (marked && !marked.matches(ACTS)) return;
+  setAttribute(control, "disabled", "");
+  // The words beside a box are pointed at as well.
+  for (const each of [control, control.closest("label")])
+    if (each) setAttribute(each, "title", WATCHING_ONLY);
 }
 
 customElements.define("observer-watching", Watching);

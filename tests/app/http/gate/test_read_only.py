@@ -3,23 +3,38 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 from typing import Any
 
 import pytest
 from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import ConnectionClosed
 
 from app.http.gate.access import FOR_EVERYONE, WATCHING_ONLY, Access
-from app.http.gate.token import read_only_token
+from app.http.gate.admission import COOKIE_NAME
+from app.http.gate.read_only_links import MOST_LINKS, ReadOnlyLink, ReadOnlyLinks
+from app.http.gate.security import SESSION_OVER
 
+from ..wire import read_on
 from .test_gate import concrete, http_routes, socket_routes
 
 SAFE = ("GET", "HEAD", "OPTIONS")
 
 
 @pytest.fixture
-def watching(token: str) -> dict[str, str]:
-    return {"Authorization": f"Bearer {read_only_token(token)}"}
+def links(served: Any) -> ReadOnlyLinks:
+    found: ReadOnlyLinks = served.app.state.admission.sessions.links
+    return found
+
+
+@pytest.fixture
+def watching(links: ReadOnlyLinks) -> dict[str, str]:
+    return bearer(links.newest)
+
+
+def bearer(link: ReadOnlyLink) -> dict[str, str]:
+    return {"Authorization": f"Bearer {link.token}"}
 
 
 async def heard(socket: ClientConnection, kind: str, **fields: Any) -> dict[str, Any]:
@@ -111,24 +126,24 @@ async def test_watchers_drive_nothing(served: Any, drive: Any, watching: dict[st
 
 
 async def test_a_browser_watches_by_its_link_until_it_gets_an_operators(
-    served: Any, token: str
+    served: Any, token: str, links: ReadOnlyLinks
 ) -> None:
     async with served.anonymous() as client:
-        assert (await client.get("/", params={"token": read_only_token(token)})).status_code == 303
+        assert (await client.get("/", params={"token": links.newest.token})).status_code == 303
         assert (await client.get("/api/session")).json() == {"access": "read_only"}
         answer = await client.patch("/api/parameters", json={})
         assert (answer.status_code, answer.json()["detail"]) == (403, WATCHING_ONLY)
         assert (await client.get("/", params={"token": token})).status_code == 303
         assert (await client.get("/api/session")).json() == {"access": "operator"}
         # An operator who looks at the link for others stays one.
-        await client.get("/", params={"token": read_only_token(token)})
+        await client.get("/", params={"token": links.newest.token})
         assert (await client.get("/api/session")).json() == {"access": "operator"}
         assert (await client.patch("/api/parameters", json={})).is_success
 
 
-async def test_a_watcher_signs_out_alone(served: Any, token: str) -> None:
+async def test_a_watcher_signs_out_alone(served: Any, token: str, links: ReadOnlyLinks) -> None:
     async with served.anonymous() as client, served.anonymous() as other:
-        await client.get("/", params={"token": read_only_token(token)})
+        await client.get("/", params={"token": links.newest.token})
         await other.get("/", params={"token": token})
         assert (await client.delete("/api/sessions")).status_code == 403
         assert (await client.delete("/api/session")).status_code == 204
@@ -136,7 +151,9 @@ async def test_a_watcher_signs_out_alone(served: Any, token: str) -> None:
         assert (await other.get("/api/status")).is_success
 
 
-async def test_links_are_shared(served: Any, token: str, watching: dict[str, str]) -> None:
+async def test_links_are_shared(
+    served: Any, token: str, links: ReadOnlyLinks, watching: dict[str, str]
+) -> None:
     told = (await served.http.get("/api/links", params={"access": "operator"})).json()
     assert told["access"] == "operator"
     assert [each["here"] for each in told["links"]] == [True]
@@ -144,7 +161,7 @@ async def test_links_are_shared(served: Any, token: str, watching: dict[str, str
     assert "--host 0.0.0.0" in told["note"]
     for query in ({}, {"access": "read_only"}):
         only = (await served.http.get("/api/links", params=query)).json()
-        assert only["links"][0]["link"].endswith(f"/?token={read_only_token(token)}")
+        assert only["links"][0]["link"].endswith(f"/?token={links.newest.token}")
     async with served.anonymous(**watching) as client:
         assert (await client.get("/api/links")).json() == only
         for path in ("/api/links", "/api/links/qr.svg"):
@@ -168,3 +185,77 @@ async def test_a_link_is_drawn_as_a_code(served: Any) -> None:
     assert drawn.content.startswith(b"<svg")
     assert b"<script" not in drawn.content
     assert (await served.http.get("/api/links/qr.svg", params={"link": 9})).status_code == 404
+
+
+async def in_force(served: Any) -> list[tuple[str, int, bool]]:
+    told = (await served.http.get("/api/links/read-only")).json()
+    return [(each["id"], each["watching"], each["shared"]) for each in told]
+
+
+async def test_a_revoked_link_ends_its_sessions_and_sockets_at_once_and_no_others(
+    served: Any, token: str, links: ReadOnlyLinks
+) -> None:
+    leaked = links.newest
+    made = await served.http.post("/api/links/read-only", json={})
+    assert made.status_code == 201
+    kept = links.get(made.json()["id"])
+    assert kept is not None
+    async with contextlib.AsyncExitStack() as stack:
+        browsers = {}
+        for name, sign_in in (("leaked", leaked.token), ("kept", kept.token), ("operator", token)):
+            client = await stack.enter_async_context(served.anonymous())
+            await client.get("/", params={"token": sign_in})
+            cookie = {"Cookie": f"{COOKIE_NAME}={client.cookies[COOKIE_NAME]}"}
+            socket = served.socket("/api/live", token=None, headers=cookie)
+            browsers[name] = (client, await stack.enter_async_context(socket))
+        script = await stack.enter_async_context(
+            served.socket("/api/live", token=None, headers=bearer(leaked))
+        )
+        for _, socket in browsers.values():
+            await heard(socket, "status")
+        await heard(script, "status")
+        assert await in_force(served) == [(kept.id, 1, True), (leaked.id, 2, False)]
+        # Who watches passes on the link that they came by, and revokes none.
+        own = (await browsers["leaked"][0].get("/api/links")).json()["links"][0]["link"]
+        assert own.endswith(f"?token={leaked.token}")
+        refused = await browsers["kept"][0].delete(f"/api/links/read-only/{leaked.id}")
+        assert refused.status_code == 403
+
+        path = f"/api/links/read-only/{leaked.id}"
+        assert (await served.http.delete(path)).status_code == 204
+        for socket in (browsers["leaked"][1], script):
+            async with asyncio.timeout(2):
+                with pytest.raises(ConnectionClosed) as closed:
+                    await read_on(socket)
+            assert closed.value.rcvd is not None
+            assert closed.value.rcvd.code == SESSION_OVER
+        for client in (browsers["leaked"][0], served.http):
+            answer = await client.get(
+                "/api/status", headers={"Authorization": bearer(leaked)["Authorization"]}
+            )
+            assert answer.status_code == 401
+        assert (
+            await browsers["leaked"][0].get("/", params={"token": leaked.token})
+        ).status_code == 401
+        for name in ("kept", "operator"):
+            client, socket = browsers[name]
+            assert (await client.get("/api/status")).is_success
+            await heard(socket, "heartbeat")
+        assert await in_force(served) == [(kept.id, 1, True)]
+        assert (await served.http.delete(path)).status_code == 404
+
+
+async def test_another_link_takes_the_place_of_the_last_one(
+    served: Any, links: ReadOnlyLinks
+) -> None:
+    before = links.newest
+    await served.http.delete(f"/api/links/read-only/{before.id}")
+    ((now, watching, shared),) = await in_force(served)
+    assert (now != before.id, watching, shared) == (True, 0, True)
+    told = (await served.http.get("/api/links")).json()["links"][0]["link"]
+    assert told.endswith(f"?token={links.newest.token}")
+    for _ in range(MOST_LINKS - 1):
+        assert (await served.http.post("/api/links/read-only", json={})).status_code == 201
+    refused = await served.http.post("/api/links/read-only", json={})
+    assert refused.status_code == 409
+    assert "revoke one" in refused.json()["detail"]

@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, rule
 
 from app.http.gate import session_file
+from app.http.gate.connections import run_connected
 from app.http.gate.session_file import SessionFile
-from app.http.gate.sessions import Sessions, run_in_session
+from app.http.gate.sessions import Sessions
 
 TOKEN = "t" * 43
 UNUSED_S, LIFETIME_S = 100.0, 1000.0
@@ -215,7 +216,7 @@ async def test_a_job_ends_with_its_session_and_tidies_up() -> None:
         finally:
             tidied.set()
 
-    running = asyncio.create_task(run_in_session(session, job()))
+    running = asyncio.create_task(run_connected(session, job()))
     await asyncio.sleep(0)
     await asyncio.sleep(0)
     sessions.end(session)
@@ -227,14 +228,14 @@ async def test_a_job_ends_with_its_session_and_tidies_up() -> None:
 async def test_a_job_that_ends_by_itself_is_not_the_session_s_end() -> None:
     sessions = table(Clock())
     session = found(sessions, sessions.start())
-    assert not await run_in_session(session, asyncio.sleep(0))
+    assert not await run_connected(session, asyncio.sleep(0))
 
     async def gives_up() -> None:
         raise asyncio.CancelledError
 
     with pytest.raises(asyncio.CancelledError):
-        await run_in_session(session, gives_up())
-    running = asyncio.create_task(run_in_session(session, asyncio.sleep(60)))
+        await run_connected(session, gives_up())
+    running = asyncio.create_task(run_connected(session, asyncio.sleep(60)))
     await asyncio.sleep(0)
     running.cancel()
     with pytest.raises(asyncio.CancelledError):
@@ -266,6 +267,48 @@ async def test_the_file_signs_nobody_in_and_carries_over_a_restart(tmp_path: Pat
     too_late = table(Clock(3.0))
     SessionFile(path, too_late, wall).load()
     assert too_late.ages() == []
+
+
+async def test_links_and_who_watches_by_them_outlive_a_restart_until_revoked(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "sessions.json"
+    sessions = table(Clock())
+    first, second = sessions.links.newest, sessions.links.make()
+    ids = [sessions.start(link) for link in (None, first, second)]
+    file = SessionFile(path, sessions, Clock())
+    await file.save()
+    assert first.token not in path.read_text()
+    later = table(Clock())
+    SessionFile(path, later, Clock()).load()
+    assert [each.token for each in later.links.in_force] == [first.token, second.token]
+    links = [found(later, each).link for each in ids]
+    assert [link and link.id for link in links] == [None, first.id, second.id]
+    # Made from another token, none of them holds.
+    other = table(Clock(), token="u" * 43)
+    SessionFile(path, other, Clock()).load()
+    assert other.links.find([first.token, second.token]) is None
+    assert all(other.find(each) is None for each in ids)
+    sessions.revoke(first)
+    await file.save()
+    SessionFile(path, later, Clock()).load()
+    assert later.links.get(first.id) is None
+    assert later.find(ids[2])
+
+
+async def test_a_link_that_was_revoked_stays_so_though_the_disk_is_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    sessions = table(Clock())
+    file = SessionFile(tmp_path / "sessions.json", sessions, Clock())
+    await file.save()
+    monkeypatch.setattr("os.replace", full)
+    sessions.revoke(sessions.links.newest)
+    await file.save()
+    assert list(tmp_path.iterdir()) == []
 
 
 async def test_a_wall_clock_that_was_set_back_ends_no_session(tmp_path: Path) -> None:

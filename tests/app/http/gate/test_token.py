@@ -12,26 +12,50 @@ from hypothesis import strategies as st
 
 from app.http.gate.headers import page_policy
 from app.http.gate.origins import NetworkName, names_of, parse_host
-from app.http.gate.token import TokenGuard, Verdict, load_token, new_token, read_only_token
+from app.http.gate.read_only_links import MOST_LINKS, ReadOnlyLinks
+from app.http.gate.token import TokenGuard, Verdict, load_token, new_token
 from observer.errors import InputError
 
 TOKEN = "t" * 43
 
 
 def guard(now: list[float]) -> TokenGuard:
-    return TokenGuard(TOKEN, lambda: now[0])
+    return TokenGuard(TOKEN, lambda: now[0], ReadOnlyLinks(TOKEN))
 
 
 def test_read_only_links_have_a_token_of_their_own() -> None:
-    other = read_only_token(TOKEN)
-    assert other == read_only_token(TOKEN)
-    assert len(other) * 6 >= 256
-    assert TOKEN not in other
-    gate = guard([0.0])
-    assert gate.check("1.2.3.4", [other]) is Verdict.READ_ONLY
-    assert gate.check("1.2.3.4", [other, TOKEN]) is Verdict.OPERATOR
-    # No way up from there.
-    assert gate.check("1.2.3.4", [read_only_token(other)]) is Verdict.WRONG
+    links = ReadOnlyLinks(TOKEN)
+    first, second = links.newest, links.make()
+    assert links.newest is second
+    assert first.token != second.token
+    assert len(first.token) * 6 >= 256
+    assert TOKEN not in first.token
+    gate = TokenGuard(TOKEN, lambda: 0.0, links)
+    for link in (first, second):
+        assert gate.check("1.2.3.4", [link.token]) is link
+        assert gate.check("1.2.3.4", [link.token, TOKEN]) is Verdict.OPERATOR
+    # No way up from there, and none back.
+    above = ReadOnlyLinks(first.token)
+    above.restore(links.kept())
+    assert gate.check("1.2.3.4", [above.newest.token]) is Verdict.WRONG
+    links.revoke(first)
+    assert gate.check("1.2.3.4", [first.token]) is Verdict.WRONG
+    assert gate.check("1.2.3.4", [second.token]) is second
+
+
+def test_there_is_always_one_link_to_share_and_never_too_many() -> None:
+    told: list[int] = []
+    links = ReadOnlyLinks(TOKEN)
+    links.changed = lambda: told.append(len(links.in_force))
+    only = links.newest
+    links.revoke(only)
+    links.revoke(only)
+    assert links.newest.token != only.token
+    while len(links.in_force) < MOST_LINKS:
+        links.make()
+    with pytest.raises(ValueError, match="revoke one"):
+        links.make()
+    assert told[-1] == MOST_LINKS
 
 
 def test_the_token_for_the_own_browser_works_once_and_for_a_minute() -> None:
