@@ -67,7 +67,10 @@ class RunFrames:
     height: int
     frames: Annotated[
         Sequence[FrameEntry],
-        means("In order: the image of the first is /runs/ID/frames/0.jpg, and so on."),
+        means("In order: the image of the first is /runs/ID/frames/FIRST.jpg, and so on."),
     ]
     truth: Annotated[bool, means("Whether there is ground truth to compare with.")]
     observed_ms: Annotated[float | None, means("Median time that the method took per frame.")]
+    first: Annotated[int, means("Position in the run of the first of these frames, from 0.")] = 0
+    every: Annotated[int, means("And of each further one so many after that before.")] = 1
+    count: Annotated[int, means("Number of frames of the run.")] = 0

@@ -25,7 +25,7 @@ class ComparisonStart(In):
     )
 
 
-@router.get("", summary="How far the comparison of two methods is")
+@router.get("", summary="Progress of the comparison of two methods")
 async def get_comparison(server: TheServer) -> ComparisonStatus:
     return server.runs.methods.facts()
 

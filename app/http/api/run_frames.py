@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Path, Request, Response
+from fastapi import APIRouter, Path, Query, Request, Response
 
 from app.contract.run_frames import RunFrames
 from app.http.api.common import NameInPath, TheServer
@@ -12,6 +12,8 @@ from app.http.api.refusals import refusals
 from app.http.cancel_on_disconnect import while_there
 
 router = APIRouter(prefix="/runs", tags=["runs"])
+
+_LAST = 1_000_000_000
 
 
 @router.get(
@@ -22,9 +24,7 @@ router = APIRouter(prefix="/runs", tags=["runs"])
 )
 async def get_frame_image(
     id: NameInPath,
-    position: Annotated[
-        int, Path(ge=0, le=1_000_000_000, description="Of the frame in the run, from 0.")
-    ],
+    position: Annotated[int, Path(ge=0, le=_LAST, description="Of the frame in the run, from 0.")],
     server: TheServer,
 ) -> Response:
     """Rectified, as the boxes of its obstacles are; at most 1280 pixels wide.
@@ -39,10 +39,22 @@ async def get_frame_image(
     "/{id}/frames",
     response_model=RunFrames,
     summary="What was found in each frame of a run",
-    responses=refusals(404, 409, 503, 507),
+    responses=refusals(404, 409, 422, 503, 507),
 )
-async def get_frames(id: NameInPath, server: TheServer, request: Request) -> Response:
+async def get_frames(
+    id: NameInPath,
+    server: TheServer,
+    request: Request,
+    first: Annotated[int, Query(ge=0, le=_LAST, description="Position of the first one.")] = 0,
+    count: Annotated[
+        int | None, Query(ge=1, le=_LAST, description="Of frames from there on; none: all.")
+    ] = None,
+    most: Annotated[
+        int | None,
+        Query(ge=1, le=_LAST, description="Of more, so many are told, evenly spread over them."),
+    ] = None,
+) -> Response:
     """Boxes, speeds and, with ground truth, how many obstacles were false so far."""
     run = await server.runs.archive.find(id)
-    content = await while_there(request, server.runs.files.frames(run))
+    content = await while_there(request, server.runs.files.frames(run, first, count, most))
     return Response(content, media_type="application/json")

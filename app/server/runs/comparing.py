@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import shutil
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -22,14 +21,14 @@ from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
 from app.server.parameters.manager import ParameterManager
 from app.server.rig.store import RigStore
-from app.server.runs.current_run import speed_rows
 from app.server.runs.files import RunFiles
+from app.server.runs.result_rows import result_rows
 from app.server.runs.saved_clips import SavedClips
 from app.server.runs.truths import TruthFiles
 from app.server.shared import Shared
 from app.server.source.manager import SourceManager
 from app.server.source.opening import Opening, make_opening
-from app.storage import CalibrationRecord, RunRecord, RunState, SpeedRow, StorageError, StorageFull
+from app.storage import CalibrationRecord, RunRecord, RunState, StorageError, StorageFull
 from app.storage.runs import new_run_id
 from app.versions import versions
 from app.workers.methods.messages import FRAMES, SPEEDS, Compared, CompareMethods, NewRun
@@ -311,7 +310,7 @@ class MethodComparison:
 
     def _keep_files(self, record: RunRecord, made: Path) -> None:
         speeds, frames = made / SPEEDS, made / FRAMES
-        rows, content = list(_rows(record.id, speeds)), frames.read_bytes()
+        batches, content = list(result_rows(record.id, speeds)), frames.read_bytes()
         for file in (speeds, frames):
             file.unlink()
         folder = self._storage.folder.run(record.id)
@@ -320,7 +319,8 @@ class MethodComparison:
             shutil.move(made, folder)
         except OSError as error:
             raise StorageError(f"{folder} cannot be written: {error.strerror}") from error
-        self._storage.append_speeds(rows)
+        for rows in batches:
+            self._storage.append_speeds(rows)
         self._files.keep_frames(record, content)
 
 
@@ -332,12 +332,6 @@ async def _whole(work: Coroutine[Any, Any, _T]) -> _T:
     except asyncio.CancelledError:
         await asyncio.gather(working, return_exceptions=True)
         raise
-
-
-def _rows(run_id: str, speeds: Path) -> Iterator[SpeedRow]:
-    with speeds.open(encoding="utf-8") as lines:
-        for each in map(json.loads, lines):
-            yield from speed_rows(run_id, each["line"], each["truth"])
 
 
 def _title(opening: Opening) -> str:

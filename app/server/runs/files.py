@@ -16,6 +16,7 @@ from app.contract.values import plain
 from app.server.errors import Conflict
 from app.server.runs.archive import RunArchive
 from app.server.runs.commands import CommandRefused, RunCommands
+from app.server.runs.frame_window import some_frames
 from app.server.runs.row_charts import chart_of_rows
 from app.storage import RunRecord, Storage, StorageFull
 from app.storage.comparison import kept_comparison
@@ -27,6 +28,8 @@ ExportFormat = Literal["zip", "csv", "parquet", "mp4", "ply", "ros2"]
 
 # Prefixes of files that nobody needs to read by name.
 _CHART, _FRAMES = ".chart-", ".frames-"
+# Number of what these files have in them: another one where a field is added.
+_FORM = 2
 # Results are far smaller than the run's recording; this much space stays free.
 _SPARE_BYTES = 100 << 20
 _IN_NO_NAME = '/\\:*?"<>|'
@@ -72,15 +75,24 @@ class RunFiles:
             return await asyncio.to_thread(lambda: json.dumps(plain(chart_of_rows(rows))).encode())
         return await self._kept(run, path, _CHART, "chart")
 
-    async def frames(self, run: RunRecord) -> bytes:
-        """Return what was found in each frame as JSON, see ``app.contract.run_frames``.
+    async def frames(
+        self, run: RunRecord, first: int = 0, count: int | None = None, most: int | None = None
+    ) -> bytes:
+        """Return what was found in frames as JSON, see ``app.contract.run_frames``.
+
+        Args:
+            first: position of the first one, from 0. count: of frames from there on; None: all.
+            most: of more, so many are told that are evenly spread over them.
 
         Raises:
             NotThere: it has no recording. Conflict: its recording is being written, or it or its
                 truth cannot be read. NotAvailable: the command failed.
         """
         path = await self._archive.recording(run.id)
-        return await self._kept(run, path, _FRAMES, "frames")
+        content = await self._kept(run, path, _FRAMES, "frames")
+        if first == 0 and count is None and most is None:
+            return content
+        return await asyncio.to_thread(some_frames, content, first, count, most)
 
     def keep_frames(self, run: RunRecord, content: bytes) -> None:
         """Keep what ``frames`` would make of the run, where somebody has made it already."""
@@ -202,7 +214,7 @@ def _content(made: MadeFile) -> bytes:
 def _kept_file(run: RunRecord, recording: Path, prefix: str) -> Path:
     """Return a file whose name changes whenever its content may change."""
     stat = recording.stat()
-    facts = [library_version(), stat.st_size, stat.st_mtime_ns, run.alignment, run.truth_id]
+    facts = [_FORM, library_version(), stat.st_size, stat.st_mtime_ns, run.alignment, run.truth_id]
     key = hashlib.sha256(json.dumps(facts).encode()).hexdigest()[:16]
     return recording.with_name(f"{prefix}{key}.json")
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -20,14 +19,14 @@ from app.runtime.jobs import Progress
 from app.runtime.worker import JobFailed
 from app.server.errors import NotAvailable
 from app.server.parameters.in_force import ParametersInForce
-from app.server.runs.current_run import speed_rows
 from app.server.runs.ending import write_end
+from app.server.runs.result_rows import result_rows
 from app.server.runs.truths import TruthFiles
 from app.server.shared import Shared
 from app.server.whole_files import told_as_ours
-from app.storage import RunRecord, RunState, SpeedRow, StorageError, StorageFull
+from app.storage import RunRecord, RunState, StorageError, StorageFull
 from app.versions import versions
-from app.workers.rerun.messages import FrameResult, Rerun, Rerunned
+from app.workers.rerun.messages import Rerun, Rerunned
 from app.workers.rerun.process import rerun_in_worker
 from observer.errors import DynamicObserverError
 from observer.recording.run_folder import RECORDING
@@ -39,8 +38,6 @@ State = Literal["waiting", "observing", "finishing"]
 _MOST_GOING = 8
 # A recording without images is far smaller; this much space stays free.
 _SPARE_BYTES = 100 << 20
-# Frames whose speeds are stored together, so that those of a live run come in between.
-_FRAMES_AT_ONCE = 1000
 _RESULTS = ".results.jsonl"
 
 
@@ -208,7 +205,7 @@ class Reruns:
         self._shared.followers.status_changed()
 
     async def _keep_speeds(self, run_id: str, results: Path) -> None:
-        batches = _batches(run_id, results)
+        batches = result_rows(run_id, results)
         while (rows := await asyncio.to_thread(next, batches, None)) is not None:
             await self._writer.submit(partial(self._storage.append_speeds, rows), timeout_s=60.0)
 
@@ -241,16 +238,3 @@ async def _ended(going: _Going) -> None:
     assert going.task is not None
     going.task.cancel()
     await asyncio.gather(going.task, return_exceptions=True)
-
-
-def _batches(run_id: str, results: Path) -> Iterator[list[SpeedRow]]:
-    """Yield the rows of a worker's results, of so many frames at once."""
-    decode = msgspec.json.Decoder(FrameResult).decode
-    with results.open("rb") as lines:
-        while batch := list(itertools.islice(lines, _FRAMES_AT_ONCE)):
-            found = [decode(line) for line in batch]
-            yield [
-                row
-                for each in found
-                for row in speed_rows(run_id, each.line, each.truth, offset_s=each.offset_s)
-            ]

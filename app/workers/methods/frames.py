@@ -61,6 +61,7 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
         frames=entries,
         truth=truth is not None,
         observed_ms=round(median(took), _MS_DIGITS) if took else None,
+        count=len(entries),
     )
 
 

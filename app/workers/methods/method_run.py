@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from app.contract.values import plain
+from app.workers.frame_results import frame_result, result_line
 from app.workers.methods.frames import run_frames
 from app.workers.methods.messages import FRAMES, SPEEDS, NewRun
 from observer.calibration.formats.opencv_file import read_calibration
@@ -79,7 +80,7 @@ class MethodRun:
             # Whatever else keeps the machine busy is no part of a method's cost.
             clock=time.thread_time,
         )
-        self._speeds = (self._folder / SPEEDS).open("w", encoding="utf-8")
+        self._speeds = (self._folder / SPEEDS).open("wb")
         self._writer = RecordingWriter(self._folder / RECORDING, facts)
         self._observed = ObservedWriter(self._writer, truth)
         revision = ParameterRevision(revision=0, values=dict(run.parameters))
@@ -95,8 +96,7 @@ class MethodRun:
         line = observation_line(observation)
         bodies = self._observed.write(frame, observation, line)
         self.segments = max(self.segments, line["segment"] + 1)
-        kept = {name: line[name] for name in ("time", "segment", "obstacles")}
-        self._speeds.write(json.dumps({"line": kept, "truth": bodies}, allow_nan=False) + "\n")
+        self._speeds.write(result_line(frame_result(line, bodies)))
         return line
 
     def finish(self) -> None:

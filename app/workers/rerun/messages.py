@@ -32,21 +32,6 @@ class Rerun:
 
 
 @dataclass(frozen=True)
-class FrameResult:
-    """Result of one frame, as far as the server keeps it.
-
-    Attributes:
-        offset_s: of the run's clock to the source's.
-        line: ``time``, ``segment`` and ``obstacles`` of the observation's JSON line.
-        truth: entries as in ``ObservationEvent.truth``.
-    """
-
-    offset_s: float
-    line: dict[str, Any]
-    truth: list[dict[str, Any]]
-
-
-@dataclass(frozen=True)
 class Rerunned:
     """End of a re-run.
 

@@ -10,7 +10,8 @@ from pathlib import Path
 import msgspec
 
 from app.runtime.jobs import Report
-from app.workers.rerun.messages import FrameResult, Rerun, Rerunned
+from app.workers.frame_results import FrameResult, frame_result, result_line
+from app.workers.rerun.messages import Rerun, Rerunned
 from observer.errors import SourceError
 from observer.jsonl import observation_line
 from observer.mount import CameraMount
@@ -52,7 +53,7 @@ def rerun(job: Rerun, report: Report) -> Rerunned:
             count, reported = len(recording.frames), 0.0
             for observation in replay(source, revisions, mount=mount):
                 result = kept.observed(source.recorded, source.frame, observation)
-                results.write(msgspec.json.encode(result) + b"\n")
+                results.write(result_line(result))
                 now = time.monotonic()
                 if now - reported >= _REPORT_S:
                     reported = now
@@ -135,17 +136,7 @@ class _Kept:
         self.time.add_recorded(recorded)
         line = observation_line(observation)
         truth = self._observed.write(frame, observation, line)
-        told = {name: line[name] for name in ("time", "segment")}
-        obstacles = [
-            {
-                name: obstacle[name]
-                for name in ("id", "state", "velocity_time", "speed", "speed_std")
-            }
-            for obstacle in line["obstacles"]
-        ]
-        return FrameResult(
-            self.time.offset_s, {**told, "obstacles": obstacles}, [dict(each) for each in truth]
-        )
+        return frame_result(line, truth, self.time.offset_s)
 
 
 def _rig_mount(source: RecordingSource, rig_yaml: str | None) -> CameraMount | None:

@@ -14,10 +14,10 @@ import { conclusion, figuresAt, methodsHref, seenInWords } from "./methods-words
 const ADDRESS_AFTER_MS = 400;
 /** @type {[string, string][]} */
 const LEGEND = [
-  ["moving", "moving obstacle, arrow: its way in one second"],
+  ["moving", "moving obstacle; arrow: motion in 1 s"],
   ["false", "false obstacle"],
   ["stopped", "stopped"],
-  ["coasting", "not seen at present"],
+  ["coasting", "not visible now"],
   ["truth", "ground truth"],
 ];
 

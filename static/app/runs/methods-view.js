@@ -69,7 +69,7 @@ export class MethodsView extends Part {
     this.append(
       h(
         "p.hint",
-        "The same frames are processed with paper, the method as published, and with default. The open source goes on undisturbed.",
+        "The same frames are processed with paper, the published method, and with default. The current source is not affected.",
       ),
       this.#form,
       this.#error,
@@ -82,9 +82,6 @@ export class MethodsView extends Part {
     this.#split.attach(this.hub);
     this.#split.hidden = true;
     onSubmit(this.#form, () => this.#start());
-    void access().then((granted) => {
-      this.#form.hidden = this.#cancel.hidden = granted !== "operator";
-    });
     this.hear("reconnected", () => this.#shown && this.#ask());
     this.hear("hashchange", () => this.#follow(), window);
   }
@@ -114,7 +111,7 @@ export class MethodsView extends Part {
     const asked = this.#asked;
     await attemptIn(this.#error, async () => {
       if (this.#ids.length === 2) void this.#load();
-      await Promise.all([this.#connected(), access()]);
+      const [granted] = await Promise.all([access(), this.#connected()]);
       const [status, listed, sources] = await Promise.all([
         /** @type {Promise<ComparisonStatus>} */ (request("GET", "/comparison")),
         /** @type {Promise<History>} */ (request("GET", `/history?limit=${MOST_LISTED}`)),
@@ -128,7 +125,7 @@ export class MethodsView extends Part {
       if (status.going || this.#ids.length === 2) return;
       const newest = status.runs ?? pairs[0]?.map(({ id }) => id);
       if (newest) location.replace(methodsHref([...newest]));
-      else if (this.#undisturbed && !this.#form.hidden) await this.#start();
+      else if (granted === "operator" && this.#undisturbed) await this.#start();
     });
   }
 
@@ -239,7 +236,7 @@ export class MethodsView extends Part {
       if (asked !== this.#asked) return;
       if (!sameFrames(found))
         throw new ApiError(
-          "These runs are not of the same frames. Compare their speeds instead, or compare the methods on one recording.",
+          "These runs have different frames. Compare their speeds instead, or compare the methods on one recording.",
           0,
         );
       const names = methodNames(told);

@@ -3,13 +3,14 @@
 import { button, h, input, offerPlayback, select, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
-import { ApiError, request } from "../shell/api.js";
+import { ApiError } from "../shell/api.js";
+import { FrameEntries } from "./frame-entries.js";
 import { FrameImages } from "./frame-images.js";
 import { FramePicture } from "./frame-picture.js";
-import { frameAt } from "./run-words.js";
+import { hasImages, methodHref } from "./run-words.js";
 import { TopView } from "./top-view.js";
 
-/** @import { Run, RunFrames } from "../contract" */
+/** @import { Run } from "../contract" */
 
 /** @type {[string, string][]} */
 const RATES = [
@@ -40,10 +41,11 @@ export class RunPlayer extends Part {
   #place = h("output.figure.position");
   #rate = select({ id: "player-rate", "aria-label": "Speed of playback" }, RATES);
   #controls = h("div.player-controls", this.#play, this.#slider, this.#place, this.#rate);
+  #method = h("a.player-method", { hidden: true }, "See the method on this frame");
   #note = h("p.hint", { role: "status" });
   /** @type {Run | null} */
   #run = null;
-  /** @type {RunFrames | null} */
+  /** @type {FrameEntries | null} */
   #frames = null;
   /** @type {FrameImages | null} */
   #images = null;
@@ -63,7 +65,7 @@ export class RunPlayer extends Part {
     setAttribute(this, "role", "group");
     setAttribute(this, "aria-label", "Recorded frames");
     this.#rate.value = "1";
-    this.append(this.#stage, this.#controls, this.#note);
+    this.append(this.#stage, this.#controls, this.#method, this.#note);
     this.#slider.addEventListener("input", () => this.#stop(this.#slider.valueAsNumber));
     this.#rate.addEventListener("change", () => this.#begin());
     this.addEventListener("keydown", (event) => this.#pressed(event));
@@ -87,7 +89,7 @@ export class RunPlayer extends Part {
 
   /** Show the frame at a second of the run, as somebody points at it. @param {number} time */
   seek(time) {
-    if (this.#frames) this.#stop(frameAt(this.#frames.frames, time), false);
+    if (this.#frames) this.#stop(this.#frames.positionAt(time), false);
   }
 
   /** @param {Run} run */
@@ -97,7 +99,7 @@ export class RunPlayer extends Part {
     this.#images?.close();
     this.#images = null;
     if (run.state === "running")
-      return this.#empty("Its frames can be seen when the run has ended.");
+      return this.#empty("The frames are available when the run has ended.");
     if (run.record === null)
       return this.#empty("This run was not recorded: it has no frames to show.");
     this.#empty("Reading the frames from the recording…", true);
@@ -107,8 +109,7 @@ export class RunPlayer extends Part {
       void this.#showFirst(this.#images);
     }
     try {
-      /** @type {RunFrames} */
-      const frames = await request("GET", `/runs/${encodeURIComponent(run.id)}/frames`);
+      const frames = await FrameEntries.of(run.id);
       if (asked !== this.#asked) return;
       this.#take(frames);
     } catch (error) {
@@ -137,6 +138,7 @@ export class RunPlayer extends Part {
     this.#frames = null;
     setText(this.#note, words);
     this.#stage.hidden = this.#controls.hidden = !soon;
+    this.#method.hidden = true;
     for (const control of this.#controls.querySelectorAll("button, input, select"))
       control.toggleAttribute("disabled", true);
     setText(this.#place, "–");
@@ -144,16 +146,16 @@ export class RunPlayer extends Part {
     this.#top.take([]);
   }
 
-  /** @param {RunFrames} frames */
+  /** @param {FrameEntries} frames */
   #take(frames) {
-    const count = frames.frames.length;
+    const { count } = frames;
     if (count === 0) return this.#empty("No frame of this run was recorded.");
     this.#frames = frames;
     this.#stage.hidden = this.#controls.hidden = false;
     for (const control of this.#controls.querySelectorAll("button, input, select"))
       control.toggleAttribute("disabled", false);
     setAttribute(this.#slider, "max", String(count - 1));
-    this.#top.take(frames.frames);
+    this.#top.take(frames.spread);
     this.#drawn = -1;
     setText(this.#note, this.#trouble);
     this.#goTo(Math.min(this.#at, count - 1));
@@ -162,6 +164,7 @@ export class RunPlayer extends Part {
   /** @param {string} words why there are no images; empty: there are */
   #without(words) {
     if (words) this.#images = null;
+    if (words) this.#method.hidden = true;
     this.#trouble = words;
     this.#picture.hidden = words !== "";
     this.#stage.toggleAttribute("data-alone", words !== "");
@@ -179,17 +182,32 @@ export class RunPlayer extends Part {
    * @param {boolean} [tell] false: whoever wants it knows
    */
   #goTo(position, tell = true) {
-    const entry = this.#frames?.frames[position];
-    if (!entry || !this.#frames) return;
+    const frames = this.#frames;
+    if (!frames) return;
     this.#at = position;
-    const count = this.#frames.frames.length;
-    const words = `${fixed(entry.plan.time, 2)} s`;
+    const { count } = frames;
+    const time = frames.timeAt(position);
+    const words = `${fixed(time, 2)} s`;
     if (this.#slider.valueAsNumber !== position) this.#slider.value = String(position);
     setAttribute(this.#slider, "aria-valuetext", `${words}, frame ${position + 1} of ${count}`);
     setText(this.#place, `${words} · frame ${position + 1} / ${count}`);
-    this.#top.show(position);
+    this.#top.show(frames.near(position));
+    this.#linkMethod(position);
     void this.#showImage(position);
-    if (tell) this.moved(entry.plan.time);
+    if (tell) this.moved(time);
+    const known = frames.at(position);
+    void frames.fetch(position).then((entry) => {
+      // What was near it is replaced by itself.
+      if (!known && entry && frames === this.#frames && position === this.#at)
+        this.#goTo(position, tell);
+    });
+  }
+
+  /** Lead to the method's steps on this frame and the one before. @param {number} position */
+  #linkMethod(position) {
+    const run = this.#run;
+    this.#method.hidden = !run || !hasImages(run) || this.#images === null;
+    if (run) setAttribute(this.#method, "href", methodHref(run.id, position));
   }
 
   /** @param {number} position */
@@ -199,47 +217,46 @@ export class RunPlayer extends Part {
     if (!images || (this.#playing && this.#waiting >= AT_ONCE)) return;
     this.#waiting += 1;
     const bitmap = await images.at(position).finally(() => (this.#waiting -= 1));
-    const entry = this.#frames?.frames[position];
     const wanted = position === this.#at || (this.#playing && position > this.#drawn);
-    if (images !== this.#images || !entry || !this.#frames || !wanted) return bitmap?.close();
+    if (images !== this.#images || !this.#frames || !wanted) return bitmap?.close();
     if (!bitmap && images.trouble) return this.#without(images.trouble);
     this.#drawn = position;
-    this.#picture.show(bitmap, entry, this.#frames);
+    this.#picture.show(bitmap, this.#frames.at(position), this.#frames.size);
   }
 
   /** @param {boolean} playing */
   #setPlaying(playing) {
-    const frames = this.#frames?.frames;
+    const frames = this.#frames;
     if (playing === this.#playing || (playing && !frames)) return;
     this.#playing = playing;
     offerPlayback(this.#play, this.#playing);
     if (!playing || !frames) return;
     // At its end it begins again.
-    if (this.#at >= frames.length - 1) this.#goTo(0);
+    if (this.#at >= frames.count - 1) this.#goTo(0);
     this.#drawn = this.#at;
     this.#begin();
     requestAnimationFrame(() => this.#tick());
   }
 
   #begin() {
-    const time = this.#frames?.frames[this.#at]?.plan.time ?? 0;
+    const time = this.#frames?.timeAt(this.#at) ?? 0;
     this.#began = { time, now: performance.now() };
   }
 
   #tick() {
-    const frames = this.#frames?.frames;
+    const frames = this.#frames;
     if (!this.#playing || !frames || !this.isConnected) return;
     const passed = (performance.now() - this.#began.now) / 1000;
-    const at = frameAt(frames, this.#began.time + passed * Number(this.#rate.value));
+    const at = frames.positionAt(this.#began.time + passed * Number(this.#rate.value));
     if (at !== this.#at) this.#goTo(at);
-    if (at >= frames.length - 1) return this.#setPlaying(false);
+    if (at >= frames.count - 1) return this.#setPlaying(false);
     requestAnimationFrame(() => this.#tick());
   }
 
   /** Arrows step from every control here; the slider has them anyway. @param {KeyboardEvent} event */
   #pressed(event) {
     if (event.ctrlKey || event.altKey || event.metaKey || event.target === this.#rate) return;
-    const count = this.#frames?.frames.length ?? 0;
+    const count = this.#frames?.count ?? 0;
     /** @type {Record<string, number>} */
     const places = {
       ArrowLeft: this.#at - 1,

@@ -43,6 +43,9 @@ const found = (frames) => ({
   width: 512,
   height: 256,
   frames,
+  first: 0,
+  every: 1,
+  count: frames.length,
   truth: frames.some(({ counts }) => counts !== null),
   observed_ms: 41.4,
 });

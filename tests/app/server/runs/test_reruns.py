@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
 import app.server.runs.reruns as reruns_module
@@ -15,12 +14,12 @@ from app.runtime.jobs import Progress
 from app.runtime.worker import JobFailed
 from app.server import Conflict, FieldError, NotThere, Server
 from app.storage import RunRecord, RunState, Storage
-from app.workers.rerun.messages import FrameResult, Rerun, Rerunned
+from app.workers.frame_results import FrameResult, result_line
+from app.workers.rerun.messages import Rerun, Rerunned
 
 from ..servers import begin, opens, started, until
 
 RESULT = FrameResult(
-    0.5,
     {
         "time": 2.0,
         "segment": 0,
@@ -29,6 +28,7 @@ RESULT = FrameResult(
         ],
     },
     [],
+    offset_s=0.5,
 )
 
 
@@ -50,7 +50,7 @@ class Workers:
         await self.done.wait()
         if self.refusal is not None:
             raise JobFailed(self.refusal)
-        Path(job.results).write_bytes(msgspec.json.encode(RESULT) + b"\n")
+        Path(job.results).write_bytes(result_line(RESULT))
         Path(job.output).write_bytes(b"a recording")
         return Rerunned(30, 2, 1.5, 4.0, 11, 0)
 

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import pytest
 
-from app.workers.rerun.messages import FrameResult, Rerun
+from app.workers.frame_results import read_results
+from app.workers.rerun.messages import Rerun
 from app.workers.rerun.work import rerun
 from observer.errors import SourceError
 from observer.guard.parameters import AllParameters
@@ -98,8 +98,7 @@ def test_the_same_parameters_give_the_same_run(
         assert again.truth_samples()
         assert any(each.bodies for each in again.matched_truth())
         assert done.bytes == (tmp_path / "again.mcap").stat().st_size
-    decode = msgspec.json.Decoder(FrameResult).decode
-    kept = [decode(each) for each in (tmp_path / "results.jsonl").read_bytes().splitlines()]
+    kept = list(read_results(tmp_path / "results.jsonl"))
     assert [each.line["segment"] for each in kept] == [0] * FIRST + [1] * SECOND
     # The run's clock goes on where the source's began anew.
     clock = [each.offset_s + each.line["time"] for each in kept]

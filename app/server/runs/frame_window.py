@@ -1,0 +1,38 @@
+"""Some of a run's frames, out of what is kept of all of them.
+
+An hour of them are tens of megabytes, of which a page shows one at a time.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class _Frames(msgspec.Struct):
+    """``app.contract.run_frames.RunFrames``, each of whose frames stays the text that it is."""
+
+    width: int
+    height: int
+    frames: list[msgspec.Raw]
+    truth: bool
+    observed_ms: float | None
+    first: int
+    every: int
+    count: int
+
+
+def some_frames(content: bytes, first: int, count: int | None, most: int | None) -> bytes:
+    """Return the JSON of a window of frames, or of some that are evenly spread over it.
+
+    Args:
+        content: JSON of all.
+        first: position of the first one. count: of the window's frames; None: all from there on.
+        most: number that is told of them; None: all.
+    """
+    found = msgspec.json.decode(content, type=_Frames)
+    end = found.count if count is None else min(first + count, found.count)
+    inside = max(0, end - first)
+    found.every = 1 if most is None else max(1, -(-inside // most))
+    found.first = first
+    found.frames = found.frames[first : end : found.every]
+    return msgspec.json.encode(found)

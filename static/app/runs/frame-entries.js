@@ -1,0 +1,136 @@
+/**
+ * What was found in the frames of a run: some that are spread over all of it at once, every one of
+ * them when it is wanted. A short run's are all there at once.
+ */
+
+import { request } from "../shell/api.js";
+import { frameAt } from "./run-words.js";
+
+/** @import { FrameEntry, RunFrames } from "../contract" */
+
+// More than a top view or a slider can show; about a minute of a camera.
+const SPREAD = 1000;
+const PAGE = 200;
+// Pages are kept while it plays, and those beside; a person jumps about.
+const MOST_PAGES = 12;
+
+export class FrameEntries {
+  #path;
+  /** @type {RunFrames} */
+  #spread;
+  /** By number. @type {Map<number, Promise<RunFrames | null>>} */
+  #asked = new Map();
+  /** @type {Map<number, RunFrames>} */
+  #pages = new Map();
+
+  /**
+   * Read those that are spread over a run.
+   *
+   * @param {string} id of the run
+   * @returns {Promise<FrameEntries>}
+   */
+  static async of(id) {
+    const path = `/runs/${encodeURIComponent(id)}/frames`;
+    return new FrameEntries(path, await request("GET", `${path}?most=${SPREAD}`));
+  }
+
+  /** @param {string} path of the frames @param {RunFrames} spread */
+  constructor(path, spread) {
+    this.#path = path;
+    this.#spread = spread;
+  }
+
+  get count() {
+    return this.#spread.count;
+  }
+
+  /** Size of the image in which their boxes are. @returns {{width: number, height: number}} */
+  get size() {
+    return this.#spread;
+  }
+
+  /** Those that are spread over the run, in order. */
+  get spread() {
+    return this.#spread.frames;
+  }
+
+  /** Those that are known of a frame; null until `fetch` has it. @param {number} position */
+  at(position) {
+    const { every, frames } = this.#spread;
+    if (position % every === 0) return frames[position / every] ?? null;
+    const page = this.#pages.get(Math.floor(position / PAGE));
+    return page?.frames[position % PAGE] ?? null;
+  }
+
+  /** The nearest that is known. @param {number} position @returns {FrameEntry | null} */
+  near(position) {
+    const { every, frames } = this.#spread;
+    const nearest = Math.min(Math.round(position / every), frames.length - 1);
+    return this.at(position) ?? frames[nearest] ?? null;
+  }
+
+  /**
+   * Read what was found in a frame, and in those around it and soon after.
+   *
+   * @param {number} position
+   * @returns {Promise<FrameEntry | null>} null where it cannot be read
+   */
+  async fetch(position) {
+    const number = Math.floor(position / PAGE);
+    if (this.#spread.every > 1 && position % PAGE > PAGE / 2 && (number + 1) * PAGE < this.count)
+      void this.#page(number + 1);
+    if (!this.at(position)) await this.#page(number);
+    return this.at(position);
+  }
+
+  /** The second of a frame on the run's clock. @param {number} position */
+  timeAt(position) {
+    const exact = this.at(position);
+    if (exact) return exact.plan.time;
+    const { every, frames } = this.#spread;
+    const before = Math.min(Math.floor(position / every), frames.length - 1);
+    const [a, b] = [frames[before], frames[before + 1] ?? frames[before]];
+    const from = a?.plan.time ?? 0;
+    return from + (((b?.plan.time ?? 0) - from) * (position - before * every)) / every;
+  }
+
+  /** The frame at a second of the run. @param {number} time */
+  positionAt(time) {
+    const { every, frames } = this.#spread;
+    const near = frameAt(frames, time) * every;
+    let [low, high] = [Math.max(0, near - every), Math.min(this.count - 1, near + every)];
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (time > (this.timeAt(middle) + this.timeAt(middle + 1)) / 2) low = middle + 1;
+      else high = middle;
+    }
+    return low;
+  }
+
+  /** @param {number} number */
+  #page(number) {
+    let asked = this.#asked.get(number);
+    if (!asked) {
+      asked = this.#read(number);
+      this.#asked.set(number, asked);
+      const [oldest] = this.#asked.keys();
+      if (this.#asked.size > MOST_PAGES && oldest !== undefined) {
+        this.#asked.delete(oldest);
+        this.#pages.delete(oldest);
+      }
+    }
+    return asked;
+  }
+
+  /** @param {number} number @returns {Promise<RunFrames | null>} */
+  async #read(number) {
+    /** @type {RunFrames | null} */
+    const page = await request("GET", `${this.#path}?first=${number * PAGE}&count=${PAGE}`).catch(
+      () => null,
+    );
+    if (page) this.#pages.set(number, page);
+    // It may be there the next time.
+    else this.#asked.delete(number);
+    return page;
+  }
+}
