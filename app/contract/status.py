@@ -276,6 +276,9 @@ class Status:
     live: Annotated[LiveStatus | None, means("None for what is not live.")]
     calibrating: Annotated[CalibratingFacts | None, means("None: nothing is calibrated.")]
     calibration: Annotated[CalibrationReference | None, means("None: the source's own.")]
+    to_calibrate: Annotated[
+        str | None, means("Source that was to be opened first, and is there to be calibrated.")
+    ]
     parameters_revision: int
     guard_revision: Annotated[
         int, means("Grows with every change of a guard.* parameter since the server started.")

@@ -57,6 +57,7 @@ def status(server: Server) -> Status:
         ageing=state.ageing,
         calibrating=server.calibrating.session.facts(),
         calibration=known(CalibrationReference, calibration),
+        to_calibrate=server.source.to_calibrate,
         parameters_revision=server.parameters.current.revision,
         guard_revision=server.parameters.current.guard_revision,
         rates=Rates(round(telemetry.rate(server.clock()), 2)),

@@ -117,6 +117,16 @@ def _scenario(spec: str, name: str, addition: str = "") -> SourceEntry:
     )
 
 
+@functools.lru_cache(maxsize=16)
+def is_for_calibrating(spec: str) -> bool:
+    """Return whether a source is a scenario that is there to be calibrated, by a board it shows."""
+    name = spec.partition("?")[0].removeprefix("simulated:")
+    if not spec.startswith("simulated:") or name not in scenario_names():
+        return False
+    scenario = load_scenario(name)
+    return scenario.board is not None and not scenario.hands_out_calibration
+
+
 def _entry(spec: str, name: str | None) -> SourceEntry | None:
     """Return the entry of a source that was opened lately; None of a kind that is gone."""
     kind: SourceKind | None = "recording" if spec.startswith(RUN) else source_kind(spec)

@@ -15,6 +15,7 @@ from app.server.parameters.manager import ParameterManager
 from app.server.rig.store import RigStore
 from app.server.shared import Shared
 from app.server.source.camera_match import calibration_of_cameras
+from app.server.source.hints import is_for_calibrating
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.opening import Opening, make_opening
 from app.server.source.recent import RecentSources
@@ -189,12 +190,23 @@ class SourceManager:
             self.wanted = replace(self.wanted, name=name)
             self._shared.followers.status_changed()
 
+    @property
+    def to_calibrate(self) -> str | None:
+        """Return the wanted source where it waits for a calibration, which the page offers."""
+        wanted = self.wanted
+        waits = wanted.calibration is None and is_for_calibrating(wanted.source)
+        return wanted.source if waits else None
+
     async def restore(self) -> None:
         """Observe the wanted source again, without its calibration if that does not fit.
+
+        One that waits for a calibration stays closed.
 
         Raises:
             FieldError: the source cannot be opened. NotAvailable: there is no engine.
         """
+        if self.to_calibrate is not None:
+            return
         try:
             await self.observe(self.wanted)
         except FieldError as error:
