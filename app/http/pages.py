@@ -7,11 +7,13 @@ from pathlib import Path
 from urllib.parse import parse_qs
 
 from fastapi import APIRouter, FastAPI, Request
+from starlette.datastructures import Headers
 from starlette.responses import FileResponse, HTMLResponse, RedirectResponse, Response
-from starlette.staticfiles import StaticFiles
+from starlette.staticfiles import NotModifiedResponse, StaticFiles
 from starlette.types import Receive, Scope, Send
 
 import app as app_package
+from app.http.compressed import CompressedFile
 from app.http.errors import SafeJSON
 from app.http.gate.admission import Refusal
 from app.http.gate.headers import DOCS_POLICY, help_policy
@@ -19,6 +21,7 @@ from app.http.gate.security import Policy, refused_page, sign_in_headers, wants_
 from app.server import Server
 
 _ASSETS = Path(__file__).parent / "assets"
+_REVALIDATED = {"Cache-Control": "no-cache"}
 _PLAIN_SIGN_IN = """<!doctype html>
 <html lang="en">
   <head><meta charset="utf-8"><title>Sign in</title></head>
@@ -62,7 +65,7 @@ def sign_in_page(folder: Path) -> str:
 
 
 class PanelFiles(StaticFiles):
-    """Files that browsers revalidate each time and rarely have to load again."""
+    """Files that browsers revalidate each time and rarely have to load again; compressed."""
 
     def file_response(
         self,
@@ -71,9 +74,10 @@ class PanelFiles(StaticFiles):
         scope: Scope,
         status_code: int = 200,
     ) -> Response:
-        response = super().file_response(full_path, stat_result, scope, status_code)
-        response.headers["Cache-Control"] = "no-cache"
-        return response
+        file = CompressedFile(full_path, status_code, _REVALIDATED, stat_result=stat_result)
+        if self.is_not_modified(file.headers, Headers(scope=scope)):
+            return NotModifiedResponse(file.headers)
+        return file
 
 
 class HelpFiles(PanelFiles):
@@ -117,7 +121,7 @@ def add_pages(
         page = folder / "index.html"
         if not page.is_file():
             return HTMLResponse("<p>The panel's files are missing; run make setup.</p>", 503)
-        return FileResponse(page, headers={"Cache-Control": "no-cache"})
+        return CompressedFile(page, headers=_REVALIDATED)
 
     @router.get("/sign-in", name="sign-in")
     async def show_sign_in(request: Request) -> Response:

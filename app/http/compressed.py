@@ -1,0 +1,62 @@
+"""Files that are sent compressed to browsers that take them so."""
+
+from __future__ import annotations
+
+import gzip
+import os
+from functools import lru_cache, partial
+from pathlib import Path
+
+import anyio.to_thread
+from starlette.datastructures import Headers
+from starlette.responses import FileResponse, Response
+from starlette.types import Receive, Scope, Send
+
+# Pictures and fonts are compressed already.
+_SHRINKING = ("text/", "image/svg+xml", "application/json", "application/xml")
+# Below it nothing is saved: it is one packet anyway.
+_LEAST_BYTES = 500
+# Headers that a compressed file has anew, or not at all.
+_OF_PLAIN_BYTES = ("accept-ranges", "content-length", "etag")
+# Files that are kept compressed; the panel has about 170.
+_KEPT_FILES = 512
+
+
+def takes_gzip(headers: Headers) -> bool:
+    """Return whether the sender of a request takes a compressed answer."""
+    offered = headers.get("accept-encoding", "").lower().split(",")
+    return any(
+        coding.strip() == "gzip" and weight.replace(" ", "") not in ("q=0", "q=0.0")
+        for coding, _, weight in (each.partition(";") for each in offered)
+    )
+
+
+class CompressedFile(FileResponse):
+    """File that is compressed where that saves something and its reader takes it; of a part of it
+    (``Range``) nothing is compressed.
+    """
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        state = self.stat_result
+        if state is None:
+            state = await anyio.to_thread.run_sync(os.stat, self.path)
+        media = self.media_type or ""
+        if not media.startswith(_SHRINKING) or state.st_size < _LEAST_BYTES:
+            return await super().__call__(scope, receive, send)
+        self.headers["vary"] = "Accept-Encoding"
+        asked = Headers(scope=scope)
+        if "range" in asked or not takes_gzip(asked):
+            return await super().__call__(scope, receive, send)
+        self.set_stat_headers(state)
+        compress = partial(_compressed, Path(self.path), state.st_mtime_ns, state.st_size)
+        body = await anyio.to_thread.run_sync(compress)
+        kept = {name: value for name, value in self.headers.items() if name not in _OF_PLAIN_BYTES}
+        # The same file in other bytes: such a tag is a weak one.
+        own = {"content-encoding": "gzip", "etag": f"W/{self.headers['etag']}"}
+        return await Response(body, self.status_code, kept | own)(scope, receive, send)
+
+
+@lru_cache(maxsize=_KEPT_FILES)
+def _compressed(path: Path, changed_ns: int, size: int) -> bytes:  # noqa: ARG001 - the key
+    """Return a file compressed, the same bytes each time (``mtime`` 0)."""
+    return gzip.compress(path.read_bytes(), 6, mtime=0)
