@@ -18,18 +18,27 @@ from pathlib import Path
 from typing import Literal
 
 from PIL import Image
-from playwright.sync_api import Browser, Page, ViewportSize, sync_playwright
+from playwright.sync_api import Browser, Page, ViewportSize, expect, sync_playwright
 
 from app.client.server_process import RunningServer, running_server
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "pages" / "images"
 _QUALITY = 72
-_DESKTOP: ViewportSize = {"width": 1440, "height": 900}
+_DESKTOP: ViewportSize = {"width": 1280, "height": 800}
+# All parts of the live view at once.
+_LARGE: ViewportSize = {"width": 1440, "height": 900}
 _PHONE: ViewportSize = {"width": 390, "height": 844}
-# Speeds fill a good part of their chart, and a run is worth a report.
-_RUN_S = 25.0
-_LONG_MS = 180_000
+# Frames of a run that is worth a report, and of a chart that shows something; captured views.
+_RUN_FRAMES = 375
+_CHART_FRAMES = 240
+_VIEWS = 7
+_LONG_MS = 300_000
+# Within which a busy computer draws the scene by its processor.
+_DRAWN_MS = 15_000
+_SLOW_RATE = 0.25
+# Colours of the controls and axes alone; a point cloud has tens of thousands.
+_EMPTY_SCENE = 5000
 # WebGL by the processor, where no graphics card is.
 _OPTIONS = ("--no-sandbox", "--disable-gpu", "--enable-unsafe-swiftshader")
 
@@ -49,36 +58,48 @@ class Shot:
     size: ViewportSize
 
 
-def _live(page: Page, _: RunningServer) -> None:
-    # The scene is drawn by the processor, which takes a while.
-    page.wait_for_selector('html[data-freshness="fresh"]')
-    page.wait_for_timeout(12_000)
+def _live(page: Page, server: RunningServer) -> None:
+    # A busy computer keeps up, and the page is sent every frame.
+    _play(server, _SLOW_RATE)
+    _observe(server, _CHART_FRAMES)
+    # What is drawn late would be shown as stale.
+    _pause(server)
+    _wait(lambda: _scene_colours(page) > _EMPTY_SCENE)
+    page.wait_for_timeout(_DRAWN_MS)
+
+
+def _scene_colours(page: Page) -> int:
+    picture = Image.open(io.BytesIO(page.locator("observer-scene").screenshot())).convert("RGB")
+    return len(picture.getcolors(picture.width * picture.height) or ())
 
 
 def _compare(page: Page, server: RunningServer) -> None:
+    # It begins by itself where none was made, and wants the processor for itself.
+    _pause(server)
     _go(page, server, "#methods")
-    compare = page.get_by_role("button", name="Compare methods")
-    if page.locator("observer-methods-split").is_hidden():
-        compare.click()
-    page.locator("observer-methods-split").wait_for(timeout=_LONG_MS)
-    page.get_by_role("slider").first.fill("90")
-    page.wait_for_timeout(1500)
+    split = page.locator("observer-methods-split")
+    split.wait_for(timeout=_LONG_MS)
+    split.get_by_label("Frame", exact=True).fill(str(_most_false(server)))
+    page.wait_for_timeout(_DRAWN_MS)
 
 
 def _run(page: Page, server: RunningServer) -> None:
+    _pause(server)
     _go(page, server, f"#history/{_newest_run(server)}")
-    page.locator("observer-run canvas").first.wait_for()
-    page.wait_for_timeout(4000)
+    page.locator("observer-run canvas").first.wait_for(timeout=_LONG_MS)
+    position = page.get_by_label("Position in the run")
+    expect(position).to_be_enabled(timeout=_LONG_MS)
+    position.fill(str(_RUN_FRAMES // 2))
+    page.wait_for_timeout(_DRAWN_MS)
 
 
 def _calibration(page: Page, server: RunningServer) -> None:
-    if server.request("GET", "/api/status")["source"]["spec"] != "simulated:calibration":
-        server.request("PUT", "/api/source", {"source": "simulated:calibration"})
-        page.get_by_role("tab", name="Calibration").click()
-        page.locator("observer-calibration button", has_text="Calibrate").first.click()
-        page.get_by_role("button", name="Start", exact=False).first.click()
+    if not server.request("GET", "/api/status")["calibrating"]:
+        begun = {"source": "simulated:calibration", "square_mm": 25}
+        server.request("POST", "/api/calibrating", begun)
+    _play(server)
     page.locator("observer-capture-step").wait_for()
-    page.wait_for_timeout(20_000)
+    _wait(lambda: len(server.request("GET", "/api/status")["calibrating"]["views"]) >= _VIEWS)
 
 
 def _report(page: Page, server: RunningServer) -> None:
@@ -86,13 +107,13 @@ def _report(page: Page, server: RunningServer) -> None:
     page.wait_for_timeout(2000)
 
 
-# What changes the source comes last.
+# What makes runs comes after what shows the newest, and what changes the source last.
 SHOTS = (
-    Shot("panel", _live, _DESKTOP),
+    Shot("panel", _live, _LARGE),
     Shot("phone", _live, _PHONE),
     Shot("run", _run, _DESKTOP),
-    Shot("compare", _compare, _DESKTOP),
     Shot("report", _report, _DESKTOP),
+    Shot("compare", _compare, _DESKTOP),
     Shot("calibration", _calibration, _DESKTOP),
 )
 
@@ -102,8 +123,9 @@ def write(folder: Path, names: list[str]) -> None:
     with running_server("simulated:lab") as server, _chromium() as browser:
         server.wait_for_frames()
         run = server.request("POST", "/api/runs", {"name": "Half circles"})
-        time.sleep(_RUN_S)
+        _observe(server, _RUN_FRAMES)
         server.request("POST", f"/api/runs/{run['id']}/stop")
+        _pause(server)
         for shot in SHOTS:
             if not names or shot.name in names:
                 for scheme in ("light", "dark"):
@@ -131,6 +153,40 @@ def _take(
 
 def _go(page: Page, server: RunningServer, place: str) -> None:
     page.goto(f"http://127.0.0.1:{server.port}/{place}")
+
+
+def _play(server: RunningServer, rate: float = 1.0) -> None:
+    server.request("POST", "/api/playback", {"paused": False, "rate": rate})
+
+
+def _pause(server: RunningServer) -> None:
+    server.request("POST", "/api/playback", {"paused": True, "rate": 1.0})
+
+
+def _observe(server: RunningServer, frames: int) -> None:
+    """Wait until the server has observed so many more frames."""
+
+    def count() -> int:
+        return int(server.request("GET", "/api/status")["frames_observed"])
+
+    wanted = count() + frames
+    _wait(lambda: count() >= wanted)
+
+
+def _wait(done: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + _LONG_MS / 1000
+    while not done():
+        if time.monotonic() > deadline:
+            raise TimeoutError("the server took too long")
+        time.sleep(0.5)
+
+
+def _most_false(server: RunningServer) -> int:
+    """Return the position of the frame in which ``paper`` has the most false obstacles."""
+    _, paper = server.request("GET", "/api/runs")[:2]
+    frames = server.request("GET", f"/api/runs/{paper['id']}/frames")["frames"]
+    counts = [sum(each["false"] for each in frame["obstacles"]) for frame in frames]
+    return counts.index(max(counts))
 
 
 def _newest_run(server: RunningServer) -> str:

@@ -56,12 +56,12 @@ def parameter_page() -> str:
             "# Parameters",
             "Set a parameter in the panel, with `--set NAME=VALUE` on the command line, or with "
             "`PATCH /api/parameters`. A change takes effect at the next frame and is recorded "
-            "with the run. The column *acts with* names the methods, which are the values of "
-            "`ego_motion.model`; the command line rejects a parameter that does not act with the "
-            "method in force. *On the dense cloud with all* means that the dense point cloud of "
-            "the 3D scene uses it with every method.",
+            "with the run. The column *used by* names the methods, which are the values of "
+            "`ego_motion.model`; the command line rejects a parameter that the current method does "
+            "not use. *All for the point cloud* means that the dense point cloud of the 3D scene "
+            "uses it with every method.",
             "## Basic parameters",
-            "The panel shows these first: with each method the eight that act with it. "
+            "The panel shows these first: the eight that matter most with the current method. "
             "`dynamic-observer parameters --basic` lists them too.",
             parameter_table(basic_parameters()),
             "## Presets",
