@@ -55,8 +55,7 @@ COMMANDS: Mapping[str, str] = {
     "backup": "Back up runs, speeds, parameters, presets, calibrations, rig, programmes and ground "
     "truth.",
     "restore": "Restore a backup; it is checked completely before anything is changed.",
-    "systemd-unit": "Print a unit of systemd that starts this installation's server with the "
-    "computer.",
+    "systemd-unit": "Print a systemd unit that starts this installation's server at boot.",
     "doctor": "Check cameras, ports and the data folder; exit code 1 if a problem prevents the "
     "start.",
 }

@@ -18,13 +18,13 @@ _EXIT_HINDERED = 1
 def doctor(
     data: DataOption = None,
     database: DatabaseOption = None,
-    host: Annotated[str | None, typer.Option(help="Address to examine, as serve takes it.")] = None,
+    host: Annotated[str | None, typer.Option(help="Address to check, as for serve.")] = None,
     port: Annotated[
         int | None,
-        typer.Option(help="Port to examine: whether it is free, who has it, where it is reached."),
+        typer.Option(help="Port to check: whether it is free, or which program uses it."),
     ] = None,
     as_json: Annotated[
-        bool, typer.Option("--json", help="One JSON object in place of words.")
+        bool, typer.Option("--json", help="Print one JSON object instead of text.")
     ] = False,
 ) -> None:
     """Check cameras, ports and the data folder; exit code 1 if a problem prevents the start."""

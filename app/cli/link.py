@@ -25,7 +25,7 @@ def link(
     qr: Annotated[
         bool, typer.Option("--qr/--no-qr", help="Draw the first link as a QR code.")
     ] = True,
-    as_json: Annotated[bool, typer.Option("--json", help="The links as JSON.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the links as JSON.")] = False,
 ) -> None:
     """Print the links that sign a browser in to the running server, and a QR code."""
     from app.client.announced import find_server

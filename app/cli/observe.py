@@ -21,7 +21,7 @@ def observe(
         ),
     ],
     output: Annotated[
-        Path | None, typer.Option(help="File for the JSON lines, one per frame; else stdout.")
+        Path | None, typer.Option(help="File for the JSON lines, one per frame; default: stdout.")
     ] = None,
     calibration: Annotated[
         list[str] | None,
@@ -35,13 +35,13 @@ def observe(
         str | None,
         typer.Option(
             metavar="UNIT",
-            help="What lengths in --calibration are in, where it is not the format's own: "
+            help="Unit of the lengths in --calibration, if not the default of the format: "
             f"{UNIT_HELP}.",
         ),
     ] = None,
     assignments: Annotated[
         list[str] | None,
-        typer.Option("--set", help="NAME=VALUE of a parameter; may be given more than once."),
+        typer.Option("--set", help="NAME=VALUE of a parameter; repeatable."),
     ] = None,
     preset: Annotated[str, typer.Option(help="Parameters to start from: default or paper.")] = (
         "default"
@@ -51,8 +51,7 @@ def observe(
         bool,
         typer.Option(
             "--tentative",
-            help="Write obstacles that are not confirmed, too; their ids, below zero, are "
-            "provisional.",
+            help="Also write unconfirmed obstacles; their ids are negative and provisional.",
         ),
     ] = False,
     record: Annotated[

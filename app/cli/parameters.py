@@ -13,9 +13,12 @@ Entry = dict[str, Any]
 
 
 def parameters(
-    as_markdown: Annotated[bool, typer.Option("--markdown", help="As a Markdown table.")] = False,
+    as_markdown: Annotated[
+        bool, typer.Option("--markdown", help="Print a Markdown table.")
+    ] = False,
     basic: Annotated[
-        bool, typer.Option("--basic", help="Only the eight that matter most with each method.")
+        bool,
+        typer.Option("--basic", help="List only the eight most important ones of each method."),
     ] = False,
 ) -> None:
     """List the parameters that --set, the web page and REST accept."""
@@ -25,7 +28,7 @@ def parameters(
         return
     for entry in entries:
         typer.echo(f"{entry['name']} = {_shown(entry['default'])}   ({_range(entry)})")
-        typer.echo(f"    {entry['help']} Acts with {_models(entry)}.")
+        typer.echo(f"    {entry['help']} Used by {_models(entry)}.")
 
 
 def basic_parameters() -> list[Entry]:
@@ -36,7 +39,7 @@ def basic_parameters() -> list[Entry]:
 def parameter_table(entries: list[Entry]) -> str:
     """Return parameters as one Markdown table, built from their only declaration."""
     rows = [
-        "| parameter | default | range | acts with | what it does |",
+        "| parameter | default | range | used by | what it does |",
         "| --- | --- | --- | --- | --- |",
     ]
     rows += [
@@ -64,7 +67,7 @@ def _shown(value: Any) -> str:
 
 def _models(entry: Entry) -> str:
     models = "all" if entry["models"] == list(MODELS) else ", ".join(entry["models"])
-    return f"{models}; on the dense cloud with all" if entry.get("cloud") else models
+    return f"{models}; all for the point cloud" if entry.get("cloud") else models
 
 
 def _range(entry: Entry) -> str:

@@ -12,24 +12,26 @@ from app.cli.storage_options import DatabaseOption, DataOption, chosen_settings
 
 def serve(
     source: Annotated[
-        str | None, typer.Argument(help="What to open first; simulated:lab if left out.")
+        str | None, typer.Argument(help="What to open first; default: simulated:lab.")
     ] = None,
     host: Annotated[
-        str | None, typer.Option(help="Address to listen on; 127.0.0.1 if left out.")
+        str | None, typer.Option(help="Address to listen on; default: 127.0.0.1.")
     ] = None,
-    port: Annotated[int | None, typer.Option(help="Port to listen on; 8080 if left out.")] = None,
+    port: Annotated[int | None, typer.Option(help="Port to listen on; default: 8080.")] = None,
     data: DataOption = None,
     database: DatabaseOption = None,
     truth: Annotated[
         str | None,
-        typer.Option(help="Live motion capture, as vrpn:HOST or vicon-udp:PORT; kept."),
+        typer.Option(
+            help="Live motion capture, as vrpn:HOST or vicon-udp:PORT; saved for the next start."
+        ),
     ] = None,
     token_file: Annotated[
-        Path | None, typer.Option(help="Keeps the sign-in token over restarts.")
+        Path | None, typer.Option(help="File that keeps the sign-in token across restarts.")
     ] = None,
     allowed_host: Annotated[
         list[str] | None,
-        typer.Option(help="Further host name under which browsers may reach the server."),
+        typer.Option(help="Another host name by which browsers may reach the server."),
     ] = None,
     tls_cert: Annotated[Path | None, typer.Option(help="Certificate chain, PEM.")] = None,
     tls_key: Annotated[Path | None, typer.Option(help="Private key, PEM.")] = None,
@@ -45,8 +47,8 @@ def serve(
         bool,
         typer.Option(
             "--strict",
-            help="End with exit code 1 if the source, the rig or anything else that is configured "
-            "cannot be used; else the page says so.",
+            help="Exit with code 1 if the source, the rig or any other setting cannot be used. "
+            "Without this option the server starts, and the page names the problem.",
         ),
     ] = False,
 ) -> None:

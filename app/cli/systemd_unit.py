@@ -21,21 +21,25 @@ _FILE = "/etc/systemd/system/dynamic-observer.service"
 
 def systemd_unit(
     source: Annotated[
-        str | None, typer.Argument(help="What the server opens first; simulated:lab if left out.")
+        str | None, typer.Argument(help="What the server opens first; default: simulated:lab.")
     ] = None,
-    host: Annotated[str | None, typer.Option(help="As of serve.")] = None,
-    port: Annotated[int | None, typer.Option(help="As of serve.")] = None,
+    host: Annotated[str | None, typer.Option(help="As for serve.")] = None,
+    port: Annotated[int | None, typer.Option(help="As for serve.")] = None,
     data: DataOption = None,
     token_file: Annotated[
         Path | None,
-        typer.Option(help="Keeps the links over restarts; token in the data folder if left out."),
+        typer.Option(
+            help="Keeps the links valid across restarts; default: a file in the data folder."
+        ),
     ] = None,
-    allowed_host: Annotated[list[str] | None, typer.Option(help="As of serve.")] = None,
-    tls_cert: Annotated[Path | None, typer.Option(help="As of serve.")] = None,
-    tls_key: Annotated[Path | None, typer.Option(help="As of serve.")] = None,
-    user: Annotated[str | None, typer.Option(help="User that runs the server; else you.")] = None,
+    allowed_host: Annotated[list[str] | None, typer.Option(help="As for serve.")] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="As for serve.")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="As for serve.")] = None,
+    user: Annotated[
+        str | None, typer.Option(help="User that runs the server; default: you.")
+    ] = None,
 ) -> None:
-    """Print a unit of systemd that starts this installation's server with the computer."""
+    """Print a systemd unit that starts this installation's server at boot."""
     if user is not None and data is None:
         data = _data_folder_of(user)
     settings = chosen_settings(
@@ -62,7 +66,7 @@ def _data_folder_of(user: str) -> Path:
 
 def _lines(settings: Settings, user: str) -> Iterator[str]:
     if not user.isprintable() or any(c.isspace() or c in "%:/" for c in user) or not user:
-        raise InputError(f"{user[:40]!r} is no name of a user; give one as whoami prints it")
+        raise InputError(f"{user[:40]!r} is not a user name; give one as whoami prints it")
     yield "# To install it:"
     yield f"#   dynamic-observer systemd-unit | sudo tee {_FILE}"
     yield "#   sudo systemctl daemon-reload"
@@ -117,7 +121,7 @@ def _absolute(path: Path) -> Path:
 def _quoted(word: str) -> str:
     """Quote a word of ``ExecStart``: systemd.service(5), Command lines; % begins a specifier."""
     if not word.isprintable():
-        raise InputError(f"a unit of systemd cannot hold {word[:80]!r}; give it another name")
+        raise InputError(f"a systemd unit cannot hold {word[:80]!r}; give it another name")
     escaped = word.replace("\\", "\\\\").replace("%", "%%").replace("$", "$$")
     if any(c in word for c in " '\";\\") or not word:
         escaped = escaped.replace('"', '\\"')

@@ -98,15 +98,19 @@ GLOSSARY: tuple[Term, ...] = (
     Term(
         "dropped frames",
         "Frames of the source that were not processed because the computer was too slow.",
-        avoided=(r"\b(frames|messages) left out\b",),
+        avoided=(r"\b(frames|messages) left out\b", r"\b(lost|missed) frames\b"),
     ),
-    Term("ego-motion", "The camera's own motion between two frames."),
+    Term(
+        "ego-motion",
+        "The camera's own motion between two frames.",
+        avoided=(r"\bego ?motion\b",),
+    ),
     Term(
         "epipolar error",
         "Vertical distance between a point in the right image and the row on which the "
         "calibration expects it, in pixels.",
         "calibration.md",
-        avoided=(r"\brows? of left and right\b",),
+        avoided=(r"\brows? of left and right\b", r"\bvertical (error|offset)s?\b"),
     ),
     Term(
         "extrinsics",
@@ -129,8 +133,8 @@ GLOSSARY: tuple[Term, ...] = (
     ),
     Term(
         "identity switch",
-        "A body that had one track continues under another one.",
-        avoided=(r"\bchanges? of identity\b",),
+        "A body that had one track continues under another track.",
+        avoided=(r"\bchanges? of identity\b", r"\bID[ -]?switch"),
     ),
     Term(
         "in place",
@@ -151,15 +155,19 @@ GLOSSARY: tuple[Term, ...] = (
     Term("observer", "The robot that carries the cameras; also the name of the library."),
     Term(
         "obstacle",
-        "What moves or has moved, tracked with position, velocity, box and uncertainty. Also the "
-        "role of the second robot, which is there to be seen.",
+        "Something that moves or has moved, tracked with position, velocity, box and uncertainty. "
+        "Also the role of the second robot, which is there to be detected.",
     ),
     Term(
         "planar method",
         "A method that maps image to image, affine or homography. The paper uses affine.",
     ),
     Term("preset", "Named set of parameters: default, paper, or your own."),
-    Term("programme", "Timed velocities for robots; motion profile in the code.", "your-robot.md"),
+    Term(
+        "programme",
+        "Timed sequence of velocities for robots; called motion profile in the code.",
+        "your-robot.md",
+    ),
     Term(
         "re-run",
         "A new run that processes the recorded images of an earlier run again, with other "
@@ -183,7 +191,7 @@ GLOSSARY: tuple[Term, ...] = (
     ),
     Term(
         "significance",
-        "How far a motion stands out of its uncertainty, in standard deviations (σ) above zero.",
+        "How far a motion exceeds its uncertainty, in standard deviations (σ) above zero.",
         avoided=(r"\bstands? out (by|together)\b", r"standard deviations (more|only)\b"),
     ),
     Term(
@@ -191,7 +199,7 @@ GLOSSARY: tuple[Term, ...] = (
         "Stops and disarms all robots through this software. It is not a substitute for an "
         "emergency stop: keep the robots' own switch within reach.",
         "safety.md",
-        avoided=(r"\bno emergency stop\b",),
+        avoided=(r"\bno emergency stop\b", r"\be-?stop\b"),
     ),
     Term(
         "source",
@@ -201,13 +209,13 @@ GLOSSARY: tuple[Term, ...] = (
     Term(
         "sync error",
         "Time between the exposures of the left and the right image.",
-        avoided=(r"\bskew noise\b",),
+        avoided=(r"\bskew noise\b", r"\btime skew\b"),
     ),
     Term("tentative", "State of a track that is not confirmed yet."),
-    Term("track", "One obstacle followed over time, under one number."),
+    Term("track", "One obstacle followed over time under one ID."),
     Term(
         "unmatched",
-        "A track that belongs to no body of the ground truth.",
+        "A track that matches no body of the ground truth.",
         avoided=(r"\bof no known body\b",),
     ),
     Term(
@@ -225,7 +233,6 @@ GLOSSARY: tuple[Term, ...] = (
 UNIDIOMATIC: tuple[str, ...] = (
     r"\bmore sure\b",
     r"\bfor good\b",
-    r"\b(calibrat\w*|open\w*|begun|started|connected) anew\b",
     r"\bas was (told|asked)\b",
     r"\bbrings? no\b",
     r"\bis going\b(?! to)",
@@ -233,6 +240,11 @@ UNIDIOMATIC: tuple[str, ...] = (
     r"\bplaces are read\b",
     r"\bhave it back\b",
     r"\bmore or less\b",
+    r"\banew\b",
+    r"\bin force\b",
+    r"\bif left out\b",
+    r"\bundisturbed\b",
+    r"\bwhat is (typed|shown|seen) is\b",
 )
 """Regular expressions, as ``Term.avoided``."""
 

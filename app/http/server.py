@@ -73,7 +73,8 @@ Open the printed link, which signs a browser in and gives it a cookie for its se
 `Authorization: Bearer TOKEN`. A WebSocket whose session ends is closed with code 4401.
 
 A read-only link (`GET /api/links`) lets watch: with its token or session everything can be read,
-the robots can be stopped, and any other change is refused with 403.
+the robots can be stopped, and any other change is refused with 403. `DELETE
+/api/links/read-only/{id}` revokes one.
 
 Besides these routes there are four WebSockets:
 
@@ -174,6 +175,8 @@ def create_app(
             hub = asyncio.create_task(live.run(), name="live hub")
             stack.push_async_callback(_cancel, hub)
             admission.file.load()
+            # A link that was shared holds after a crash, too.
+            await admission.file.save()
             stack.push_async_callback(admission.file.save)
             keeping = asyncio.create_task(admission.file.keep(), name="sessions")
             stack.push_async_callback(_cancel, keeping)
@@ -221,7 +224,8 @@ def _admission(settings: Settings, token: str) -> Admission:
     # Without a token file the next start has another token, with which these sessions end.
     path = None if settings.token_file is None else settings.data / SESSION_FILE
     file = SessionFile(path, sessions, time.time)
-    return Admission(TokenGuard(token, time.monotonic), sessions, file, settings.tls)
+    guard = TokenGuard(token, time.monotonic, sessions.links)
+    return Admission(guard, sessions, file, settings.tls)
 
 
 def _real_processes(drive: Drive | None) -> tuple[Engine, Drive]:

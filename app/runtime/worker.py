@@ -244,5 +244,5 @@ class LastingWorker:
         how = exit_words(process.wait())
         if not self._ended:
             _log.warning(
-                "%s was lost: it %s; the next job starts it anew", self._worker.module, how
+                "%s was lost: it %s; the next job starts it again", self._worker.module, how
             )

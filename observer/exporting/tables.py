@@ -137,7 +137,7 @@ _FRAME_COLUMNS = (
     _SEGMENT,
     Column("status", "text", "reliability of the frame: ok, degraded or lost"),
     Column("reasons", "text", "reasons for it, separated by ;"),
-    Column("parameters_revision", "int", "of the parameters in force, see the table parameters"),
+    Column("parameters_revision", "int", "of the parameters used, see the table parameters"),
     *_vector("camera position in the world", "position", *(f"camera_{name}" for name in _POSITION)),
     *_vector(
         "camera orientation, unit quaternion", "orientation_wxyz", *(f"camera_{n}" for n in _TURN)
@@ -273,7 +273,7 @@ TABLES: Mapping[str, Table] = {
         ),
         Table(
             "parameters",
-            "all parameters in force, by revision",
+            "all parameters used, by revision",
             _PARAMETER_COLUMNS,
             _parameters,
         ),

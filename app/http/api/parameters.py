@@ -20,7 +20,9 @@ router = APIRouter(tags=["parameters"])
 
 _Values = Annotated[
     Changes | None,
-    Field(description="Over the defaults, former names included; the values in force if left out."),
+    Field(
+        description="Changes to the defaults, former names included; default: the current values."
+    ),
 ]
 
 
@@ -40,7 +42,7 @@ def _now(parameters: ParametersInForce) -> ParametersNow:
     return filled(ParametersNow, parameters, values=parameters.values.flat())
 
 
-@router.get("/parameters", summary="All parameters in force")
+@router.get("/parameters", summary="Current values of all parameters")
 async def get_parameters(server: TheServer) -> ParametersNow:
     return _now(server.parameters.current)
 
@@ -79,7 +81,7 @@ async def get_presets(server: TheServer) -> list[Preset]:
 @router.post(
     "/presets",
     status_code=201,
-    summary="Save a preset, of the values in force or of a preset's file",
+    summary="Save a preset from the current values or from a preset file",
     responses=refusals(409, 422, 503, 507),
 )
 async def post_preset(wanted: NewPreset, server: TheServer) -> Preset:

@@ -59,7 +59,7 @@ def _facts(server: Server) -> RigNow:
     )
 
 
-@router.get("", summary="The rig in force")
+@router.get("", summary="The current rig")
 async def get_rig(server: TheServer) -> RigNow:
     return _facts(server)
 

@@ -79,7 +79,7 @@ async def put_source(choice: SourceChoice, server: TheServer) -> Status:
 
 @router.post(
     "/source/back",
-    summary="Open again what was open before a run's recording",
+    summary="Return to the source that was open before the recording of a run",
     responses=refusals(409, 422, 503),
 )
 async def go_back(server: TheServer) -> Status:

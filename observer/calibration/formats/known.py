@@ -48,8 +48,8 @@ FORMATS: Mapping[FileKind, KnownFormat] = {
 
 # How people tell the unit of the lengths in a file, where it is not the format's own.
 UNIT_HELP = (
-    "m, cm, mm or in, or the length of one unit of the file, as in 25mm for squares of a board of "
-    "25 mm"
+    "m, cm, mm or in, or the length of one unit in the file, for example 25mm if it counts in "
+    "squares of 25 mm"
 )
 
 

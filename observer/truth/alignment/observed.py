@@ -118,7 +118,7 @@ class ObservedRun:
             TruthError: a line lacks what it should hold; the sentence names line and field.
         """
         times: list[float] = []
-        segments: list[int] = []
+        segments: list[float] = []
         poses: list[Pose | None] = []
         rows: dict[TrackKey, list[tuple[float, ...]]] = defaultdict(list)
         for number, line in enumerate(lines, 1):
@@ -126,6 +126,7 @@ class ObservedRun:
                 time, segment = float(line["time"]), int(line["segment"])
                 if not math.isfinite(time):
                     raise ValueError("time")
+                counted = float(segment)
                 placed = line_pose(line)
                 for entry in line["obstacles"]:
                     if entry["state"] == "confirmed":
@@ -136,11 +137,11 @@ class ObservedRun:
                     f"{type(error).__name__} at {str(error)[:60]}"
                 ) from None
             times.append(time)
-            segments.append(segment)
+            segments.append(counted)
             poses.append(placed)
         return ObservedRun(
             np.array(times),
-            np.array(segments, dtype=np.float64),
+            np.array(segments),
             tuple(poses),
             {key: _track(key, np.array(found)) for key, found in rows.items()},
         )

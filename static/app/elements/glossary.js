@@ -34,7 +34,7 @@ export const GLOSSARY = {
   "ground truth": "The true motion of a body, from the simulator or from motion capture.",
   "guard":
     "Part of the drive process that slows and stops the robots according to what the cameras and the sonar see. It is not a certified safety function.",
-  "identity switch": "A body that had one track continues under another one.",
+  "identity switch": "A body that had one track continues under another track.",
   "in place": "An obstacle that moves without going anywhere, such as a person waving both arms.",
   "inlier": "Match that agrees with the estimated ego-motion.",
   "keypoint": "Place in the image that can be found again in the next one; also called feature.",
@@ -44,11 +44,11 @@ export const GLOSSARY = {
   "monocular": "With the left camera only.",
   "observer": "The robot that carries the cameras; also the name of the library.",
   "obstacle":
-    "What moves or has moved, tracked with position, velocity, box and uncertainty. Also the role of the second robot, which is there to be seen.",
+    "Something that moves or has moved, tracked with position, velocity, box and uncertainty. Also the role of the second robot, which is there to be detected.",
   "planar method":
     "A method that maps image to image, affine or homography. The paper uses affine.",
   "preset": "Named set of parameters: default, paper, or your own.",
-  "programme": "Timed velocities for robots; motion profile in the code.",
+  "programme": "Timed sequence of velocities for robots; called motion profile in the code.",
   "re-run":
     "A new run that processes the recorded images of an earlier run again, with other parameters or another calibration.",
   "recording": "The MCAP file of a run.",
@@ -61,14 +61,14 @@ export const GLOSSARY = {
   "segment":
     "Part of a run with one world frame. A new one starts when the ego-motion was lost for too long, the method changed or the engine was replaced.",
   "significance":
-    "How far a motion stands out of its uncertainty, in standard deviations (σ) above zero.",
+    "How far a motion exceeds its uncertainty, in standard deviations (σ) above zero.",
   "software stop":
     "Stops and disarms all robots through this software. It is not a substitute for an emergency stop: keep the robots' own switch within reach.",
   "source": "Where frames come from: cameras, files, a recording or a simulator.",
   "sync error": "Time between the exposures of the left and the right image.",
   "tentative": "State of a track that is not confirmed yet.",
-  "track": "One obstacle followed over time, under one number.",
-  "unmatched": "A track that belongs to no body of the ground truth.",
+  "track": "One obstacle followed over time under one ID.",
+  "unmatched": "A track that matches no body of the ground truth.",
   "vergence":
     "Angle between the viewing directions of the two cameras, in the plane of the baseline.",
   "world frame":

@@ -44,7 +44,7 @@ def test_it_starts_this_installation_as_it_was_asked_for(shell: Shell, tmp_path:
         (("--user", "no-such-user"), "there is no user"),
         (("--user", "a b", "--data", "/srv"), "no name of a user"),
         (("--user", "ada\nExecStartPre=/bin/false", "--data", "/srv"), "no name of a user"),
-        (("simulated:lab\nUser=root",), "a unit of systemd cannot hold"),
+        (("simulated:lab\nUser=root",), "a systemd unit cannot hold"),
         (("--tls-cert", "cert.pem"), "--tls-key"),
     ],
 )

@@ -60,7 +60,7 @@ def test_one_that_is_killed_is_told_of_and_replaced(
     first.kill()
     assert echo.do(LARGE, bytes) is None
     assert [record.getMessage() for record in caplog.records] == [
-        "echo was lost: it ended by SIGKILL; the next job starts it anew"
+        "echo was lost: it ended by SIGKILL; the next job starts it again"
     ]
     assert echo.do(LARGE, bytes) == LARGE
     assert process() != first
