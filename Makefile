@@ -37,6 +37,7 @@ MADE := $(VENV)/.made
 INSTALLED := $(VENV)/.installed
 INSTALLED_DEV := $(VENV)/.installed-dev
 VENDORED := static/vendor/.complete
+PAGE_TOOLS := static/node_modules/.complete
 SITE := docs/site/.complete
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
@@ -57,7 +58,7 @@ setup: $(INSTALLED) $(VENDORED) $(SITE)
 	  echo "the Python that $(VENV) was made with is gone; next: rm -r $(VENV), then make again" >&2; \
 	  exit 1; }
 
-setup-dev: setup $(INSTALLED_DEV)
+setup-dev: setup $(INSTALLED_DEV) $(PAGE_TOOLS)
 
 run: setup
 	@exec $(BIN)/dynamic-observer serve $(ARGS)
@@ -154,6 +155,11 @@ $(INSTALLED_DEV): $(INSTALLED)
 $(VENDORED): static/package-lock.json tools/packaging/frontend.py | $(MADE)
 	@echo "Fetching the page's libraries into static/vendor"
 	@$(BIN)/python tools/packaging/frontend.py vendor
+	@touch $@
+
+$(PAGE_TOOLS): $(VENDORED)
+	@echo "Fetching the tools that check the page into static/node_modules"
+	@$(BIN)/python tools/packaging/frontend.py development
 	@touch $@
 
 $(SITE): $(INSTALLED) docs/mkdocs.yml $(wildcard docs/pages/* docs/pages/*/* tools/docs/*.py)

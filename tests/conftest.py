@@ -27,6 +27,7 @@ from observer.simulation import rendering
 from observer.simulation.facets import Material
 from observer.simulation.textures import Texture, paint
 
+from . import firefox
 from .chromium import hide, launched, without_viewer
 from .leftovers import no_process_left_behind
 
@@ -96,6 +97,15 @@ def chromium_path() -> str:
 def launched_chromium(chromium_path: str) -> Callable[[], AbstractContextManager[Browser]]:
     """``with launched_chromium() as browser``: the system's, without a window."""
     return lambda: launched(chromium_path)
+
+
+@pytest.fixture(scope="session")
+def launched_firefox() -> Callable[[Path], AbstractContextManager[firefox.Tab]]:
+    """``with launched_firefox(empty_folder) as tab``; without a Firefox the test is left out."""
+    path = firefox.firefox()
+    if path is None:
+        pytest.skip("no Firefox on this machine, or no Xvfb: apt-get install firefox-esr xvfb")
+    return lambda profile: firefox.launched(path, profile)
 
 
 @pytest.fixture(scope="session")

@@ -34,7 +34,17 @@ Eventually = Callable[..., Any]
 KeepPicture = Callable[[Page, str], None]
 Pixels = Callable[..., NDArray[np.uint8]]
 
+# Parts that stand out to the right of the window, but for those that scroll by themselves.
+TOO_WIDE = """() => [...document.querySelectorAll("body *")]
+  .filter((e) => !e.closest(".scroll-x, [role=tablist], .visually-hidden, .uplot"))
+  .map((e) => [e, e.getBoundingClientRect()])
+  .filter(([, r]) => r.width && r.right > innerWidth + 1)
+  .map(([e]) => e)
+  .map((e) => e.outerHTML.slice(0, 120))"""
+
 _START_S = 40.0
+# By a process of the lowest priority.
+_COMPARED_S = 120.0
 _STOP_S = 10.0
 _REFUSED = re.compile(r"the server responded with a status of 4(09|22)")
 # What a page that loses its server cannot help but say.
@@ -189,6 +199,21 @@ def _watch(page: Page, link: str) -> list[str]:
         ),
     )
     return troubles
+
+
+@pytest.fixture(scope="module")
+def two_runs(server: Server) -> Iterator[list[str]]:
+    """Runs of the same frames by the two methods, as compared last; none is left behind."""
+    server.api.post("/api/comparison/cancel")
+    wanted = {"source": "simulated:people", "seconds": 1}
+    server.api.post("/api/comparison", json=wanted).raise_for_status()
+    deadline = time.monotonic() + _COMPARED_S
+    while (status := server.get("/comparison"))["going"] and time.monotonic() < deadline:
+        time.sleep(0.1)
+    assert status["runs"], status
+    yield list(status["runs"])
+    for run in server.get("/history")["runs"]:
+        server.api.delete(f"/api/runs/{run['id']}")
 
 
 @pytest.fixture

@@ -7,17 +7,11 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from .conftest import KeepPicture, OpenPanel, Server
+from .conftest import TOO_WIDE, KeepPicture, OpenPanel, Server
 
 _TABS = ("Source", "Parameters", "Robots", "Calibration", "Runs", "Status")
-
-# Parts that stand out to the right of the window, but for those that scroll by themselves.
-_TOO_WIDE = """() => [...document.querySelectorAll("body *")]
-  .filter((e) => !e.closest(".scroll-x, [role=tablist], .visually-hidden, .uplot"))
-  .map((e) => [e, e.getBoundingClientRect()])
-  .filter(([, r]) => r.width && r.right > innerWidth + 1)
-  .map(([e]) => e)
-  .map((e) => e.outerHTML.slice(0, 120))"""
+# More than any place of the page has.
+_MOST_STOPS = 250
 
 # Texts whose contrast against their ground is below WCAG AA.
 _FAINT = """() => {
@@ -71,7 +65,7 @@ _FOCUSED = """() => {
 }"""
 
 _UNREACHED = """() => [...document.querySelectorAll(
-    "button, input, select, a, summary, [tabindex='0']")]
+    "button, input, select, textarea, a, summary, [tabindex='0']")]
   .filter((e) => e.checkVisibility() && !e.disabled && e.tabIndex >= 0 && !e.dataset.reached)
   .filter((e) => e.type !== "radio" || e.checked)
   .map((e) => e.outerHTML.slice(0, 160))"""
@@ -91,7 +85,7 @@ def test_a_phone_shows_everything_without_scrolling_sideways(
         page.get_by_role("tab", name=tab).click()
         page.wait_for_timeout(150)
         assert page.evaluate("document.documentElement.scrollWidth") <= 360, tab
-        assert page.evaluate(_TOO_WIDE) == [], tab
+        assert page.evaluate(TOO_WIDE) == [], tab
         # What stops the robots, and the tabs, never scroll away: the window does not scroll at all.
         assert page.evaluate("document.documentElement.scrollHeight") <= 780, tab
         expect(page.locator("#stop-robots")).to_be_in_viewport()
@@ -107,7 +101,7 @@ def test_a_phone_shows_everything_without_scrolling_sideways(
 
 def _darkness(page: Page) -> float:
     """0 for a white ground, 1 for a black one."""
-    colour = page.evaluate("getComputedStyle(document.querySelector('aside')).backgroundColor")
+    colour = page.evaluate("getComputedStyle(document.querySelector('#panel')).backgroundColor")
     channels = [float(part) for part in colour.strip("rgba()").split(",")[:3]]
     return 1 - sum(channels) / 765
 
@@ -144,14 +138,43 @@ def test_everything_is_reached_by_keyboard_and_its_focus_is_seen(open_panel: Ope
     page.keyboard.press("ArrowRight")
     expect(page.get_by_role("tab", name="Parameters")).to_be_focused()
     expect(page.locator("#pane-parameters")).to_be_visible()
-    page.evaluate("document.activeElement.blur()")
-    for _ in range(150):
+    _go_around(page, "live")
+
+
+def test_pages_of_the_past_and_the_wizard_go_by_keyboard(
+    open_panel: OpenPanel, two_runs: list[str]
+) -> None:
+    page = open_panel()
+    for place, ready in (
+        ("#history", ".run-rows li"),
+        (f"#history/{two_runs[0]}", "observer-run-chart .uplot"),
+        ("#methods", ".methods-conclusion"),
+        ("#steps/6?source=simulated:lab&frame=40", ".step-numbers tr"),
+    ):
+        page.evaluate("(place) => { location.hash = place; }", place)
+        expect(page.locator(ready).first).to_be_visible(timeout=60_000)
+        _go_around(page, place)
+    page.evaluate("location.hash = '#live'")
+    page.get_by_role("tab", name="Calibration").click()
+    page.locator("observer-calibration button", has_text="Calibrate").first.click()
+    expect(page.get_by_role("heading", name="Calibrate: Board")).to_be_visible()
+    _go_around(page, "wizard")
+
+
+def _go_around(page: Page, where: str) -> None:
+    """Press Tab from the first control until it comes back there: each is reached and seen."""
+    page.evaluate("for (const e of document.querySelectorAll('*')) delete e.dataset?.reached")
+    page.locator(".skip-link").focus()
+    reached = page.evaluate(_FOCUSED)[0]
+    for _ in range(_MOST_STOPS):
         page.keyboard.press("Tab")
-        element, visible = page.evaluate(_FOCUSED)
-        assert visible, element
-        if "skip-link" in element and page.evaluate(_UNREACHED) == []:
+        reached, visible = page.evaluate(_FOCUSED)
+        assert visible, f"{where}: focus is not seen: {reached}"
+        if "skip-link" in reached:
             break
-    assert page.evaluate(_UNREACHED) == []
+    else:
+        pytest.fail(f"{where}: Tab does not come around, but stays about {reached}")
+    assert page.evaluate(_UNREACHED) == [], where
 
 
 def test_signing_in_by_hand(server: Server, browser: Browser) -> None:

@@ -7,9 +7,9 @@ import re
 import pytest
 from playwright.sync_api import Page, ViewportSize, expect
 
-from .conftest import KeepPicture, OpenPanel
+from .conftest import TOO_WIDE, KeepPicture, OpenPanel
 
-_SIZES = (
+_SIZES: tuple[ViewportSize, ...] = (
     {"width": 360, "height": 780},
     {"width": 820, "height": 1180},
     {"width": 1024, "height": 700},
@@ -45,6 +45,26 @@ def test_the_window_never_scrolls_and_stop_stays_in_sight(
     expect(page.locator("observer-calibration-wizard")).to_be_visible()
     _does_not_scroll(page, "wizard")
     keep_picture(page, f"shell-wizard-{size['width']}")
+
+
+def test_nor_does_it_on_pages_of_the_past(open_panel: OpenPanel, two_runs: list[str]) -> None:
+    page = open_panel()
+    for place, ready in (
+        (f"#history/{two_runs[0]}", "observer-run-chart .uplot"),
+        ("#methods", ".methods-conclusion"),
+        ("#steps/6?source=simulated:lab&frame=40", ".step-picture img"),
+    ):
+        page.set_viewport_size(_SIZES[-1])
+        page.evaluate("(place) => { location.hash = place; }", place)
+        expect(page.locator(ready).first).to_be_visible(timeout=60_000)
+        for size in _SIZES:
+            page.set_viewport_size(size)
+            page.wait_for_timeout(300)
+            where = f"{place} at {size['width']}"
+            _does_not_scroll(page, where)
+            assert page.evaluate(TOO_WIDE) == [], where
+            wider = page.locator("main").evaluate("e => e.scrollWidth - e.clientWidth")
+            assert wider <= 0, where
 
 
 def test_pages_of_the_past_have_a_title_of_their_own_and_no_live_speed(

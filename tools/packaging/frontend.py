@@ -1,6 +1,6 @@
 """Bring the browser's libraries from npm into ``static/vendor``; check and test the page's code.
 
-    python tools/packaging/frontend.py vendor|types|check|test
+    python tools/packaging/frontend.py vendor|development|types|check|test
 
 Runs before anything is installed (``make setup``, the wheel's build), so it needs nothing but the
 standard library, except for the types. npm is the machine's, else the one in the PyPI package
@@ -72,14 +72,14 @@ def vendor() -> bool:
 
 def types() -> None:
     """Write the page's types and glossary as the product declares them; needs its packages."""
-    _development()
+    development()
     for name in MADE:
         (STATIC / "app" / name).write_text(_made(name), encoding="utf-8")
 
 
 def check() -> None:
     """Check format and JSDoc types of the page and its tests with npm's development packages."""
-    _development()
+    development()
     for name in MADE:
         file = STATIC / "app" / name
         if not file.is_file() or file.read_text(encoding="utf-8") != _made(name):
@@ -116,8 +116,8 @@ def _made(name: str) -> str:
     return made.stdout.decode()
 
 
-def _development() -> None:
-    """Install the libraries and npm's development packages."""
+def development() -> None:
+    """Install the libraries and npm's development packages, which browser tests need too."""
     vendor()
     stamp = MODULES / STAMP
     wanted = _fingerprint()
@@ -190,7 +190,13 @@ def _fingerprint() -> str:
 
 
 def main(arguments: list[str]) -> int:
-    commands = {"vendor": vendor, "types": types, "check": check, "test": test}
+    commands = {
+        "vendor": vendor,
+        "development": development,
+        "types": types,
+        "check": check,
+        "test": test,
+    }
     if len(arguments) != 1 or arguments[0] not in commands:
         sys.stderr.write(f"{__doc__}\n")
         return 2
