@@ -920,7 +920,7 @@ export interface components {
       file: string[];
       /** @description For example 1280x720, if the files do not state it. */
       size: string | null;
-      /** @description Of lengths, where it is not the format's own: m, cm, mm or in, or the length of one unit of the file, as in 25mm for squares of a board of 25 mm. */
+      /** @description Of lengths, where it is not the format's own: m, cm, mm or in, or the length of one unit in the file, for example 25mm if it counts in squares of 25 mm. */
       unit: string | null;
       /** @description KITTI's pair. */
       cameras: ("grey" | "colour") | null;
@@ -1320,7 +1320,7 @@ export interface components {
     /** @description What a preset's file holds. */
     NewPreset: {
       help?: string | null;
-      /** @description Over the defaults, former names included; the values in force if left out. */
+      /** @description Changes to the defaults, former names included; default: the current values. */
       values?: {
         [key: string]: boolean | number | string;
       } | null;
@@ -1491,9 +1491,18 @@ export interface components {
     ProgrammeText: {
       text: string;
     };
+    /** @description A read-only link in force. */
+    ReadOnlyLinkNow: {
+      id: string;
+      made_at: string;
+      /** @description Number of browsers that have a page open by it. */
+      watching: number;
+      /** @description Whether it is the one that is shared, the newest. */
+      shared: boolean;
+    };
     ReplacingPreset: {
       help?: string | null;
-      /** @description Over the defaults, former names included; the values in force if left out. */
+      /** @description Changes to the defaults, former names included; default: the current values. */
       values?: {
         [key: string]: boolean | number | string;
       } | null;
@@ -1663,12 +1672,27 @@ export interface components {
       /** @description Of the rectified left image, pixels. */
       width: number;
       height: number;
-      /** @description In order: the image of the first is /runs/ID/frames/0.jpg, and so on. */
+      /** @description In order: the image of the first is /runs/ID/frames/FIRST.jpg, and so on. */
       frames: components["schemas"]["FrameEntry"][];
       /** @description Whether there is ground truth to compare with. */
       truth: boolean;
       /** @description Median time that the method took per frame. */
       observed_ms: number | null;
+      /**
+       * @description Position in the run of the first of these frames, from 0.
+       * @default 0
+       */
+      first: number;
+      /**
+       * @description And of each further one so many after that before.
+       * @default 1
+       */
+      every: number;
+      /**
+       * @description Number of frames of the run.
+       * @default 0
+       */
+      count: number;
     };
     RunStart: {
       name?: string | null;
@@ -1833,6 +1857,8 @@ export interface components {
       calibrating: components["schemas"]["CalibratingFacts"] | null;
       /** @description None: the source's own. */
       calibration: components["schemas"]["CalibrationReference"] | null;
+      /** @description Source that was to be opened first, and is there to be calibrated. */
+      to_calibrate: string | null;
       parameters_revision: number;
       /** @description Grows with every change of a guard.* parameter since the server started. */
       guard_revision: number;
@@ -2102,6 +2128,7 @@ export type ProgrammeDetail = components["schemas"]["ProgrammeDetail"];
 export type ProgrammeEntry = components["schemas"]["ProgrammeEntry"];
 export type ProgrammeStart = components["schemas"]["ProgrammeStart"];
 export type ProgrammeText = components["schemas"]["ProgrammeText"];
+export type ReadOnlyLinkNow = components["schemas"]["ReadOnlyLinkNow"];
 export type ReplacingPreset = components["schemas"]["ReplacingPreset"];
 export type RerunStart = components["schemas"]["RerunStart"];
 export type RigChange = components["schemas"]["RigChange"];

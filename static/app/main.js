@@ -42,4 +42,5 @@ const hub = new Hub((hub) => new Driver(hub));
 for (const element of document.querySelectorAll("[data-part]")) {
   if (element instanceof Part) element.attach(hub);
 }
+document.body.removeAttribute("data-starting");
 hub.start();

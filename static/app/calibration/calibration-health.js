@@ -58,8 +58,8 @@ class CalibrationHealth extends Part {
     setText(
       this.#words,
       now_px !== null
-        ? `Vertical error between left and right: ${fixed(now_px, 2)} px (limit ${ALLOWED_PX} px).`
-        : "Point the cameras at a textured scene for a few seconds to measure the vertical error.",
+        ? `Epipolar error between left and right: ${fixed(now_px, 2)} px (limit ${ALLOWED_PX} px).`
+        : "Point the cameras at a textured scene for a few seconds to measure the epipolar error.",
     );
     setText(this.#trend, rows.warning ? sentence(rows.warning) : trendInWords(rows));
     setText(this.#spoken, warningInWords(ageing));
@@ -94,7 +94,7 @@ class CalibrationHealth extends Part {
     );
     this.#chart.setAttribute(
       "aria-label",
-      `Vertical error over ${fixed((last - first) / 60, 0)} min, now ${fixed(history.at(-1)?.[1], 2)} px, limit ${ALLOWED_PX} px`,
+      `Epipolar error over ${fixed((last - first) / 60, 0)} min, now ${fixed(history.at(-1)?.[1], 2)} px, limit ${ALLOWED_PX} px`,
     );
   }
 

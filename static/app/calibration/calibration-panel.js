@@ -62,7 +62,10 @@ class CalibrationPanel extends Part {
     class: "button primary",
   });
   #empty = h("p.empty", "No saved calibrations. The source's own calibration is in use.");
-  #compare = button("Compare", () => compared(this.#all.slice(0, 4)), { hidden: true });
+  #compare = button("Compare", () => compared(this.#all.slice(0, 4)), {
+    hidden: true,
+    "data-looks": true,
+  });
   #own = button("Use the source's own", () => this.#deactivate());
   /** @type {Calibration[]} */
   #all = [];

@@ -113,14 +113,14 @@ export function compared(calibrations) {
     ["Field of view", (c) => `${fixed(c.hfov_deg, 1)}°`],
     ["Stereo error, RMS", (c) => (c.report ? `${fixed(c.report.rms_stereo_px, 2)} px` : "–")],
     [
-      "Vertical error, held-out views",
+      "Epipolar error, held-out views",
       (c) =>
         c.report?.held_out
           ? `${fixed(c.report.held_out.median_px, 2)} px, 95 % ≤ ${fixed(c.report.held_out.p95_px, 2)} px`
           : "–",
     ],
     ["Depth error at 3 m", depthAt3m],
-    ["Vertical error now", (c) => now.get(c)],
+    ["Epipolar error now", (c) => now.get(c)],
     [
       "Tape checks",
       (c) =>
@@ -138,7 +138,7 @@ export function compared(calibrations) {
         [null, ...calibrations.map(({ name }) => name)],
         rows.map(([term, value]) => tableRow(term, ...calibrations.map(value))),
       ),
-      h("p.hint", "“Vertical error now” is measured on the newest pair from the current source."),
+      h("p.hint", "“Epipolar error now” is measured on the newest pair from the current source."),
     ],
     h("button.button", { value: "close" }, "Close"),
   );
@@ -213,13 +213,13 @@ function understood(c) {
 function judge(verdict, px, heldOut) {
   if (px === null || !Number.isFinite(px)) {
     verdict.dataset.tone = "poor";
-    return setText(verdict, "Vertical error unknown: too few matches between left and right.");
+    return setText(verdict, "Epipolar error unknown: too few matches between left and right.");
   }
   if (px >= GOOD_PX && heldOut !== null && heldOut < GOOD_PX) {
     verdict.dataset.tone = "poor";
     return setText(
       verdict,
-      `Vertical error ${px.toFixed(1)} px in this pair, but ${heldOut.toFixed(2)} px in the board views. The repeated squares of a board can cause false matches: move the board out of view and load a new pair. If the error stays, a camera has moved.`,
+      `Epipolar error ${px.toFixed(1)} px in this pair, but ${heldOut.toFixed(2)} px in the board views. The repeated squares of a board can cause false matches: move the board out of view and load a new pair. If the error stays, a camera has moved.`,
     );
   }
   const tone = px < GOOD_PX ? "good" : px < POOR_PX ? "poor" : "bad";
@@ -229,5 +229,5 @@ function judge(verdict, px, heldOut) {
     bad: "this calibration does not fit these cameras",
   }[tone];
   verdict.dataset.tone = tone;
-  setText(verdict, `Vertical error ${px.toFixed(2)} px: ${words}.`);
+  setText(verdict, `Epipolar error ${px.toFixed(2)} px: ${words}.`);
 }

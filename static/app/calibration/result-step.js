@@ -131,7 +131,7 @@ export class ResultStep extends Part {
         `${fixed(report.rms_left_px, 2)} / ${fixed(report.rms_right_px, 2)} px`,
       ],
       [
-        "Vertical error, held-out views",
+        "Epipolar error, held-out views",
         heldOut
           ? `${fixed(heldOut.median_px, 2)} px, 95 % ≤ ${fixed(heldOut.p95_px, 2)} px`
           : "too few views",

@@ -4,6 +4,7 @@ import { button, h, setAttribute, setText } from "../elements/dom.js";
 import { giveBackFocus } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
+import { access } from "../shell/access.js";
 import { request } from "../shell/api.js";
 import { attempt, confirmed, notify } from "../shell/notice.js";
 import { openPane } from "../shell/splitter.js";
@@ -36,6 +37,8 @@ class CalibrationWizard extends Part {
   #step = null;
   #computed = "";
   #computing = false;
+  /** The source that it has opened for by itself. */
+  #offered = "";
   /** The element that had the focus when the wizard was called. @type {Element | null} */
   #caller = null;
 
@@ -76,9 +79,21 @@ class CalibrationWizard extends Part {
     this.#render();
   }
 
+  /** Open for a source that the server was started with to be calibrated, as its tile does. */
+  async #offer() {
+    const spec = this.hub.status?.to_calibrate ?? "";
+    if (!spec || spec === this.#offered) return;
+    this.#offered = spec;
+    const away = this.#step !== null || document.body.hasAttribute("data-history");
+    if (away || (await access()) !== "operator") return;
+    this.hub.uncalibrated = spec;
+    this.hub.tell("calibrate");
+  }
+
   /** Follow a calibration that another page may have begun or ended. */
   #follow() {
     const { calibrating } = this.hub.status ?? {};
+    void this.#offer();
     if (calibrating && this.#step === null) this.#go("views", false);
     if (!calibrating && (this.#step === "views" || this.#step === "result"))
       return this.#go(null, false);
@@ -103,7 +118,7 @@ class CalibrationWizard extends Part {
   #go(step, asked = true) {
     const moved = step !== this.#step;
     // Whoever types in the side panel is not to be called away by what another page does.
-    const away = !asked && document.activeElement?.closest("aside, .top, dialog");
+    const away = !asked && document.activeElement?.closest("#panel, .top, dialog");
     this.#step = step;
     this.#render();
     if (!moved || away) return;

@@ -64,8 +64,8 @@ class SpeedChart extends Part {
       this.#note,
       this.#empty,
       this.#host,
-      this.#legend,
       this.#marks,
+      this.#legend,
     );
     this.hear("observation", () => this.#observed());
     this.hear("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));

@@ -149,11 +149,11 @@ export function incidentInWords({ at, role, sentence: words, speed_mps, stops })
   return `${time} ${role ? ROLE_WORDS[role] : "Both robots"}${speed}: ${sentence(words)}${ends.join("")}`;
 }
 
-/** @param {StopMeasured} figures @returns {string} as in "zero sent after 220 ms, stood still after 610 ms and 0.12 m" */
+/** @param {StopMeasured} figures @returns {string} as in "stop command sent after 220 ms, stood still after 610 ms and 0.12 m" */
 export function stopInWords({ zero_ms, stood_ms, distance_m, separation_m }) {
   const way = distance_m === null ? "" : ` and ${fixed(distance_m, 2)} m`;
   return [
-    zero_ms === null ? "zero never sent" : `zero sent after ${fixed(zero_ms, 0)} ms`,
+    zero_ms === null ? "no stop command sent" : `stop command sent after ${fixed(zero_ms, 0)} ms`,
     stood_ms === null
       ? "standstill not observed"
       : `stood still after ${fixed(stood_ms, 0)} ms${way}`,

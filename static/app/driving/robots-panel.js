@@ -72,6 +72,7 @@ class RobotsPanel extends Part {
       this.#trouble,
       h(
         "fieldset.role-cards",
+        { "data-looks": true },
         h("legend.visually-hidden", "Robot"),
         ...[...this.#cards.values()].map(({ element }) => element),
       ),

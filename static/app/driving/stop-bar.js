@@ -24,6 +24,7 @@ class StopBar extends Part {
   #stopped = h("span.stop-state");
   #reset = button("Reset", () => this.#resetStop(), {
     title: "Allows robots to be armed again; none starts by itself",
+    "data-acts": true,
   });
   #latched = h("div.stop-latched", { hidden: true, role: "alert" }, this.#stopped, this.#reset);
   /** Pressed here and not answered yet. */

@@ -6,6 +6,8 @@ declareKeys("Everywhere", ["Space Esc", "Stop all robots"]);
 
 // What Space presses or Esc leaves, where no robot is armed.
 const OWN_SPACE = 'button, summary, select, input, a, [role="tab"], [contenteditable]';
+// What Esc closes there, though the focus stays on the button that opened it.
+const MENU = ':popover-open:not([popover="manual"])';
 
 /**
  * Have Space and Esc stop in a window.
@@ -48,6 +50,7 @@ export function listenForStop(inside, driver) {
     if (target?.closest?.("dialog, [popover]") || (target && target.tagName && writesText(target)))
       return;
     if (event.code === "Space" && target?.closest?.(OWN_SPACE)) return;
+    if (event.key === "Escape" && inside.document.querySelector(MENU)) return;
     event.preventDefault();
     void driver.stop().catch(() => {});
   });

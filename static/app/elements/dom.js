@@ -265,7 +265,9 @@ export function dropZone(file, words, help, take, ...more) {
       place.toggleAttribute("data-over", ["dragenter", "dragover"].includes(type));
     });
   }
-  place.addEventListener("drop", (event) => void takeAll(event.dataTransfer?.files ?? []));
+  place.addEventListener("drop", (event) => {
+    if (!file.disabled) void takeAll(event.dataTransfer?.files ?? []);
+  });
   return place;
 }
 

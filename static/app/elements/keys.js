@@ -27,6 +27,11 @@ export function declaredKeys() {
   return [...declared].sort(([one], [other]) => order(one).localeCompare(order(other)));
 }
 
+/** Say whether a dialog, a menu or the like lies above the page: Esc closes that first. */
+export function isCovered() {
+  return document.querySelector("dialog[open], :popover-open") !== null;
+}
+
 /**
  * Say whether typed text goes into this element.
  *

@@ -178,9 +178,12 @@ function rotateInverse(q, v) {
 /**
  * Make a sentence of the server's words, which begin small and mostly end without a stop.
  *
+ * An address, a path or a parameter stays as it is spelled.
+ *
  * @param {string} text
  */
 export function sentence(text) {
   const words = text.trimEnd();
-  return `${words.charAt(0).toUpperCase()}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
+  const begin = /^\S*[:_=.@]\S/.test(words) ? words.charAt(0) : words.charAt(0).toUpperCase();
+  return `${begin}${words.slice(1)}${/[.!?]$/.test(words) ? "" : "."}`;
 }

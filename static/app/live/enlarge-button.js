@@ -1,7 +1,7 @@
 /** A part of the page over the whole window below header and first line, and back. */
 
 import { h, setAttribute, setText, svg } from "../elements/dom.js";
-import { declareKeys } from "../elements/keys.js";
+import { declareKeys, isCovered } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 
 declareKeys("Enlarged view", ["Esc", "Restore it"]);
@@ -90,7 +90,7 @@ export class EnlargeButton extends Part {
   /** @param {Event} event */
   #key(event) {
     if (!(/** @type {KeyboardEvent} */ (event).key === "Escape") || event.defaultPrevented) return;
-    if (document.querySelector("dialog[open], :popover-open")) return;
+    if (isCovered()) return;
     event.preventDefault();
     this.#set(false);
   }

@@ -2,7 +2,6 @@
 
 import { h } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
-import { request } from "../shell/api.js";
 import { LiveView, VIEWS } from "./live-view.js";
 
 const KEY = "dynamic-observer.views";
@@ -18,15 +17,12 @@ class LiveViews extends Part {
   build() {
     const heading = h("div.pane-head", h("h2.visually-hidden", "Live views"), this.#choice);
     this.append(heading, this.#grid);
-    void this.#offer();
+    this.#offer();
   }
 
-  async #offer() {
-    /** @type {string[]} */
-    const known = await request("GET", "/views").catch(() => OFFERED);
+  #offer() {
     const chosen = remembered();
-    const names = OFFERED.filter((name) => known.includes(name));
-    for (const name of names) {
+    for (const name of OFFERED) {
       const box = h("input", { type: "checkbox", name: "view", value: name });
       box.checked = chosen.includes(name);
       box.addEventListener("change", () => this.#choose());

@@ -2,7 +2,7 @@
 
 import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
 import { figuresOf, fillFigures } from "../elements/figure-list.js";
-import { declareKeys } from "../elements/keys.js";
+import { declareKeys, isCovered } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 
@@ -196,8 +196,7 @@ export class PixelQuestion extends Part {
 
   /** @param {KeyboardEvent} event */
   #closeByKey(event) {
-    if (event.key !== "Escape" || event.defaultPrevented || document.querySelector("dialog[open]"))
-      return;
+    if (event.key !== "Escape" || event.defaultPrevented || isCovered()) return;
     if (this.#mark.hidden) return;
     event.preventDefault();
     this.#close();

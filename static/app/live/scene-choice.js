@@ -8,8 +8,8 @@ const KEY = "dynamic-observer.scene";
 
 export const CAMERAS = {
   follow: { title: "Follow", help: "Behind the robot, turning with it" },
-  free: { title: "Free", help: "Yours to move: drag to turn, scroll to zoom" },
-  top_down: { title: "Top-down", help: "From above, the first heading at the top" },
+  free: { title: "Free", help: "Drag to orbit, scroll to zoom" },
+  top_down: { title: "Top-down", help: "From above, with the initial heading at the top" },
 };
 
 /** Tells `changed`. */

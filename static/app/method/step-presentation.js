@@ -31,14 +31,14 @@ export class StepPresentation {
   constructor(hub) {
     this.#hub = hub;
     this.#dialog.append(
-      h("header.presented-head", this.#place, this.#title),
+      h("div.presented-head", this.#place, this.#title),
       this.#image,
       this.#formula,
       h(
         "div.row.presented-keys",
         button("Previous step", () => this.stepped(-1)),
         button("Next step", () => this.stepped(1), { class: "button primary" }),
-        button([icon("close"), "Leave"], () => this.close()),
+        button([icon("close"), "Exit"], () => this.close()),
       ),
       stopCopy(),
     );

@@ -26,7 +26,7 @@ declareKeys(
   "Method steps",
   ["← →", "Previous and next step"],
   ["1 2 3 4 5 6 7 8 9", "Go to this step"],
-  ["F P", "Present, or leave the presentation"],
+  ["F P", "Start or exit the presentation"],
 );
 
 // After the last movement of a slider.
@@ -56,7 +56,7 @@ export class StepsView extends Part {
   #status = h("p.visually-hidden", { role: "status" });
   #numbers = h("div");
   #fields = h("div.step-parameters");
-  #noFields = h("p.hint", "No parameter acts here.");
+  #noFields = h("p.hint", "This step has no parameters.");
   #export = new ExportMenu(() => [{ title: "This step", items: this.#exports() }]);
   /** @type {StepPresentation | null} */
   #presentation = null;

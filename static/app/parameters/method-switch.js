@@ -1,6 +1,6 @@
 /** The method in force, at a glance: the best there is or the paper's, one press apart. */
 
-import { h, setAttribute, setText, svg } from "../elements/dom.js";
+import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { counted } from "../elements/words.js";
 import { notify } from "../shell/notice.js";
@@ -24,6 +24,14 @@ class MethodSwitch extends Part {
     said: h("span.visually-hidden"),
   }));
   #other = h("span.other-method", { hidden: true });
+  #nowName = h("span");
+  #nowMark = h("span.changed-dot", { hidden: true, "aria-hidden": "true" });
+  /** Where there is no room for the switch: the current method, and the way to its parameters. */
+  #now = button(
+    [this.#nowName, this.#nowMark],
+    () => document.getElementById("tab-parameters")?.click(),
+    { class: "button method-now", "data-looks": true },
+  );
   #fields = h("fieldset.segmented", { disabled: true }, h("legend.visually-hidden", "Method"));
 
   get #store() {
@@ -36,6 +44,7 @@ class MethodSwitch extends Part {
       this.#fields.append(h("label", input, h("span", name), mark, said));
     }
     this.append(
+      this.#now,
       this.#fields,
       this.#other,
       h(
@@ -65,10 +74,12 @@ class MethodSwitch extends Part {
         values: ofMethod(state.values),
       });
     }
+    let changed = 0;
     for (const { name, input, mark, said } of this.#choices) {
       input.checked = name === method;
       const preset = presets.find((each) => each.name === name);
       const differ = name === method && preset ? this.#differing(preset) : 0;
+      changed += differ;
       mark.hidden = differ === 0;
       setText(said, differ > 0 ? `, ${differ} changed` : "");
       const title = `${preset?.help ?? ""}${differ > 0 ? ` ${changedWords(differ)}.` : ""}`;
@@ -76,7 +87,14 @@ class MethodSwitch extends Part {
     }
     this.#other.hidden = method !== null || model === "";
     setText(this.#other, model);
-    setAttribute(this.#other, "title", `Method in force: ${model}`);
+    setAttribute(this.#other, "title", `Current method: ${model}`);
+    const name = method ?? model;
+    setText(this.#nowName, name);
+    this.#nowMark.hidden = changed === 0;
+    const differing = changed > 0 ? `, ${changedWords(changed)}` : "";
+    const words = `Current method: ${name}${differing}. Open parameters`;
+    setAttribute(this.#now, "aria-label", words);
+    setAttribute(this.#now, "title", words);
   }
 
   /**

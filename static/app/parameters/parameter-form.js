@@ -75,7 +75,7 @@ class ParameterForm extends Part {
     const differ = changed.length === 1 ? "1 value differs" : `${changed.length} values differ`;
     setText(
       this.#changed,
-      changed.length === 0 ? "All as in the preset" : `${differ} from the preset`,
+      changed.length === 0 ? "Unchanged from the preset" : `${differ} from the preset`,
     );
     this.#renderBadge(changed.length);
     this.#renderRevision();

@@ -17,7 +17,7 @@ const IN_FORCE = "";
  */
 export async function comparePresets(store) {
   const names = store.presets.map(({ name }) => [name, name]);
-  const choices = [[IN_FORCE, "Values in force"], ...names];
+  const choices = [[IN_FORCE, "Current values"], ...names];
   const left = select({ id: "compare-left", "aria-label": "First" }, choices);
   const right = select({ id: "compare-right", "aria-label": "Second" }, choices);
   const base = store.basePreset?.name ?? "";

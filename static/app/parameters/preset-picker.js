@@ -23,7 +23,7 @@ export class PresetPicker extends HTMLElement {
     "aria-controls": "preset-form",
   });
   #form = h("form.row", { id: "preset-form", novalidate: true, hidden: true });
-  #overwrite = button("Save", () => this.#replace());
+  #overwrite = button("Save", () => this.#replace(), { hidden: true });
   #delete = button("Delete preset…", () => this.#remove());
   #file = input("file", "preset-file", {
     accept: ".json,application/json",
@@ -85,7 +85,7 @@ export class PresetPicker extends HTMLElement {
     const own = preset !== null && !preset.built_in;
     this.#overwrite.hidden = this.#delete.hidden = !own;
     this.#overwrite.disabled = changed.length === 0;
-    setText(this.#help, preset?.help || "A preset of your own.");
+    setText(this.#help, preset?.help || "Your own preset.");
   }
 
   /** @param {string} name */
@@ -144,7 +144,7 @@ export class PresetPicker extends HTMLElement {
   #mayOverwrite(name) {
     return confirmed(
       `Overwrite preset ${name}?`,
-      "Its values are replaced by those in force. You cannot undo this.",
+      "Its values are replaced by the current ones. You cannot undo this.",
       "Overwrite preset",
     );
   }
@@ -153,7 +153,7 @@ export class PresetPicker extends HTMLElement {
     const name = this.#select.value;
     const sure = await confirmed(
       `Delete preset ${name}?`,
-      "You cannot undo this. The current parameter values stay in force.",
+      "You cannot undo this. The current parameter values do not change.",
       "Delete preset",
     );
     if (sure) await attempt(() => this.#store.deletePreset(name));
@@ -181,7 +181,7 @@ export class PresetPicker extends HTMLElement {
         store.presets.map((each) => each.name),
       );
       await store.addPreset({ ...preset, name });
-      const other = name === wanted ? "" : `, for there is a preset ${wanted} already`;
+      const other = name === wanted ? "" : `, because a preset ${wanted} already exists`;
       notify(`Imported as preset ${name}${other}.`, "done", {
         words: "Use it",
         act: () => void this.#choose(name),

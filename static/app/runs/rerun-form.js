@@ -202,7 +202,7 @@ export class RerunForm extends Part {
 
   /** @param {Run | null} ended null: it was cancelled */
   #renderDone(ended) {
-    if (!ended) return setText(this.#done, "Re-run cancelled; nothing of it was kept.");
+    if (!ended) return setText(this.#done, "Re-run cancelled; nothing was kept.");
     if (ended.state !== "finished" || !this.#run) return;
     this.#done.replaceChildren(
       h("a", { href: runHref(ended.id) }, ended.name),

@@ -201,10 +201,12 @@ export class RunSearch extends Part {
       run.deleted_at
         ? button([icon("undo"), "Restore"], () => recover(this.hub, run), {
             "aria-label": `Restore run ${run.name}`,
+            "data-acts": true,
           })
         : iconButton("trash", `Delete run ${run.name}`, () => this.#remove(run), {
             disabled: run.state === "running",
             title: "Delete",
+            "data-acts": true,
           }),
     );
   }

@@ -46,7 +46,7 @@ export class RunView extends Part {
   });
   #playHelp = h("p.hint", { id: "open-in-3d-help" });
   #back = new BackToSource();
-  #remove = button([icon("trash"), "Delete run"], () => this.#delete());
+  #remove = button([icon("trash"), "Delete run"], () => this.#delete(), { "data-acts": true });
   #error = h("p.field-error", { role: "alert" });
   #waiting = h("p.empty", { role: "status" });
   #player = new RunPlayer();
@@ -114,6 +114,8 @@ export class RunView extends Part {
     clearTimeout(this.#timer);
     this.#id = id;
     this.actions.hidden = id === null;
+    // What is on its way must not bring the run's actions back.
+    this.#asked += 1;
     if (id === null) return this.#player.show(null);
     if (id !== this.#run?.id) this.#body.hidden = this.actions.hidden = true;
     else if (this.#run) this.#player.show(this.#run);
@@ -184,7 +186,7 @@ export class RunView extends Part {
 
   #renderPlay() {
     const source = this.hub.status?.source ?? null;
-    const back = source && !source.before ? `, with a way back to ${source.name}` : "";
+    const back = source && !source.before ? `; a button then returns to ${source.name}` : "";
     setText(this.#playHelp, `Replaces the live source${back}.`);
   }
 

@@ -65,6 +65,16 @@ export function runHref(id) {
   return `#history/${encodeURIComponent(id)}`;
 }
 
+/**
+ * Return the page's address of the step of the method that tells moving from static, on a frame.
+ *
+ * @param {string} id of the run
+ * @param {number} position of the frame; the pair is it and the one before
+ */
+export function methodHref(id, position) {
+  return `#steps/6?source=run:${encodeURIComponent(id)}&frame=${Math.max(1, position)}`;
+}
+
 /** @param {string[]} ids */
 export function compareHref(ids) {
   return `#history/compare/${ids.map(encodeURIComponent).join(",")}`;

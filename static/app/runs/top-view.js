@@ -18,7 +18,8 @@ export class TopView extends HTMLElement {
   #scale = h("p.hint");
   /** @type {readonly FrameEntry[]} */
   #frames = [];
-  #at = 0;
+  /** @type {FrameEntry | null} */
+  #shown = null;
   #kept = { of: "", bounds: { ahead: 0, left: 0, perMetre: 1 } };
   #resized = new ResizeObserver(() => this.#draw());
 
@@ -31,22 +32,22 @@ export class TopView extends HTMLElement {
     this.#resized.disconnect();
   }
 
-  /** @param {readonly FrameEntry[]} frames of the whole run */
+  /** @param {readonly FrameEntry[]} frames some that are spread over the whole run, in order */
   take(frames) {
     this.#frames = frames;
-    this.#at = 0;
+    this.#shown = null;
     this.#kept.of = "";
     this.#draw();
   }
 
-  /** @param {number} position of the frame in the run */
-  show(position) {
-    this.#at = position;
+  /** @param {FrameEntry | null} entry */
+  show(entry) {
+    this.#shown = entry;
     this.#draw();
   }
 
   #draw() {
-    const plan = this.#frames[this.#at]?.plan;
+    const plan = this.#shown?.plan;
     const { clientWidth: wide, clientHeight: high } = this.#drawing;
     if (!plan || wide === 0 || high === 0) return this.#drawing.replaceChildren();
     const { ahead, left, perMetre } = this.#bounds(plan.segment, wide, high);
@@ -90,12 +91,12 @@ export class TopView extends HTMLElement {
   /** Where the camera was until now, in this segment. @param {FramePlan} now */
   #trail(now) {
     const before = this.#frames
-      .slice(0, this.#at + 1)
-      .filter(({ plan }) => plan.segment === now.segment && plan.camera);
+      .map(({ plan }) => plan)
+      .filter(({ segment, camera, time }) => segment === now.segment && camera && time < now.time);
     const every = Math.ceil(before.length / TRAIL_POINTS);
-    return before
-      .filter((_, k) => k % every === 0 || k === before.length - 1)
-      .flatMap(({ plan }) => (plan.camera ? [plan.camera] : []));
+    return [...before.filter((_, k) => k % every === 0), now].flatMap(({ camera }) =>
+      camera ? [camera] : [],
+    );
   }
 }
 
@@ -212,7 +213,7 @@ function inWords({ time, camera, obstacles }) {
     const side = v * Math.cos(angle) - u * Math.sin(angle);
     return `obstacle ${id} ${fixed(forward, 1)} m ahead and ${fixed(Math.abs(side), 1)} m to the ${side > 0 ? "left" : "right"}`;
   });
-  const said = camera ? found.join(", ") || "no obstacle" : "the camera's place is not known";
+  const said = camera ? found.join(", ") || "no obstacle" : "camera position unknown";
   return `From above at ${fixed(time, 2)} s: ${said}.`;
 }
 

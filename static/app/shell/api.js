@@ -47,7 +47,11 @@ export async function request(method, path, body) {
  */
 export async function requestImage(path, signal) {
   const response = await send("GET", path, undefined, signal);
-  return { blob: await response.blob(), headers: response.headers };
+  try {
+    return { blob: await response.blob(), headers: response.headers };
+  } catch {
+    throw unreachable();
+  }
 }
 
 /**
@@ -69,11 +73,15 @@ async function send(method, path, body, signal) {
   try {
     response = await fetch(`/api${path}`, options);
   } catch {
-    throw new ApiError("The server is not responding. Try again when it is back.", 0);
+    throw unreachable();
   }
   if (response.ok) return response;
   if (response.status === 401) toSignIn();
   throw refusal(response.status, await response.json().catch(() => null));
+}
+
+function unreachable() {
+  return new ApiError("The server is not responding. Try again when it is back.", 0);
 }
 
 /**

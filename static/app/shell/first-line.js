@@ -56,7 +56,7 @@ class FirstLine extends Part {
     const { freshness, observation } = this.hub;
     if (freshness.state === "stale") {
       const age = Math.round(freshness.age_s);
-      const old = age > 0 ? ` What is shown is ${age} s old.` : "";
+      const old = age > 0 ? ` The view is ${age} s old.` : "";
       return { text: `Stale: ${freshness.reason}${old}`, id: null, tone: "stale" };
     }
     if (freshness.state === "none") return { text: freshness.reason, id: null, tone: "calm" };
@@ -80,7 +80,9 @@ class FirstLine extends Part {
           run ? `run ${run.name}` : calibrating ? "observation paused" : "preview, not recorded",
         ]
       : ["No source is open. Choose one under Source."];
-    setText(this.#context, words.filter(Boolean).join(" · "));
+    const context = words.filter(Boolean).join(" · ");
+    setText(this.#context, context);
+    setAttribute(this.#context, "title", context);
   }
 }
 

@@ -163,9 +163,7 @@ export function judge(connection, status, beat, now) {
   if (connection !== "open") {
     if (!status) return { state: "none", age_s, reason: "Connecting to the server." };
     const hint =
-      silent_s > AWAY_AFTER_S
-        ? " If it was restarted elsewhere, open the link that it printed."
-        : "";
+      silent_s > AWAY_AFTER_S ? " If it was restarted, open the link that it printed then." : "";
     return { state: "stale", age_s, reason: `Connection to the server lost. Reconnecting.${hint}` };
   }
   if (!status) return { state: "none", age_s, reason: "Connecting to the server." };

@@ -50,7 +50,14 @@ class SideTabs extends HTMLElement {
       if (selected) panel?.dispatchEvent(new Event("shown"));
     }
     document.body.dataset.pane = chosen.id.replace("tab-", "");
+    this.#tellMain();
     if (chosen.id !== VIEW) localStorage.setItem(KEY, chosen.id);
+  }
+
+  /** What is beside the page's main part becomes that where the main part is left out. */
+  #tellMain() {
+    const beside = document.querySelector("main")?.checkVisibility();
+    this.closest("#panel")?.setAttribute("role", beside ? "complementary" : "main");
   }
 
   /**

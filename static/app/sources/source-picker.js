@@ -44,7 +44,7 @@ import { SourceGroup } from "./source-group.js";
 declareKeys(
   "Source field",
   ["↓ ↑", "Go through the suggestions"],
-  ["Enter", "Open the marked one, or what is typed"],
+  ["Enter", "Open the selected suggestion, or what you typed"],
   ["Esc", "Close the suggestions"],
 );
 
