@@ -60,8 +60,8 @@ class Picture:
         optics: vertical field of view, radians, and width per height of the image; None without a
             camera.
         robot: the observing robot, where one is connected and its place is known.
-        notice: the reason why the content is not fresh; None while it is.
-        stale: it is old without having been paused on request.
+        stale: it is old without having been paused on request, so that the robot's place is not
+            drawn. Nothing here says so: the page does, which also knows when it is cut off.
     """
 
     segment: tuple[int, int]
@@ -76,7 +76,6 @@ class Picture:
     tags: tuple[Tag, ...]
     positions: Mapping[int, Float64Array] = field(default_factory=dict)
     robot: RobotMarks | None = None
-    notice: str | None = None
     stale: bool = False
 
 
@@ -87,7 +86,7 @@ def make_picture(
     now: float,
     driving: RobotsNow | None = None,
 ) -> Picture:
-    """Make the picture of the newest observation, with its freshness at ``now``.
+    """Make the picture of the newest observation, as fresh as it is at ``now``.
 
     Args:
         driving: state of the robots, as far as known.
@@ -98,7 +97,6 @@ def make_picture(
     placed = [o for o in line["obstacles"] if o["position"] is not None]
     pose = line.get("pose")
     T_world_camera = None if pose is None else _pose(pose)
-    notice, stale = _freshness(event, state, now)
     up = T_display_world.rotation.T @ np.array([0.0, 0.0, 1.0])
     return Picture(
         segment=(generation, int(line["segment"])),
@@ -117,8 +115,7 @@ def make_picture(
         robot=robot_marks(
             None if driving is None else driving.robots["observer"], mount, T_world_camera
         ),
-        notice=notice,
-        stale=stale,
+        stale=_is_stale(event, state, now),
     )
 
 
@@ -132,22 +129,13 @@ def read_cloud(value: Latest) -> Cloud:
     return Cloud(pose, points, colors.reshape(-1, 3))
 
 
-def _freshness(
-    event: ObservationEvent | None, state: StateEvent, now: float
-) -> tuple[str | None, bool]:
+def _is_stale(event: ObservationEvent | None, state: StateEvent, now: float) -> bool:
     if state.state is EngineState.FAILED:
-        return "stale: the engine delivers no frames", True
-    if event is None:
-        return "waiting for the first frame", False
-    age = now - event.received
-    if age <= STALE_AFTER_S:
-        return None, False
+        return True
+    if event is None or now - event.received <= STALE_AFTER_S:
+        return False
     playback = state.playback
-    if playback is not None and playback.paused:
-        return "paused", False
-    if playback is not None and playback.ended:
-        return "the source has ended", False
-    return f"stale: {age:.0f} s old", True
+    return playback is None or not (playback.paused or playback.ended)
 
 
 def _optics(camera: StereoCamera) -> tuple[float, float]:

@@ -23,7 +23,7 @@ from app.viewer.robot_marks import (
     Level,
     RobotMarks,
 )
-from app.viewer.shapes import EDGES_OF_A_BOX, Follower, floor_lines, greyed, padded, thinned
+from app.viewer.shapes import EDGES_OF_A_BOX, Follower, floor_lines, padded, thinned
 from app.viewer.trails import MOST_CAMERA_POINTS, Trails
 from observer.geometry import Float64Array, Pose
 
@@ -33,13 +33,13 @@ _MOST_RIG_LINES = 4
 _TRAIL_LINES = MOST_CAMERA_POINTS - 1
 _OBSTACLE_TRAIL_LINES = 200
 _FLOOR_HALF_WIDTH_M = 8
-_GREY = (132, 138, 142)
 _FLOOR = (150, 162, 158)
 (_BOX,), (_ARROW,), (_TRUTH,) = (LAYERS[name].colors for name in ("boxes", "arrows", "truth"))
 _TRAIL, _OBSTACLE_TRAIL = LAYERS["trails"].colors
 _STOP, _SLOW, _SONAR = LAYERS["guard"].colors
 # The robot and its camera have the colour of their trail.
 _ROBOT = _TRAIL
+_GREY = (132, 138, 142)
 # Colours of the stop zone and of the slow zone by the guard's action.
 _ZONES: dict[Level | None, tuple[Rgb, Rgb]] = {
     None: (_GREY, _GREY),
@@ -67,8 +67,6 @@ class Scene:
         self._follower = Follower()
         self._segment: tuple[int, int] | None = None
         self._T_world_camera = Pose.identity()
-        self._cloud_colors = np.zeros((points, 3), np.uint8)
-        self._stale = False
         scene = server.scene
         scene.set_up_direction("+z")
         server.initial_camera.position = _EYE
@@ -95,7 +93,7 @@ class Scene:
         self._cloud = scene.add_point_cloud(
             _in_layer("cloud", "points"),
             np.zeros((points, 3), np.float32),
-            self._cloud_colors,
+            np.zeros((points, 3), np.uint8),
             point_size=0.024,
             point_shape="circle",
             point_shading="flat",
@@ -140,10 +138,6 @@ class Scene:
             scene.add_label(boxes(f"label_{k}"), "", anchor="bottom-center", visible=False)
             for k in range(_MOST_OBSTACLES)
         ]
-        self._notice = scene.add_label(
-            f"{CAMERA_NODE}/notice", "", anchor="bottom-center", visible=False
-        )
-        self._notice.font_screen_scale = 1.2
         # Of no layer: why the robot does not obey can be hidden from nobody.
         self._guard_label = scene.add_label(
             f"{WORLD_NODE}/reason", "", anchor="bottom-center", visible=False
@@ -175,7 +169,6 @@ class Scene:
                 self._T_world_camera = Pose.identity()
             self._place(picture)
             self._follow_trails(picture, now)
-            self._mark(picture)
             _show_lines(self._boxes, picture.boxes.reshape(-1, 2, 3))
             _show_lines(self._truth, picture.truth.reshape(-1, 2, 3))
             _show_lines(self._arrows, picture.arrows)
@@ -214,10 +207,9 @@ class Scene:
             self._cloud.visible = False
             return
         pose = cloud.T_world_camera or self._T_world_camera
-        self._cloud_colors = padded(colors, self._points)
         with self._server.atomic():
             self._cloud.points = padded(points, self._points)
-            self._cloud.colors = greyed(self._cloud_colors) if self._stale else self._cloud_colors
+            self._cloud.colors = padded(colors, self._points)
             _move(self._cloud_frame, pose)
             self._cloud.visible = True
 
@@ -250,26 +242,6 @@ class Scene:
         for id, position in picture.positions.items():
             self._trails.add_obstacle(id, position, now)
         self._trails.forget_gone(now)
-
-    def _mark(self, picture: Picture) -> None:
-        """Mark old content, in words and by removing its colours."""
-        self._notice.visible = picture.notice is not None
-        if picture.notice is not None:
-            self._notice.text = picture.notice
-        if picture.stale == self._stale:
-            return
-        self._stale = stale = picture.stale
-        self._cloud.colors = greyed(self._cloud_colors) if stale else self._cloud_colors
-        for node, color in (
-            (self._boxes, _BOX),
-            (self._arrows, _ARROW),
-            (self._trail, _TRAIL),
-            (self._rig, _ROBOT),
-            (self._obstacle_trails, _OBSTACLE_TRAIL),
-            (self._truth, _TRUTH),
-        ):
-            node.colors = np.array(_GREY if stale else color, np.uint8)
-        self._camera.color = _GREY if stale else _ROBOT
 
     def _label(self, tags: tuple[Tag, ...]) -> None:
         for k, label in enumerate(self._labels):

@@ -117,12 +117,6 @@ def thinned(count: int, most: int) -> slice:
     return slice(None, None, max(1, -(-count // most)))
 
 
-def greyed(colors: Colors) -> Colors:
-    """Fade colours to grey: the content is old."""
-    level = 90 + colors.mean(axis=-1, keepdims=True) * 0.25
-    return np.repeat(level, 3, axis=-1).astype(np.uint8)
-
-
 class Follower:
     """Follower that keeps the robot in view: the scene moves once it is beyond ``radius_m``.
 

@@ -31,7 +31,7 @@ def standing(server: Server, open_panel: OpenPanel, eventually: Eventually) -> I
             expect(moving).to_have_text(re.compile(r"Obstacle \d+ moves"), timeout=30_000)
             server.api.post("/api/playback", json={"paused": True}).raise_for_status()
             eventually(lambda: server.get("/status")["playback"]["paused"])
-            found = _moving_pixel(server)
+            found = _pixel(server, lambda answer: bool(answer["obstacle"]))
             if found is None:
                 server.api.post("/api/playback", json={"paused": False}).raise_for_status()
                 page.wait_for_timeout(1000)
@@ -41,17 +41,22 @@ def standing(server: Server, open_panel: OpenPanel, eventually: Eventually) -> I
     server.api.post("/api/playback", json={"paused": False}).raise_for_status()
 
 
-def _moving_pixel(server: Server) -> Json | None:
+def _pixel(server: Server, wanted: Callable[[Json], bool]) -> Json | None:
+    """The answer at a pixel of which, and around which, the answers are such; None if nowhere."""
     camera = server.get("/status")["camera"]
     for v in range(_STEP_PX, camera["height"], _STEP_PX):
         for u in range(_STEP_PX, camera["width"], _STEP_PX):
             # A click may miss by a pixel, so its surroundings must be of the same.
             around = [(u, v), (u - 2, v - 2), (u + 2, v - 2), (u - 2, v + 2), (u + 2, v + 2)]
             answers = (server.get(f"/pixel?u={x}&v={y}") for x, y in around)
-            if all(answer["obstacle"] for answer in answers):
-                moving: Json = server.get(f"/pixel?u={u}&v={v}")
-                return moving
+            if all(map(wanted, answers)):
+                found: Json = server.get(f"/pixel?u={u}&v={v}")
+                return found
     return None
+
+
+def _of(verdict: str) -> Callable[[Json], bool]:
+    return lambda answer: bool(answer["verdict"] == verdict)
 
 
 def _click(page: Page, u: float, v: float, camera: Json) -> None:
@@ -93,6 +98,25 @@ def test_a_click_on_the_picture_is_answered(
     page.keyboard.press("Escape")
     expect(card).to_be_hidden()
     expect(page.locator(".pixel-mark")).to_be_hidden()
+
+
+def test_a_wall_and_a_place_where_nothing_is_seen_are_answered_too(
+    server: Server, standing: Standing, keep_picture: KeepPicture
+) -> None:
+    page, _ = standing()
+    card = page.locator(".answer")
+    for verdict, words in (("static", "Static"), ("too_few_features", "Too few features")):
+        told = _pixel(server, _of(verdict))
+        assert told is not None, verdict
+        _click(page, told["u"], told["v"], server.get("/status")["camera"])
+        expect(card.locator(".verdict-chip")).to_have_text(words)
+        where = card.locator(".answer-head .figure").inner_text()
+        u, v, _frame = (int(n) for n in re.findall(r"\d+", where))
+        same = server.get(f"/pixel?u={u}&v={v}")
+        expect(card).to_contain_text(same["sentence"])
+        expect(card).to_contain_text(same["would_change"])
+        card.scroll_into_view_if_needed()
+        keep_picture(page, f"answer-{verdict}")
 
 
 def test_the_mark_moves_by_keyboard_and_enter_asks(server: Server, standing: Standing) -> None:

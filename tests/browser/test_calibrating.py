@@ -235,7 +235,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     expect(page.locator("observer-result-step")).to_contain_text(
         # What a board that fills the picture makes of it is said, too.
         re.compile(
-            r"Vertical error \d\.\d\d px: matching points|squares of a board can cause false"
+            r"Epipolar error \d\.\d\d px: matching points|squares of a board can cause false"
         )
     )
     keep_picture(page, "calibrating-result")
@@ -255,7 +255,7 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     hands.press("Enter")
     dialog = page.get_by_role("dialog")
     expect(dialog.locator(".verdict").last).to_contain_text(
-        re.compile("Vertical error|look alike"), timeout=10_000
+        re.compile("Epipolar error|look alike"), timeout=10_000
     )
     hands.focus()
     hands.go("Tape check")

@@ -83,7 +83,7 @@ def test_files_of_other_tools_are_understood_before_they_are_used(
     _choose(page, camchain=_camchain(camera, _kalibr_baseline(camera)))
     expect(preview).to_contain_text("Kalibr")
     expect(preview).to_contain_text(f"{camera['baseline']:.4f} m")
-    expect(preview.locator(".verdict").last).to_have_text(re.compile(r"Vertical error 0\.\d\d px"))
+    expect(preview.locator(".verdict").last).to_have_text(re.compile(r"Epipolar error 0\.\d\d px"))
     keep_picture(page, "calibration-kalibr")
     preview.get_by_role("button", name="Close").click()
 
@@ -112,7 +112,7 @@ def test_files_of_other_tools_are_understood_before_they_are_used(
     table = page.get_by_role("dialog").get_by_role("table")
     expect(table).to_contain_text("Of Kalibr")
     expect(table).to_contain_text("left.yaml and right.yaml")
-    rows = table.get_by_role("row", name=re.compile("Vertical error now")).get_by_role("cell")
+    rows = table.get_by_role("row", name=re.compile("Epipolar error now")).get_by_role("cell")
     expect(rows).to_have_text([re.compile(r"\d\.\d\d px"), re.compile(r"\d\.\d\d px")])
     base = table.get_by_role("row", name=re.compile("Baseline")).get_by_role("cell")
     lengths = [f"{1000 * factor * camera['baseline']:.1f} mm" for factor in (2, 1)]

@@ -460,7 +460,7 @@ def test_a_check_outlasts_the_page_that_is_closed(
     page.get_by_text("Guard check").click()
     steps = page.locator(".check-steps > li")
     expect(steps.nth(0)).to_contain_text("Skipped by")
-    expect(steps.nth(1)).to_contain_text("zero sent after")
+    expect(steps.nth(1)).to_contain_text("stop command sent after")
     (step,) = room.get("/robots/check")["check"]["steps"][1:]
     assert step["state"] in ("passed", "failed")
     assert step["figures"]["distance_m"] > 0.0

@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator
 import pytest
 from playwright.sync_api import Browser, Page, Route, ViewportSize, expect
 
-from app.http.gate.token import read_only_token
-
 from .conftest import KeepPicture, OpenPanel, Server
 
 PHONE: ViewportSize = {"width": 390, "height": 844}
@@ -23,11 +21,14 @@ def watching(
     context = browser.new_context()
     page = context.new_page()
     leave_viewer_out(page)
-    address, _, token = server.link.partition("?token=")
-    page.goto(f"{address}?token={read_only_token(token)}")
+    page.goto(read_only_link(server))
     page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
     yield page
     context.close()
+
+
+def read_only_link(server: Server) -> str:
+    return str(server.get("/links")["links"][-1]["link"])
 
 
 def from_menu(page: Page, name: str) -> None:
@@ -40,7 +41,7 @@ def test_a_link_is_shared(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture, size: ViewportSize | None
 ) -> None:
     page = open_panel(**({} if size is None else {"viewport": size}))
-    address, _, token = server.link.partition("/?token=")
+    address = server.link.partition("/?token=")[0]
 
     def reached_by_others(route: Route) -> None:
         told = route.fetch().json()
@@ -51,7 +52,7 @@ def test_a_link_is_shared(
     from_menu(page, "Share")
     dialog = page.get_by_role("dialog", name="Share this page")
     link = dialog.get_by_label("Link", exact=True)
-    expect(link).to_have_value(f"{address}/?token={read_only_token(token)}")
+    expect(link).to_have_value(read_only_link(server))
     code = dialog.get_by_role("img", name="QR code of the link")
     page.wait_for_function("image => image.naturalWidth > 0", arg=code.element_handle())
     before = code.get_attribute("src")
@@ -83,7 +84,9 @@ def test_who_only_watches_is_told_once_and_changes_nothing(
     page = watching
     expect(page.get_by_text("Watching only")).to_be_visible()
     expect(page.get_by_role("button", name="Start run")).to_be_hidden()
-    expect(page.locator("observer-playback").get_by_role("button").first).to_be_disabled()
+    pause = page.locator("observer-playback").get_by_role("button").first
+    expect(pause).to_be_disabled()
+    expect(pause).to_have_attribute("title", WATCHING_ONLY)
     page.get_by_role("tab", name="Parameters").click()
     form = page.locator("observer-parameters")
     expect(form.locator("observer-parameter").first).to_be_visible()
@@ -111,6 +114,104 @@ def test_who_only_watches_is_told_once_and_changes_nothing(
     dialog = page.get_by_role("dialog", name="Share this page")
     expect(dialog.get_by_label("Watch only")).to_be_checked()
     expect(dialog.get_by_label("Operator")).to_have_count(0)
+    expect(dialog.get_by_role("button", name="Revoke")).to_have_count(0)
+    dialog.get_by_role("button", name="Close").click()
+    from_menu(page, "Sign out")
+    dialog = page.get_by_role("dialog", name="Sign out?")
+    expect(dialog.get_by_role("button", name="Sign out everywhere")).to_be_disabled()
+    expect(dialog.get_by_role("button", name="Sign out", exact=True)).to_be_enabled()
+    dialog.get_by_role("button", name="Cancel").click()
+
+
+def test_who_only_watches_can_press_nothing_that_acts_but_stop(
+    server: Server, watching: Page, keep_picture: KeepPicture
+) -> None:
+    page = watching
+    recorded = {"name": "watched", "source": "simulated:lab", "record": "jpeg"}
+    run = server.api.post("/api/runs", json=recorded).json()["id"]
+    page.wait_for_timeout(1500)
+    server.api.post(f"/api/runs/{run}/stop").raise_for_status()
+    server.api.post("/api/robots/stop").raise_for_status()
+    reset = page.locator("observer-stop").get_by_role("button", name="Reset")
+    expect(reset).to_be_visible()
+    expect(reset).to_be_disabled()
+    expect(reset).to_have_attribute("title", WATCHING_ONLY)
+    expect(page.locator("#stop-robots")).to_be_enabled()
+    server.api.post("/api/robots/reset").raise_for_status()
+
+    page.get_by_role("tab", name="Runs").click()
+    for name in ("Save last 30 s", "Delete run watched"):
+        expect(page.locator("observer-runs").get_by_role("button", name=name)).to_be_disabled()
+    page.get_by_role("tab", name="Calibration").click()
+    expect(page.locator("#pane-calibration button:enabled:visible")).to_have_count(0)
+    page.get_by_role("tab", name="Robots").click()
+    expect(page.locator("#pane-robots button:enabled:visible")).to_have_count(0)
+
+    page.evaluate(f"location.hash = '#history/{run}'")
+    view = page.locator("observer-run")
+    expect(view.get_by_label("Position in the run")).to_be_enabled(timeout=30_000)
+    for name in ("Open in 3D", "Re-run", "Add"):
+        button = view.get_by_role("button", name=name, exact=True)
+        expect(button).to_be_disabled()
+        expect(button).to_have_attribute("title", WATCHING_ONLY)
+    expect(page.get_by_role("button", name="Delete run")).to_be_disabled()
+    expect(view.get_by_label("Name", exact=True).last).to_be_disabled()
+    # What only looks goes on as for everybody.
+    expect(page.locator(".run-actions").get_by_role("button", name="Export")).to_be_enabled()
+    expect(view.get_by_role("button", name="Play", exact=True)).to_be_enabled()
+    view.get_by_role("button", name="Play", exact=True).click()
+    keep_picture(page, "watching-a-run")
+    page.evaluate("location.hash = '#methods'")
+    expect(page.get_by_role("button", name="Compare methods")).to_be_disabled()
+    expect(page.locator("#history-title")).to_have_text("Compare methods")
+    expect(page.get_by_role("button", name="Delete run")).to_be_hidden()
+
+
+def test_a_link_is_revoked(
+    server: Server, open_panel: OpenPanel, watching: Page, keep_picture: KeepPicture
+) -> None:
+    page = open_panel()
+    before = read_only_link(server)
+    page.locator(".top > observer-share").get_by_role("button").click()
+    dialog = page.get_by_role("dialog", name="Share this page")
+    rows = dialog.get_by_role("region", name="Read-only links").get_by_role("listitem")
+    expect(rows).to_have_count(1)
+    expect(rows).to_contain_text("browser is watching")
+    dialog.get_by_role("button", name="New link").click()
+    expect(rows).to_have_count(2)
+    expect(rows.first).to_contain_text("the link above")
+    expect(rows.first).to_contain_text("Nobody is watching")
+    link = dialog.get_by_label("Link", exact=True)
+    expect(link).not_to_have_value(before)
+    keep_picture(page, "links-in-force")
+    rows.last.get_by_role("button", name="Revoke").click()
+    sure = page.get_by_role("dialog", name="Revoke the link")
+    expect(sure).to_contain_text("1 browser is signed out at once")
+    sure.get_by_role("button", name="Revoke link").click()
+    expect(rows).to_have_count(1)
+    watching.wait_for_url("**/sign-in#signed-out", timeout=5_000)
+    assert server.api.get(before, headers={"Authorization": ""}).status_code == 401
+    # Links for operators are no business of this list.
+    dialog.get_by_label("Operator").check()
+    expect(dialog.get_by_role("region", name="Read-only links")).to_be_hidden()
+
+
+def test_a_phone_shows_the_method_and_leads_to_its_parameters(open_panel: OpenPanel) -> None:
+    page = open_panel(viewport={"width": 360, "height": 740})
+    method = page.locator(".method-now")
+    expect(method).to_have_text("default")
+    inside = page.evaluate(
+        """() => [...document.querySelectorAll(".top button")]
+          .filter((each) => each.checkVisibility())
+          .map((each) => each.getBoundingClientRect())
+          .filter(({ width }) => width > 0)
+          .sort((a, b) => a.left - b.left)
+          .every(({ left }, at, all) => at === 0 || left >= all[at - 1].right - 1.5)"""
+    )
+    assert inside
+    method.click()
+    expect(page.get_by_role("tab", name="Parameters")).to_have_attribute("aria-selected", "true")
+    expect(page.locator("#preset")).to_be_visible()
 
 
 def test_the_keys_are_listed(open_panel: OpenPanel, keep_picture: KeepPicture) -> None:

@@ -109,7 +109,7 @@ def test_a_calibration_is_seen_before_it_is_used(
     _choose(page, "lab.yaml", _calibration_of(camera))
     preview = page.get_by_role("dialog")
     expect(preview.locator(".verdict")).to_have_text(
-        re.compile(r"Vertical error \d+\.\d\d px"), timeout=10_000
+        re.compile(r"Epipolar error \d+\.\d\d px"), timeout=10_000
     )
     expect(preview).to_contain_text(f"{camera['width']} × {camera['height']} px")
     expect(preview).to_contain_text(f"{camera['baseline']:.4f} m")

@@ -253,7 +253,7 @@ def test_a_preset_is_shared_as_a_file_and_a_bad_file_is_refused_by_name(
     before = server.get("/parameters")
     take({**file, "name": "paper", "values": {**file["values"], _NAME: 2.7}}, "theirs.json")
     notice = form.locator(".notice").last
-    expect(notice).to_contain_text("Imported as preset paper 2, for there is a preset paper")
+    expect(notice).to_contain_text("Imported as preset paper 2, because a preset paper")
     expect(error).to_have_text("")
     assert server.get("/parameters") == before
     form.locator("#preset").select_option("paper 2")
@@ -269,7 +269,7 @@ def test_presets_are_compared(form: Page, keep_picture: KeepPicture) -> None:
     expect(row).to_contain_text("affine")
     expect(dialog.get_by_role("status")).to_have_text("9 values differ.")
     keep_picture(form, "presets-compared")
-    dialog.get_by_label("Second").select_option("Values in force")
+    dialog.get_by_label("Second").select_option("Current values")
     expect(dialog.get_by_role("status")).to_have_text("All values are the same.")
     dialog.get_by_role("button", name="Close").click()
     expect(dialog).to_be_hidden()
@@ -279,7 +279,7 @@ def test_the_method_is_switched_in_the_header_and_changes_come_back_with_it(
     server: Server, form: Page, eventually: Eventually
 ) -> None:
     switch = form.locator("observer-method-switch")
-    default, paper = switch.get_by_label("default"), switch.get_by_label("paper")
+    default, paper = (switch.get_by_role("radio", name=name) for name in ("default", "paper"))
     expect(default).to_be_checked()
     guard = "guard.margin_m"
     server.api.patch("/api/parameters", json={_NAME: 3.0, guard: 0.3}).raise_for_status()

@@ -115,11 +115,11 @@ test("a stop is told with what was measured of it", () => {
   const stop = { zero_ms: 220, stood_ms: 610, distance_m: 0.123, speed_mps: 0.3 };
   assert.equal(
     words.stopInWords({ ...stop, separation_m: 0.4 }),
-    "zero sent after 220 ms, stood still after 610 ms and 0.12 m, 0.40 m clearance",
+    "stop command sent after 220 ms, stood still after 610 ms and 0.12 m, 0.40 m clearance",
   );
   assert.equal(
     words.stopInWords({ ...stop, zero_ms: null, stood_ms: null, separation_m: null }),
-    "zero never sent, standstill not observed",
+    "no stop command sent, standstill not observed",
   );
 });
 

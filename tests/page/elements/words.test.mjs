@@ -17,6 +17,13 @@ test("a speed carries half of its 95 % interval where one is known", () => {
   assert.equal(words.speedWithBand({ speed: 0.5, speed_std: null }), "0.50");
 });
 
+test("a sentence begins large unless it begins with an address, a path or a parameter", () => {
+  assert.equal(words.sentence("vision is degraded"), "Vision is degraded.");
+  assert.equal(words.sentence("stop: it is armed"), "Stop: it is armed.");
+  for (const spelled of ["simulated:webcams has no calibration.", "flow.window_px is too large."])
+    assert.equal(words.sentence(spelled), spelled);
+});
+
 test("a bearing is ahead up to 8 degrees and off to a side from 24 on", () => {
   const inDegrees = (/** @type {number} */ degrees) =>
     words.bearingInWords((degrees * Math.PI) / 180);
