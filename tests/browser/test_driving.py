@@ -332,6 +332,31 @@ def test_space_and_esc_stop_wherever_one_is(
     page.locator("dialog").get_by_role("button", name="Cancel").click()
 
 
+_HEADER_OVERLAPS = """() => {
+  const parts = [...document.querySelectorAll(".top a, .top button")]
+    .filter((part) => part.checkVisibility() && !part.closest(".menu-box"))
+    .map((part) => [part.textContent.trim() || part.ariaLabel, part.getBoundingClientRect()]);
+  return parts.flatMap(([name, a], at) =>
+    parts
+      .slice(at + 1)
+      .filter(([, b]) => a.right - b.left > 2 && b.right - a.left > 2)
+      .filter(([, b]) => a.bottom - b.top > 2 && b.bottom - a.top > 2)
+      .map(([other]) => `${name} and ${other}`),
+  );
+}"""
+
+
+def test_nothing_in_the_header_lies_on_something_else_while_armed(
+    seat: Callable[..., Page],
+) -> None:
+    page = seat()
+    found = {}
+    for width in (360, 390, 600, 820, 1024, 1100, 1280, 1366, 1440, 1600, 1920, 2560):
+        page.set_viewport_size({"width": width, "height": 900})
+        found[width] = page.evaluate(_HEADER_OVERLAPS)
+    assert not any(found.values()), found
+
+
 def test_esc_stops_while_armed_also_where_a_view_is_enlarged(seat: Callable[..., Page]) -> None:
     page = seat()
     view = page.locator('observer-live-view[data-view="left"]')

@@ -123,8 +123,8 @@ export class MethodsView extends Part {
       this.#list(pairs);
       this.#tell(status);
       if (status.going || this.#ids.length === 2) return;
-      const newest = status.runs ?? pairs[0]?.map(({ id }) => id);
-      if (newest) location.replace(methodsHref([...newest]));
+      const newest = pairs[0]?.map(({ id }) => id);
+      if (newest) location.replace(methodsHref(newest));
       else if (granted === "operator" && this.#undisturbed) await this.#start();
     });
   }
@@ -231,8 +231,7 @@ export class MethodsView extends Part {
       const runs = paths.map((path) => request("GET", path));
       /** @type {Promise<RunFrames>[]} */
       const frames = paths.map((path) => request("GET", `${path}/frames`));
-      const told = await Promise.all(runs);
-      const found = await Promise.all(frames);
+      const [told, found] = await Promise.all([Promise.all(runs), Promise.all(frames)]);
       if (asked !== this.#asked) return;
       if (!sameFrames(found))
         throw new ApiError(
