@@ -1,5 +1,6 @@
 /** The picture of a step: the old one stays until the new one is there. */
 
+import { BoundedMap } from "../elements/bounded-map.js";
 import { h, setAttribute } from "../elements/dom.js";
 import { requestImage } from "../shell/api.js";
 import { Newest } from "../elements/newest.js";
@@ -49,8 +50,12 @@ export class StepPicture {
 }
 
 class KeptPictures {
-  /** Addresses of pictures in memory by the path they came from. @type {Map<string, string>} */
-  #urls = new Map();
+  /**
+   * Addresses of pictures in memory by the path they came from.
+   *
+   * @type {BoundedMap<string, string>}
+   */
+  #urls = new BoundedMap(MOST_KEPT, (_, url) => URL.revokeObjectURL(url));
 
   /** @param {string} path @param {AbortSignal} signal @returns {Promise<string>} */
   async get(path, signal) {
@@ -67,11 +72,6 @@ class KeptPictures {
     image.src = url;
     await image.decode().catch(() => {});
     this.#urls.set(path, url);
-    for (const [old, address] of this.#urls) {
-      if (this.#urls.size <= MOST_KEPT) break;
-      this.#urls.delete(old);
-      URL.revokeObjectURL(address);
-    }
     return url;
   }
 }

@@ -3,6 +3,7 @@
  * them when it is wanted. A short run's are all there at once.
  */
 
+import { BoundedMap } from "../elements/bounded-map.js";
 import { request } from "../shell/api.js";
 import { frameAt } from "./run-words.js";
 
@@ -18,10 +19,10 @@ export class FrameEntries {
   #path;
   /** @type {RunFrames} */
   #spread;
-  /** By number. @type {Map<number, Promise<RunFrames | null>>} */
-  #asked = new Map();
   /** @type {Map<number, RunFrames>} */
   #pages = new Map();
+  /** By number. @type {BoundedMap<number, Promise<RunFrames | null>>} */
+  #asked = new BoundedMap(MOST_PAGES, (number) => this.#pages.delete(number));
 
   /**
    * Read those that are spread over a run.
@@ -113,11 +114,6 @@ export class FrameEntries {
     if (!asked) {
       asked = this.#read(number);
       this.#asked.set(number, asked);
-      const [oldest] = this.#asked.keys();
-      if (this.#asked.size > MOST_PAGES && oldest !== undefined) {
-        this.#asked.delete(oldest);
-        this.#pages.delete(oldest);
-      }
     }
     return asked;
   }

@@ -1,5 +1,6 @@
 /** The images of a run's frames, fetched ahead of the frame that is shown. */
 
+import { BoundedMap } from "../elements/bounded-map.js";
 import { ApiError, requestImage } from "../shell/api.js";
 
 const AT_ONCE = 3;
@@ -13,8 +14,8 @@ export class FrameImages {
   #path;
   #count;
   #stop = new AbortController();
-  /** @type {Map<number, Promise<Blob | null>>} */
-  #kept = new Map();
+  /** @type {BoundedMap<number, Promise<Blob | null>>} */
+  #kept = new BoundedMap(MOST_KEPT);
   #going = 0;
   #next = 0;
 
@@ -51,8 +52,6 @@ export class FrameImages {
     if (!image) {
       image = this.#fetch(position);
       this.#kept.set(position, image);
-      const [oldest] = this.#kept.keys();
-      if (this.#kept.size > MOST_KEPT && oldest !== undefined) this.#kept.delete(oldest);
     }
     return image;
   }

@@ -1,0 +1,32 @@
+/**
+ * A map that keeps the newest entries only; who adds one more loses the oldest.
+ *
+ * @template Key
+ * @template Value
+ * @extends {Map<Key, Value>}
+ */
+export class BoundedMap extends Map {
+  #most;
+  #dropped;
+
+  /**
+   * @param {number} most entries that are kept
+   * @param {(key: Key, value: Value) => void} [dropped] called for each that had to go
+   */
+  constructor(most, dropped = () => {}) {
+    super();
+    this.#most = most;
+    this.#dropped = dropped;
+  }
+
+  /** @param {Key} key @param {Value} value */
+  set(key, value) {
+    super.set(key, value);
+    for (const [oldest, old] of this) {
+      if (this.size <= this.#most) break;
+      this.delete(oldest);
+      this.#dropped(oldest, old);
+    }
+    return this;
+  }
+}
