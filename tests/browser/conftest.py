@@ -148,17 +148,25 @@ def open_panel(
 
     Arguments of what it gives: ``viewer`` False leaves the 3D scene out, which takes most of the
     time on a machine without a graphics card; ``refusals`` allows the server to refuse values,
-    ``losses`` that it is not there; anything else goes to the browser's context.
+    ``losses`` that it is not there; ``script`` is run in the page before its own; anything else
+    goes to the browser's context.
     """
     opened: list[tuple[Page, list[str], bool, bool]] = []
 
     def open_one(
-        *, viewer: bool = False, refusals: bool = False, losses: bool = False, **options: Any
+        *,
+        viewer: bool = False,
+        refusals: bool = False,
+        losses: bool = False,
+        script: str | None = None,
+        **options: Any,
     ) -> Page:
         context = browser.new_context(**{"viewport": DESKTOP, **options})
         page = context.new_page()
         troubles = _watch(page, server.link)
         opened.append((page, troubles, refusals, losses))
+        if script is not None:
+            page.add_init_script(script)
         if not viewer:
             leave_viewer_out(page)
         page.goto(server.link)

@@ -7,11 +7,10 @@ are wide: this shall pass beside other tests, and fail where the page got severa
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Page
 
 from .conftest import DESKTOP, Eventually, OpenPanel, Server
 
@@ -68,29 +67,18 @@ def _tell(measured: str) -> None:
 
 
 @pytest.fixture
-def open_watched(
-    server: Server, browser: Browser, leave_viewer_out: Callable[[Page], None]
-) -> Iterator[Callable[..., Page]]:
+def open_watched(open_panel: OpenPanel) -> OpenPanel:
     """Open the page as a browser does that was never here, watched from its first moment."""
-    contexts = []
 
-    def open_one(*, viewer: bool = False, **options: Any) -> Page:
-        context = browser.new_context(**{"viewport": DESKTOP, **options})
-        contexts.append(context)
-        page = context.new_page()
-        page.add_init_script(f"({_WATCH})()")
-        if not viewer:
-            leave_viewer_out(page)
-        page.goto(server.link)
+    def open_one(**options: Any) -> Page:
+        page = open_panel(script=f"({_WATCH})()", **options)
         page.wait_for_function("() => window.freshAt", timeout=30_000)
         return page
 
-    yield open_one
-    for context in contexts:
-        context.close()
+    return open_one
 
 
-def test_weight(open_watched: Callable[..., Page]) -> None:
+def test_weight(open_watched: OpenPanel) -> None:
     page = open_watched()
     # What is asked for once the page is there.
     page.wait_for_timeout(2000)
@@ -105,7 +93,7 @@ def test_weight(open_watched: Callable[..., Page]) -> None:
 
 
 @pytest.mark.parametrize("size", [DESKTOP, _PHONE], ids=["desktop", "phone"])
-def test_nothing_moves_while_data_flows(open_watched: Callable[..., Page], size: Any) -> None:
+def test_nothing_moves_while_data_flows(open_watched: OpenPanel, size: Any) -> None:
     page = open_watched(viewport=size)
     page.wait_for_timeout(_FLOWING_MS)
     shifts = page.evaluate("window.shifts")
@@ -117,7 +105,7 @@ def test_nothing_moves_while_data_flows(open_watched: Callable[..., Page], size:
 
 
 @pytest.mark.parametrize("viewer", [False, True], ids=["page", "with 3D"])
-def test_it_is_usable_soon(open_watched: Callable[..., Page], viewer: bool) -> None:
+def test_it_is_usable_soon(open_watched: OpenPanel, viewer: bool) -> None:
     took = []
     for _ in range(_TRIES):
         page = open_watched(viewer=viewer)
