@@ -22,6 +22,8 @@ from typing import Any
 from websockets.sync.client import connect
 from websockets.sync.connection import Connection
 
+from app.client.server_process import ended_after
+
 FIREFOX_NAMES = ("firefox-esr", "firefox")
 _START_S = 60.0
 _ANSWER_S = 60.0
@@ -166,11 +168,12 @@ def launched(path: str, profile: Path) -> Iterator[Tab]:
     options = ("--no-remote", "--remote-debugging-port=0", "--profile", str(profile))
     with _screen() as display, output.open("w") as stream:
         environment = {**os.environ, "DISPLAY": display, "LIBGL_ALWAYS_SOFTWARE": "1"}
-        with _ended(
+        with (
             subprocess.Popen(
                 [path, *options], stdout=stream, stderr=subprocess.STDOUT, env=environment
-            )
-        ) as process:
+            ) as process,
+            ended_after(process, _STOP_S),
+        ):
             address = f"{_wait_for_address(process, output)}/session"
             with connect(address, max_size=None, compression=None, proxy=None) as connection:
                 tab = Tab(connection)
@@ -183,30 +186,15 @@ def launched(path: str, profile: Path) -> Iterator[Tab]:
 def _screen() -> Iterator[str]:
     """The name of a display that is drawn nowhere."""
     command = ["Xvfb", "-displayfd", "1", "-screen", "0", "1600x1200x24", "-nolisten", "tcp"]
-    with _ended(
-        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
-    ) as process:
+    with (
+        subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process,
+        ended_after(process, _STOP_S),
+    ):
         assert process.stdout is not None
         # It says its number once it is ready; nothing where it ended.
         number = process.stdout.readline().decode().strip()
         assert number, "Xvfb did not start"
         yield f":{number}"
-
-
-@contextmanager
-def _ended(process: subprocess.Popen[bytes]) -> Iterator[subprocess.Popen[bytes]]:
-    """A process that does not outlive this."""
-    try:
-        yield process
-    finally:
-        process.terminate()
-        try:
-            process.wait(_STOP_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
-        if process.stdout is not None:
-            process.stdout.close()
 
 
 def _wait_for_address(process: subprocess.Popen[bytes], output: Path) -> str:

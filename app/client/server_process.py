@@ -102,17 +102,24 @@ def running_server(source: str) -> Iterator[RunningServer]:
                 stdout=log,
                 stderr=subprocess.STDOUT,
             )
-            try:
+            with ended_after(process, _STOP_TIMEOUT_S):
                 _wait_until_ready(process, port, log_path)
                 token = token_file.read_text().strip()
                 yield RunningServer(port, token, started, process.pid, Path(folder))
-            finally:
-                process.terminate()
-                try:
-                    process.wait(_STOP_TIMEOUT_S)
-                except subprocess.TimeoutExpired:
-                    process.kill()
-                    process.wait()
+
+
+@contextmanager
+def ended_after(process: subprocess.Popen[bytes], timeout_s: float) -> Iterator[None]:
+    """End a process after the block, by force if it takes longer than ``timeout_s`` seconds."""
+    try:
+        yield
+    finally:
+        process.terminate()
+        try:
+            process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 def _free_port() -> int:
