@@ -50,7 +50,7 @@ def test_what_is_typed_is_checked_and_levels_the_scene(
     use = panel.get_by_role("button", name="Use this mount")
     tilt.fill("12.5")
     # What is wrong is named, and has the focus.
-    for typed, why in (("knee-high", "must be a number"), ("-3", "must lie between 0.02 and 3")):
+    for typed, why in (("knee-high", "must be a number"), ("-3", "must be between 0.02 and 3")):
         height.fill(typed)
         use.click()
         expect(panel.locator("#rig-error")).to_have_text(re.compile(f"^Height {why}"))
