@@ -42,8 +42,8 @@ def test_it_starts_this_installation_as_it_was_asked_for(shell: Shell, tmp_path:
     ("arguments", "part"),
     [
         (("--user", "no-such-user"), "there is no user"),
-        (("--user", "a b", "--data", "/srv"), "no name of a user"),
-        (("--user", "ada\nExecStartPre=/bin/false", "--data", "/srv"), "no name of a user"),
+        (("--user", "a b", "--data", "/srv"), "is not a user name"),
+        (("--user", "ada\nExecStartPre=/bin/false", "--data", "/srv"), "is not a user name"),
         (("simulated:lab\nUser=root",), "a systemd unit cannot hold"),
         (("--tls-cert", "cert.pem"), "--tls-key"),
     ],
