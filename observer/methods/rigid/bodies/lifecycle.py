@@ -33,6 +33,9 @@ _IDLE_FRAMES = 3
 _STOOD_S = 0.7
 # A body creeps below so many times the speed of what has stopped, while so much of it is static.
 _CREEPING, _UNMOVED_SHARE = 3.0, 0.95
+# Where light flickers, what is slower than so many times that speed may stand, if less than this
+# share of its velocity leads across the view.
+_SEEMS_SLOW, _ACROSS_SHARE = 8.0, 0.5
 # Frames in which a segment must have entered free space, or come out of hiding, and standard
 # deviations of its velocity. What goes away comes out from behind itself; what others uncover
 # seems to move as they do, across the view: so much of the velocity must lead away.
@@ -41,12 +44,18 @@ _HIDDEN_FRAMES, _HIDDEN_SIGMAS, _AWAY_SHARE = 4, 5.0, 0.7
 
 
 def judge(
-    track: BodyTrack, camera_position: Float64Array, dt: float, parameters: ObstacleParameters
+    track: BodyTrack,
+    camera_position: Float64Array,
+    dt: float,
+    parameters: ObstacleParameters,
+    *,
+    flickers: bool = False,
 ) -> None:
     """Judge whether a track moves, and whether it is confirmed, coasts or is seen again.
 
     Args:
-        camera_position: (3,) metres, world. dt: seconds since the last frame.
+        camera_position: (3,) metres, world. dt: seconds since the last frame. flickers: as of
+            ``DenseScene``.
     """
     velocity, cov = track.centre_velocity()
     track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
@@ -66,7 +75,10 @@ def judge(
         track.part_moves = False
     seen = track.missed_s == 0
     tentative = track.state is TrackState.TENTATIVE
-    confirmed = seen and tentative and _confirmed(track, camera_position, parameters)
+    believed = not (flickers and _seems_to_come_or_go(track, camera_position, parameters))
+    confirmed = (
+        seen and tentative and _confirmed(track, camera_position, parameters, believed=believed)
+    )
     if confirmed and track.motion is MotionState.MOVING:
         track.confirmed_at = track.centre
     track.state = next_state(track.state, seen=seen, confirmed=confirmed)
@@ -84,7 +96,9 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
         may_stand = track.part_moves or moves
         if outline.idles(unmoved, may_stand=may_stand) > _IDLE_FRAMES:
             return True
-    drives = track.motion is MotionState.MOVING and _shown_by_many(track)
+    # What was seen apart once may drive along a wall.
+    known = outline is not None or _shown_by_many(track)
+    drives = track.motion is MotionState.MOVING and known
     hopeless |= track.merged_s > _MERGED_S and not drives
     hopeless |= track.stood_s > _STOOD_S and _never_left(track)
     coast, patience = parameters.coast_s, _TENTATIVE_COAST_S
@@ -92,11 +106,18 @@ def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
 
 
 def _confirmed(
-    track: BodyTrack, camera_position: Float64Array, parameters: ObstacleParameters
+    track: BodyTrack,
+    camera_position: Float64Array,
+    parameters: ObstacleParameters,
+    *,
+    believed: bool,
 ) -> bool:
     """Count this frame's evidence: a track must move significantly in enough frames and points.
 
     The fewer points there are, the longer they must keep moving alike.
+
+    Args:
+        believed: whether its points may tell that it moves.
     """
     # Of a person an arm or a leg of whom moves, less is enough.
     least_sigmas = _MOVING_SIGMAS if track.part_moves else parameters.confirm_sigmas
@@ -108,7 +129,7 @@ def _confirmed(
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
     shown = track.merged_s == 0 or _shown_by_many(track)
-    if by_points and shown and not _creeps(track, parameters):
+    if by_points and believed and shown and not _creeps(track, parameters):
         return True
     if track.motion is MotionState.IN_PLACE:
         return True
@@ -138,12 +159,33 @@ def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:
 
     Light that changes, and reflections, move points a little; what goes on will leave its place.
     """
-    outline = track.outline
-    moved = outline is not None and outline.seen and outline.segment.static < _UNMOVED_SHARE
-    if moved or (outline is None and track.merged_s == 0):
+    if _has_moved(track):
         return False
     speed = float(np.linalg.norm(track.mean[VELOCITY]))
     return speed < _CREEPING * parameters.stopped_below_mps
+
+
+def _seems_to_come_or_go(
+    track: BodyTrack, camera_position: Float64Array, parameters: ObstacleParameters
+) -> bool:
+    """Return whether a body is slow along its line of sight alone, where something was before.
+
+    Light that flickers changes disparities: what it falls on seems to come or to go.
+    """
+    velocity, ahead = track.mean[VELOCITY], track.centre - camera_position
+    speed = float(np.linalg.norm(velocity))
+    if _has_moved(track) or speed > _SEEMS_SLOW * parameters.stopped_below_mps:
+        return False
+    along = float(velocity @ ahead) / float(np.linalg.norm(ahead))
+    return bool(np.sqrt(max(0.0, speed**2 - along**2)) < _ACROSS_SHARE * speed)
+
+
+def _has_moved(track: BodyTrack) -> bool:
+    """Return whether a body is a thing of its own, and not all of it where something was before."""
+    outline = track.outline
+    if outline is None:
+        return track.merged_s == 0
+    return outline.seen and outline.segment.static < _UNMOVED_SHARE
 
 
 def _confirmed_by_outline(track: BodyTrack, camera_position: Float64Array) -> bool:

@@ -96,6 +96,8 @@ def track_segments(
     for track in tracks:
         if track.outline is not None and track.outline.seen:
             within[track.outline.segment.mask[cells]] = track.id
+        else:
+            _note_merged(track, points, scene, now.dt)
     return _absorbed(tracks, points.but(obstacle=obstacle, within=within))
 
 
@@ -180,7 +182,7 @@ def _follow(
         if where is not None:
             expected.append((track, where))
     for track in [t for t in tracks if t.outline is None and t.points >= _LEAST_MEMBERS]:
-        where = _by_members(track, points, scene, now.dt)
+        where = _by_members(track, points, scene)
         if where is not None:
             expected.append((track, where))
     owner = owners(scene, [where for _, where in expected])
@@ -201,22 +203,31 @@ def _depth(track: BodyTrack, now: CameraStep) -> float:
     return float(np.linalg.norm(track.mean[POSITION] - now.position))
 
 
-def _by_members(
-    track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt: float
-) -> Expected | None:
-    """Return where a body should be seen of which only members are known; None if they are few."""
-    members = np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
+def _by_members(track: BodyTrack, points: TrackedPoints, scene: DenseScene) -> Expected | None:
+    """Return where a body should be seen by its members; None if they are few."""
+    members = _seen_members(track, points)
     if len(members) < _LEAST_MEMBERS:
         return None
     rows, columns = scene.grid.at(points.px[members])
-    known = widened(np.isfinite(scene.disparity), 1)[rows, columns].mean() > _KNOWN_SHARE
-    # Until a segment of its own is found, it is one with what is around it.
-    track.merged_s = track.merged_s + dt if known else max(0.0, track.merged_s - dt)
-    lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.standing[rows, columns]
-    track.stands = float(lies.mean()) <= _LYING_SHARE
     mask = np.zeros(scene.grid.shape, np.bool_)
     mask[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1] = True
     return Expected(mask, median(points.disparity[members]))
+
+
+def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt: float) -> None:
+    """Note that a body's members are seen, but no segment of its own: it is one with all around."""
+    members = _seen_members(track, points)
+    if len(members) < _LEAST_MEMBERS:
+        return
+    rows, columns = scene.grid.at(points.px[members])
+    known = widened(np.isfinite(scene.disparity), 1)[rows, columns].mean() > _KNOWN_SHARE
+    track.merged_s = track.merged_s + dt if known else max(0.0, track.merged_s - dt)
+    lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.standing[rows, columns]
+    track.stands = float(lies.mean()) <= _LYING_SHARE
+
+
+def _seen_members(track: BodyTrack, points: TrackedPoints) -> NDArray[np.intp]:
+    return np.flatnonzero((points.obstacle == track.id) & np.isfinite(points.disparity))
 
 
 def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) -> Segment:

@@ -90,6 +90,8 @@ class BodyTracker:
         self.tracks: list[BodyTrack] = []
         self._numbers = TrackIds(numbers)
         self._stirring = Stirring()
+        # As of the last frame whose light is known.
+        self._flickers = False
 
     def step(
         self,
@@ -117,6 +119,7 @@ class BodyTracker:
             points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
             self._stirring.note(self.tracks, scene, self._numbers)
+            self._flickers = scene.flickers
         self.note_lasting_errors(now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
@@ -366,7 +369,7 @@ class BodyTracker:
                 offset = track.rebase()
                 every = points.obstacle == track.id
                 shape_vector[every] -= points.shape_information[every] @ offset
-            judge(track, camera_position, dt, parameters)
+            judge(track, camera_position, dt, parameters, flickers=self._flickers)
         points = self._named(points.but(shape_vector=shape_vector))
         obstacle = points.obstacle.copy()
         for track in [t for t in self.tracks if is_over(t, parameters)]:

@@ -23,6 +23,10 @@ _SIGMAS, _LEAST_GREY = 4.0, 4.0
 _LEAST_CELLS = 100
 # From and down to these grey values a camera may have cut off what is brighter or darker.
 _SATURATED, _BLACK = 250, 2
+# Light flickers, as below leaves, where a quarter of what is seen again looks by this share
+# brighter or darker than a moment ago; in steady light noise and texture make it half of that. It
+# comes in gusts: the newest frame's part is larger where it flickers more than before.
+_FLICKER_SHARE, _FLICKER_GAINS = 0.06, (0.5, 0.03)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +45,12 @@ class GreyChange:
     def __init__(self, grid: Grid) -> None:
         self._grid = grid
         self._looks: deque[_Look] = deque()
+        self._flicker: float | None = None
+
+    @property
+    def flickers(self) -> bool:
+        """Whether the light changes otherwise here than there, which no exposure explains."""
+        return self._flicker is not None and self._flicker > _FLICKER_SHARE
 
     def changed(
         self, frame: DepthFrame, grey: Image, cells: NDArray[np.bool_]
@@ -91,7 +101,16 @@ class GreyChange:
         gain = np.float32(max(1.0, usual) / max(1.0, before_usual))
         difference = now - gain * then
         noise = MAD_TO_SIGMA * median(np.abs(difference[visible]))
+        self._note_flicker(difference[visible] / np.maximum(gain * then[visible], _BLACK))
         limit = max(_SIGMAS * noise, _LEAST_GREY)
         # What was cut off at either end then or is now may be as it was.
         visible &= (np.maximum(now, high) < _SATURATED) & (np.minimum(now, low) > _BLACK)
         return visible & ((now - gain * high > limit) | (gain * low - now > limit))
+
+    def _note_flicker(self, share: NDArray[np.float32]) -> None:
+        """Note by which share (N,) each cell is brighter than a moment ago."""
+        size = np.abs(share)
+        now = median(size[size >= median(size)])
+        before = now if self._flicker is None else self._flicker
+        more, less = _FLICKER_GAINS
+        self._flicker = before + (more if now > before else less) * (now - before)

@@ -39,6 +39,7 @@ class DenseScene:
         standing: (h, w) which cells stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
         changed: (h, w) which cells look another than a moment ago.
+        flickers: whether the light changes otherwise here than there, as below leaves.
         ground: None unknown.
     """
 
@@ -50,6 +51,7 @@ class DenseScene:
     standing: NDArray[np.bool_]
     evidence: NDArray[np.uint8]
     changed: NDArray[np.bool_]
+    flickers: bool
     ground: GroundPlane | None
 
     @cached_property
@@ -117,6 +119,7 @@ class DenseVision:
             standing=stands,
             evidence=evidence,
             changed=changed,
+            flickers=self._change.flickers,
             ground=self._ground.in_world,
         )
 

@@ -134,7 +134,7 @@ def seen(
     unchanged = np.zeros(GRID.shape, np.bool_)
     ground = GroundPlane(np.array([0.0, 1.0, 0.0]), HEIGHT_M)
     return DenseScene(
-        0.0, GRID, T_world_camera, dark, disparity, stands, evidence, unchanged, ground
+        0.0, GRID, T_world_camera, dark, disparity, stands, evidence, unchanged, False, ground
     )
 
 

@@ -20,7 +20,10 @@ def test_every_reader_has_a_format() -> None:
 @pytest.mark.parametrize(
     ("place", "paragraph"),
     [
-        ("docs/pages/motion-capture.md", r"Files of these systems and formats are read:.*?The format is detected"),
+        (
+            "docs/pages/motion-capture.md",
+            r"Files of these systems and formats are read:.*?The format is detected",
+        ),
         ("static/app/runs/truth-picker.js", r'"[^"\n]*the format is detected automatically\."'),
     ],
 )

@@ -48,9 +48,9 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
     return make
 
 
-def judged(track: BodyTrack, frames: int = 1) -> TrackState:
+def judged(track: BodyTrack, frames: int = 1, *, flickers: bool = False) -> TrackState:
     for _ in range(frames):
-        judge(track, np.zeros(3), DT, P)
+        judge(track, np.zeros(3), DT, P, flickers=flickers)
     return track.state
 
 
@@ -133,6 +133,26 @@ def test_points_that_creep_where_something_was_before_confirm_nothing(guest: Mak
         track = guest((speed, 0.0, 0.0), sigma=0.005, evidence=evidence)
         track.points = 12
         assert judged(track, 5) is state
+
+
+@pytest.mark.parametrize(
+    ("velocity", "evidence", "state"),
+    [
+        ((0.0, 0.0, -0.25), STATIC, TrackState.TENTATIVE),
+        ((0.0, 0.0, 0.25), STATIC, TrackState.TENTATIVE),
+        ((0.2, 0.0, -0.2), STATIC, TrackState.CONFIRMED),
+        ((0.0, 0.0, -0.6), STATIC, TrackState.CONFIRMED),
+        ((0.0, 0.0, -0.25), ARRIVED, TrackState.CONFIRMED),
+    ],
+)
+def test_in_light_that_flickers_what_only_comes_or_goes_may_stand(
+    guest: MakeTrack, velocity: tuple[float, float, float], evidence: int, state: TrackState
+) -> None:
+    """Unless it is fast, moves across the view, or enters what was free."""
+    for flickers, expected in ((False, TrackState.CONFIRMED), (True, state)):
+        track = guest(velocity, sigma=0.005, evidence=evidence)
+        track.points = 12
+        assert judged(track, 5, flickers=flickers) is expected
 
 
 # --- the end -------------------------------------------------------------------------------
@@ -261,6 +281,16 @@ def test_who_has_been_one_with_its_surroundings_for_long_ends(make_track: MakeTr
     assert is_over(track, P)
     # Many points that move on show it all the same.
     track.points = 20
+    assert not is_over(track, P)
+    track.motion = MotionState.STOPPED
+    assert is_over(track, P)
+
+
+def test_who_lost_its_outline_ends_when_it_stands_and_not_while_it_drives(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    assert track.outline is not None
+    track.outline.seen, track.merged_s, track.points = False, 1.1, 5
     assert not is_over(track, P)
     track.motion = MotionState.STOPPED
     assert is_over(track, P)

@@ -273,6 +273,19 @@ def test_what_is_one_with_its_surroundings_is_counted_as_that(make_track: MakeTr
     assert track.outline is None
 
 
+def test_a_body_that_lost_its_outline_is_one_with_its_surroundings(make_track: MakeTrack) -> None:
+    """It merged with the wall behind it; its points are still followed."""
+    tracks, host = outlined(person(0.5, 4.0), TrackIds())
+    host.filter = make_track((0.5, -0.2, 7.9), number=host.id).filter
+    points = points_on(patch(0.5, -0.2, 7.99))
+    points = points.but(obstacle=np.full(len(points), host.id))
+    for _ in range(3):
+        points = tracked(tracks, points, seen(ROOM))
+    assert host.outline is not None
+    assert not host.outline.seen
+    assert host.merged_s == pytest.approx(3 * DT)
+
+
 def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
     wall = Solid((0.0, -0.5, 4.0), (4.0, 1.5, 0.1))
     for place, stands in (((0.5, -0.2, 4.0), True), ((0.5, 0.9, 3.0), False)):

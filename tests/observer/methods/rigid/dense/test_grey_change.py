@@ -80,3 +80,26 @@ def test_what_was_cut_off_cannot_be_compared(gains: tuple[float, float]) -> None
         for (frame, grey), gain in zip(frames, gains, strict=True)
     ]
     assert not changed(*lit).any()
+
+
+@pytest.mark.parametrize("shaded", [0.1, 0.4])
+def test_light_flickers_where_much_of_what_stands_is_lit_otherwise(shaded: float) -> None:
+    """Shadows of leaves, at other places in each frame; the exposure settles at the same time."""
+    rng = np.random.default_rng(1)
+    change = GreyChange(GRID)
+    for k in range(12):
+        frame, grey = look(k * LAG_S, ROOM)
+        dark = rng.random(GRID.shape) < shaded
+        lit = np.where(dark, 0.8, 1.0) * grey * (1 + 0.02 * k)
+        change.changed(frame, lit.astype(np.uint8), ALL)
+    assert change.flickers is (shaded > 0.2)
+
+
+def test_noise_and_texture_under_steady_light_do_not_flicker() -> None:
+    rng = np.random.default_rng(2)
+    change = GreyChange(GRID)
+    for k in range(12):
+        pose = Pose(np.eye(3), np.array([0.01 * k, 0.0, 0.01 * k]))
+        frame, grey = look(k * LAG_S, [*ROOM, HAND], pose, bright=HAND)
+        change.changed(frame, (grey + rng.normal(0, 1.5, GRID.shape)).astype(np.uint8), ALL)
+    assert not change.flickers
