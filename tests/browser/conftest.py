@@ -118,7 +118,8 @@ def server(
             process.kill()
             process.wait()
         ARTEFACTS.mkdir(exist_ok=True)
-        (ARTEFACTS / "server.log").write_text(output.read_text().replace(token, "TOKEN"))
+        shown = re.sub(r"token=\S+", "token=TOKEN", output.read_text())
+        (ARTEFACTS / "server.log").write_text(shown)
 
 
 def _wait_for_link(process: subprocess.Popen[bytes], output: Path) -> str:

@@ -55,6 +55,15 @@ def _pixel(server: Server, wanted: Callable[[Json], bool]) -> Json | None:
     return None
 
 
+def _with_titles(server: Server, words: str) -> str:
+    """The words with each parameter named as its field is."""
+    for entry in server.get("/parameters/schema"):
+        group = entry["group"].replace("_", " ").replace("klt", "KLT").replace("ego ", "ego-")
+        title = f"{entry['title']} ({group[:1].upper()}{group[1:]})"
+        words = words.replace(entry["name"], title)
+    return words
+
+
 def _of(verdict: str) -> Callable[[Json], bool]:
     return lambda answer: bool(answer["verdict"] == verdict)
 
@@ -85,7 +94,8 @@ def test_a_click_on_the_picture_is_answered(
     same = server.get(f"/pixel?u={u}&v={v}")
     assert frame == same["frame"]
     expect(card).to_contain_text(same["sentence"])
-    expect(card).to_contain_text(f"What would change it: {same['would_change']}")
+    change = _with_titles(server, same["would_change"])
+    expect(card).to_contain_text(f"What would change it: {change}")
     expect(card).to_contain_text(f"Obstacle {same['obstacle']['id']}")
     speed = card.locator("dl div", has=page.locator("dt", has_text=re.compile("^Speed$")))
     expect(speed.locator("dd")).to_have_text(f"{same['numbers']['speed_mps']:.2f} m/s")
@@ -114,7 +124,7 @@ def test_a_wall_and_a_place_where_nothing_is_seen_are_answered_too(
         u, v, _frame = (int(n) for n in re.findall(r"\d+", where))
         same = server.get(f"/pixel?u={u}&v={v}")
         expect(card).to_contain_text(same["sentence"])
-        expect(card).to_contain_text(same["would_change"])
+        expect(card).to_contain_text(_with_titles(server, same["would_change"]))
         card.scroll_into_view_if_needed()
         keep_picture(page, f"answer-{verdict}")
 

@@ -4,7 +4,7 @@ import { h, setAttribute, setText, tint } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { sentence } from "../elements/words.js";
 import { request } from "../shell/api.js";
-import { ChartExport, ofRun } from "./chart-export.js";
+import { chartMenu, ofRun } from "./chart-files.js";
 import { asPicture, speedsAsCsv } from "./live-speed-files.js";
 import { MARKS, markLegend } from "./mark-legend.js";
 import { gapsIn, speedAt, withBand } from "./speed-curves.js";
@@ -33,7 +33,7 @@ class SpeedChart extends Part {
     "p.empty",
     "No speeds yet. Curves appear when an obstacle moves or ground truth arrives.",
   );
-  #export = new ChartExport(() => this.#offers());
+  #export = chartMenu(() => this.#offers());
   #plot = new SpeedPlot(this.#host, {
     height: HEIGHT_PX,
     topAtLeast: TOP_AT_LEAST_MPS,

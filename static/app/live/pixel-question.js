@@ -4,6 +4,8 @@ import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
 import { figuresOf, fillFigures } from "../elements/figure-list.js";
 import { declareKeys, isCovered } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
+import { storeOf } from "../parameters/parameter-store.js";
+import { withTitles } from "../parameters/value-words.js";
 import { request } from "../shell/api.js";
 
 /** @import { Pixel } from "../contract" */
@@ -162,7 +164,8 @@ export class PixelQuestion extends Part {
       const name = obstacle.id < 0 ? "An obstacle" : `Obstacle ${obstacle.id}`;
       setText(this.#obstacle, `${name}${state}: ${obstacle.why.replace(/\.?$/, ".")}`);
     }
-    this.#change.replaceChildren(h("b", "What would change it: "), answer.would_change);
+    const change = withTitles(answer.would_change, storeOf(this.hub).schema);
+    this.#change.replaceChildren(h("b", "What would change it: "), change);
     this.#change.hidden = false;
     fillFigures(this.#figures, figuresOf(answer.numbers));
     this.#open();

@@ -31,3 +31,15 @@ export function groupTitle(group) {
     .replace(/^ego /, "ego-");
   return words.charAt(0).toUpperCase() + words.slice(1);
 }
+
+/**
+ * @param {string} words that name parameters as the server does, as in "flow.residual_threshold_px"
+ * @param {Pick<ParameterEntry, "name" | "group" | "title">[]} schema
+ * @returns {string} with the titles of their fields, as in "Residual threshold (Flow)"
+ */
+export function withTitles(words, schema) {
+  return words.replace(/\b[a-z_]+\.[a-z_]+\b/g, (name) => {
+    const entry = schema.find((each) => each.name === name);
+    return entry ? `${entry.title} (${groupTitle(entry.group)})` : name;
+  });
+}

@@ -5,7 +5,7 @@
  * stand beside each other is the element's own.
  */
 
-import { ChartExport, ofRun } from "../chart/chart-export.js";
+import { chartMenu, ofRun } from "../chart/chart-files.js";
 import { markLegend } from "../chart/mark-legend.js";
 import { button, h, setText, swatch } from "../elements/dom.js";
 import { fixed, trackColour } from "../elements/words.js";
@@ -177,7 +177,7 @@ export class RunChart extends HTMLElement {
           zoomIn,
           all,
         ),
-        this.#exporting ? new ChartExport(() => this.offers()) : null,
+        this.#exporting ? chartMenu(() => this.offers()) : null,
       ),
       this.#panelHost,
       this.#legend,

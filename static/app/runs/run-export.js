@@ -1,16 +1,17 @@
 /** Everything that can be made of a run, behind one button, and what is being made. */
 
+import { chartGroups } from "../chart/chart-files.js";
 import { button, download, field, h, select, setText } from "../elements/dom.js";
+import { ExportMenu } from "../elements/export-menu.js";
 import { passFocus } from "../elements/focus-place.js";
 import { Part } from "../elements/part.js";
 import { ApiError, requestImage } from "../shell/api.js";
 import { showModal } from "../shell/modal.js";
-import { ExportMenu } from "./export-menu.js";
 import { hasImages, size } from "./run-words.js";
 
 /** @import { Run } from "../contract" */
-/** @import { Offer } from "../chart/chart-export.js" */
-/** @import { MenuGroup, MenuItem } from "./export-menu.js" */
+/** @import { Offer } from "../chart/chart-files.js" */
+/** @import { MenuGroup, MenuItem } from "../elements/export-menu.js" */
 
 /** @typedef {{words: string, ending: string, path: string, help: string, images?: boolean}} Made */
 
@@ -112,18 +113,7 @@ export class RunExport extends Part {
       help: "Estimates, ground truth, commands and wheel encoders",
       take: saved(`${path}/speeds?format=csv`, "csv"),
     };
-    const chart = this.#chart().map(({ words, files }) => ({
-      title: `Chart: ${words.split(": ").at(-1)}`,
-      items: files.map(({ format, title, make }) => ({
-        words: `Chart, ${format.toUpperCase()}`,
-        help: title,
-        take: () =>
-          this.#make(`Chart, ${format.toUpperCase()}`, async () => {
-            const { blob, name } = await make();
-            return { blob, name };
-          }),
-      })),
-    }));
+    const chart = chartGroups(this.#chart(), (words, make) => this.#make(words, make));
     // While it is written, or where nothing was recorded, there are only its speeds.
     if (run.record === null || run.state === "running")
       return [{ title: "Run", items: [speeds] }, ...chart];

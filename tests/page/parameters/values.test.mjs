@@ -6,6 +6,7 @@ import {
   groupTitle,
   rangeInWords,
   valueInWords,
+  withTitles,
 } from "../../../static/app/parameters/value-words.js";
 
 /** @import { ParameterEntry } from "../../../static/app/parameters/parameter-store.js" */
@@ -57,4 +58,13 @@ test("only what differs is compared, in the order of declaration", () => {
       ["a.x", "1 px", "4 px"],
     ],
   );
+});
+
+test("names of parameters are shown as the titles of their fields", () => {
+  const schema = [entry({})];
+  assert.equal(
+    withTitles("With flow.window_px at 9 or below (now 15), e.g. 0.5 s.", schema),
+    "With Window size (Flow) at 9 or below (now 15), e.g. 0.5 s.",
+  );
+  assert.equal(withTitles("A lower flow.other would.", schema), "A lower flow.other would.");
 });

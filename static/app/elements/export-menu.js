@@ -1,10 +1,10 @@
 /**
- * <observer-export-menu>: one button, and below it everything that can be made of a run.
+ * <observer-export-menu>: one button, and below it everything that can be made of what is shown.
  *
  * By the keyboard pattern for menus: arrows, Home, End, first letters, Escape.
  */
 
-import { button, h, icon, setAttribute } from "../elements/dom.js";
+import { button, h, icon, setAttribute, setText } from "./dom.js";
 
 /**
  * @typedef {object} MenuItem
@@ -16,9 +16,11 @@ import { button, h, icon, setAttribute } from "../elements/dom.js";
 /** @typedef {{title: string, items: MenuItem[]}} MenuGroup */
 
 export class ExportMenu extends HTMLElement {
+  #words = h("span", "Export");
+  #busy = false;
   #open = button(
-    [icon("download"), "Export", icon("more")],
-    () => this.#toggle(this.#list.hidden),
+    [icon("download"), this.#words, icon("more")],
+    () => this.#toggle(this.#list.hidden && !this.#busy),
     {
       "aria-haspopup": "menu",
       "aria-expanded": "false",
@@ -45,6 +47,20 @@ export class ExportMenu extends HTMLElement {
 
   focus() {
     this.#open.focus();
+  }
+
+  /** Say so, and stay closed, while something is made. @param {Promise<unknown>} made */
+  async during(made) {
+    this.#tell(true);
+    await made.finally(() => this.#tell(false));
+  }
+
+  /** @param {boolean} busy */
+  #tell(busy) {
+    this.#busy = busy;
+    // Not disabled: it has the focus.
+    setAttribute(this.#open, "aria-disabled", String(busy));
+    setText(this.#words, busy ? "Exporting…" : "Export");
   }
 
   /** @param {boolean} open */
