@@ -249,14 +249,23 @@ def pixels() -> Pixels:
 
 @pytest.fixture
 def wait_for_scene(pixels: Pixels, eventually: Eventually) -> Callable[[Page], None]:
-    """Wait until the 3D scene is drawn: many different colours, not one ground."""
+    """Wait until the 3D scene is drawn: many different colours, not one ground.
+
+    Without a graphics card its shaders are compiled once, for seconds in which the page stands
+    still: they are over when it draws its next frame.
+    """
 
     def is_drawn(page: Page) -> bool:
         scene = pixels(page.locator("observer-scene iframe"))
         colours = np.unique((scene // 16).reshape(-1, 3), axis=0)
         return bool(scene.std() > 8 and len(colours) > 60)
 
-    return lambda page: eventually(lambda: is_drawn(page), 30)
+    def wait(page: Page) -> None:
+        eventually(lambda: is_drawn(page), 30)
+        page.evaluate("() => new Promise(requestAnimationFrame)")
+        eventually(lambda: is_drawn(page), 30)
+
+    return wait
 
 
 @pytest.fixture

@@ -97,7 +97,9 @@ def test_two_people_hide_different_layers(
     for page, layers in ((one, ("boxes", "arrows", "trails")), (two, ("cloud", "truth"))):
         assert all(_shown(page, layer) for layer in layers)
     # Also after the server has sent everything anew, and to the next page of the same browser.
-    _viewer(one).evaluate("location.reload()")
+    reloaded = _viewer(one)
+    with one.expect_event("framenavigated", lambda frame: frame == reloaded):
+        reloaded.evaluate("location.reload()")
     eventually(lambda: _shown(one, "boxes"), 30)
     eventually(lambda: _shown(one, "cloud") is False, 10)
     one.reload()
