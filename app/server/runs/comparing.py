@@ -145,7 +145,7 @@ class MethodComparison:
         except BaseException:
             self._progress = None
             raise
-        self._title, self._trouble = order.title, None
+        self._title, self._runs, self._trouble = order.title, None, None
         work = self._run(order, seconds, list(zip(presets, parameters, strict=True)))
         self._task = asyncio.create_task(work, name="compare methods")
         self._shared.background.start(self._task)

@@ -80,6 +80,11 @@ async def test_what_the_worker_kept_is_what_the_command_makes(http: Any, tmp_pat
         file.unlink()
         assert (await http.get(f"/api/runs/{id}/frames")).json() == kept
 
+    # Those of an earlier one are not what came of the next, which is cancelled.
+    wanted = {"source": "simulated:people_across", "seconds": 30}
+    assert (await http.post("/api/comparison", json=wanted)).json()["runs"] is None
+    assert (await http.post("/api/comparison/cancel")).json()["runs"] is None
+
 
 async def test_a_comparison_can_be_cancelled(http: Any, tmp_path: Path) -> None:
     wanted = {"source": "simulated:people_across", "seconds": 30}
