@@ -9,6 +9,7 @@ const ALLOWED = {
   elements: [],
   shell: ["elements"],
   calibration: ["elements", "shell", "live", "sources"],
+  live: ["elements", "shell", "parameters"],
   runs: ["elements", "shell", "chart", "parameters"],
   sources: ["elements", "shell", "runs"],
   method: ["elements", "shell", "parameters", "runs", "sources"],

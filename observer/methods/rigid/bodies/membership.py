@@ -167,11 +167,8 @@ def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
         size = _FIRST_EXTENT_M
         if track.box is not None:
             size = float(np.linalg.norm(track.box.size[[0, 2]]))
-        gap = group.centre - track.centre
-        distance = float(np.linalg.norm(gap))
-        # As far as its place is uncertain in this direction.
-        sigma = float(np.sqrt(gap @ cov @ gap)) / max(distance, 1e-9)
-        slack = 0.5 * size + _FOUND_SIGMAS * sigma
+        slack = 0.5 * size + _FOUND_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+        distance = float(np.linalg.norm(group.centre - track.centre))
         velocity, own = track.centre_velocity()
         if distance <= min(slack, best_distance) and _moves_with(
             group.velocity, group.velocity_cov, velocity, own, _CHANGED_WHILE_HIDDEN
