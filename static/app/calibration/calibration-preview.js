@@ -61,12 +61,10 @@ export async function previewed(calibration, active) {
     h("button.button", { value: "close" }, "Close"),
     use,
   );
-  void paintPreview(
-    `/calibrations/${encodeURIComponent(calibration.id)}/preview`,
-    canvas,
-    verdict,
-    report,
-  );
+  const path = `/calibrations/${encodeURIComponent(calibration.id)}/preview`;
+  void paintPreview(path, canvas, verdict, report).then((painted) => {
+    if (painted) tape.begin();
+  });
   return (await closed) === "use";
 }
 
@@ -82,6 +80,7 @@ export function describe(c) {
  * @param {HTMLCanvasElement} canvas
  * @param {HTMLElement} verdict
  * @param {Record<string, any> | null} report of the calibration, where there is one
+ * @returns {Promise<boolean>} whether there was one to draw
  */
 export async function paintPreview(path, canvas, verdict, report) {
   try {
@@ -90,10 +89,12 @@ export async function paintPreview(path, canvas, verdict, report) {
     canvas.hidden = false;
     const text = headers.get("x-vertical-error-px");
     judge(verdict, text === null ? null : Number(text), report?.held_out?.p95_px ?? null);
+    return true;
   } catch (error) {
     canvas.hidden = true;
     verdict.dataset.tone = "bad";
     setText(verdict, `No preview: ${error instanceof Error ? error.message : String(error)}`);
+    return false;
   }
 }
 

@@ -16,6 +16,12 @@ export class TapeCheck {
   /** @type {[number, number] | null} */
   #place = null;
   #mark = h("span.place-mark", { hidden: true });
+  // Until the pair is painted the canvas has no centre.
+  #centre = button(
+    "Choose the image centre",
+    () => this.#choose(this.#canvas.width / 4, this.#canvas.height / 2),
+    { "aria-describedby": "tape-help", disabled: true },
+  );
   #words = h("p", { role: "status" });
   #measured = input("number", "tape-measured", {
     min: 0.05,
@@ -35,11 +41,6 @@ export class TapeCheck {
   constructor(calibration, canvas) {
     this.#path = `/calibrations/${encodeURIComponent(calibration.id)}`;
     this.#canvas = canvas;
-    const choose = button(
-      "Choose the image centre",
-      () => this.#choose(canvas.width / 4, canvas.height / 2),
-      { "aria-describedby": "tape-help" },
-    );
     this.element.append(
       h("summary", "Tape check"),
       h(
@@ -47,7 +48,7 @@ export class TapeCheck {
         { id: "tape-help" },
         "Click a flat, textured spot in the left image, or choose the image centre and move the mark with the arrow keys. Then measure the straight distance from the left lens to that spot.",
       ),
-      h("div.row", choose),
+      h("div.row", this.#centre),
       this.#words,
       h(
         "div.row",
@@ -58,7 +59,7 @@ export class TapeCheck {
       this.#error,
       this.#list,
     );
-    choose.addEventListener("keydown", (event) => this.#move(event));
+    this.#centre.addEventListener("keydown", (event) => this.#move(event));
     canvas.addEventListener("click", (event) => this.#clicked(event));
     // Enter must not close the dialog in place of comparing.
     this.#measured.addEventListener("keydown", (event) => {
@@ -69,8 +70,14 @@ export class TapeCheck {
     this.#show(calibration);
   }
 
+  /** Let a place be chosen: the pair is painted. */
+  begin() {
+    this.#centre.disabled = false;
+  }
+
   /** @param {MouseEvent} event */
   #clicked(event) {
+    if (this.#centre.disabled) return;
     const box = this.#canvas.getBoundingClientRect();
     const u = ((event.clientX - box.left) / box.width) * this.#canvas.width;
     const v = ((event.clientY - box.top) / box.height) * this.#canvas.height;
