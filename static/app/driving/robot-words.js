@@ -38,8 +38,9 @@ export function standsBecause(role, robot, facts, ours) {
   if (["connecting", "waiting", "refused"].includes(robot.state)) {
     return sentence(trouble ?? robot.why ?? "connecting to the robot");
   }
-  if (robot.why) return sentence(robot.why);
+  // Why it moves slower than wanted stands beside what is sent.
   if (robot.state === "moving") return "The robot is moving.";
+  if (robot.why) return sentence(robot.why);
   if (robot.state === "armed")
     return ours
       ? "Armed. Hold the pad, a key or the gamepad to drive."
