@@ -25,17 +25,21 @@ class LatestWorker(Generic[Job]):
     The thread starts with the first job, so a caller that gives none has no thread.
     """
 
-    def __init__(self, name: str, work: Callable[[Job], None], *, rate_hz: float) -> None:
+    def __init__(
+        self, name: str, work: Callable[[Job], None], *, rate_hz: float, most_share: float = 1.0
+    ) -> None:
         """Prepare the worker.
 
         Args:
             name: of the thread.
             work: called in the thread; it must not raise, because that would end the work for good.
             rate_hz: maximum jobs per second, on average over whatever rhythm they arrive in.
+            most_share: of one core's time that it may take; where jobs cost more, they are fewer.
         """
         self._name = name
         self._work = work
         self._interval = 1.0 / rate_hz
+        self._rest = 1.0 / most_share - 1.0
         self._changed = threading.Condition()
         self._newest: Job | None = None
         self._due = -math.inf
@@ -70,7 +74,12 @@ class LatestWorker(Generic[Job]):
     def _run(self) -> None:
         _step_back()
         while (job := self._next()) is not None:
+            began = time.thread_time()
             self._work(job)
+            rest = self._rest * (time.thread_time() - began)
+            if rest > 0:
+                with self._changed:
+                    self._due = max(self._due, time.monotonic() + rest)
 
     def _next(self) -> Job | None:
         """Wait for a job and for its turn; return None once the worker is closed."""

@@ -29,6 +29,8 @@ from observer.types import Image, StereoFrame
 
 # The scene is drawn ten times a second; a little more, so that a busy machine keeps up the ten.
 DENSE_RATE_HZ = 12.0
+# Of one core. What is looked at may not slow down what is observed.
+_DENSE_SHARE = 0.2
 _DENSE = frozenset({CLOUD_NAME, DISPARITY_NAME})
 # And kept so often in a recording, whoever looks: twenty thousand points take 300 KB.
 CLOUD_KEPT_EVERY_S = 1.0
@@ -67,7 +69,9 @@ class Publisher:
         self._epoch = 0
         self._keep_from = -math.inf
         self._writing = threading.Lock()
-        self._dense = LatestWorker("dense stereo", self._make_dense, rate_hz=DENSE_RATE_HZ)
+        self._dense = LatestWorker(
+            "dense stereo", self._make_dense, rate_hz=DENSE_RATE_HZ, most_share=_DENSE_SHARE
+        )
 
     def watch(self, names: Iterable[str]) -> None:
         """Draw these views from now on; show newly watched ones at once, even while paused.

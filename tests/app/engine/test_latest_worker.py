@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 
@@ -67,6 +68,26 @@ def test_it_keeps_its_rate_however_often_it_is_given_something(bench: Bench) -> 
     # 20 are meant; a busy machine may delay some, but none may come earlier.
     assert 10 <= len(bench.began) <= 21
     assert job > 3 * len(bench.began)
+
+
+def test_jobs_that_cost_much_are_fewer() -> None:
+    """Of 20 ms each, at most a quarter of the time: one every 80 ms."""
+    began: list[float] = []
+
+    def work(_: int) -> None:
+        began.append(time.monotonic())
+        end = time.thread_time() + 0.02
+        while time.thread_time() < end:
+            pass
+
+    worker: LatestWorker[int] = LatestWorker("costly", work, rate_hz=1000.0, most_share=0.25)
+    deadline = time.monotonic() + 1.0
+    while time.monotonic() < deadline:
+        worker.give(0)
+        time.sleep(0.004)
+    worker.close()
+    assert len(began) >= 3
+    assert all(later - before >= 0.075 for before, later in pairwise(began))
 
 
 def test_what_is_forgotten_is_not_worked_on(bench: Bench) -> None:
