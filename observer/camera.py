@@ -50,7 +50,7 @@ class StereoCalibration:
     def __post_init__(self) -> None:
         if not (8 <= self.width <= 16384 and 8 <= self.height <= 16384):
             raise CalibrationError(
-                f"image_width and image_height must be 8 to 16384 pixels, "
+                f"image_width and image_height must be between 8 and 16384 pixels, "
                 f"not {self.width} x {self.height}"
             )
         for name in ("K1", "K2", "R"):
