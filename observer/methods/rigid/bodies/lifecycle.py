@@ -75,9 +75,8 @@ def judge(
         track.part_moves = False
     seen = track.missed_s == 0
     tentative = track.state is TrackState.TENTATIVE
-    believed = not (flickers and _seems_to_come_or_go(track, camera_position, parameters))
     confirmed = (
-        seen and tentative and _confirmed(track, camera_position, parameters, believed=believed)
+        seen and tentative and _confirmed(track, camera_position, parameters, flickers=flickers)
     )
     if confirmed and track.motion is MotionState.MOVING:
         track.confirmed_at = track.centre
@@ -110,14 +109,11 @@ def _confirmed(
     camera_position: Float64Array,
     parameters: ObstacleParameters,
     *,
-    believed: bool,
+    flickers: bool,
 ) -> bool:
     """Count this frame's evidence: a track must move significantly in enough frames and points.
 
     The fewer points there are, the longer they must keep moving alike.
-
-    Args:
-        believed: whether its points may tell that it moves.
     """
     # Of a person an arm or a leg of whom moves, less is enough.
     least_sigmas = _MOVING_SIGMAS if track.part_moves else parameters.confirm_sigmas
@@ -129,7 +125,10 @@ def _confirmed(
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
     shown = track.merged_s == 0 or _shown_by_many(track)
-    if by_points and believed and shown and not _creeps(track, parameters):
+    may_stand = _creeps(track, parameters) or (
+        flickers and _seems_to_come_or_go(track, camera_position, parameters)
+    )
+    if by_points and shown and not may_stand:
         return True
     if track.motion is MotionState.IN_PLACE:
         return True
