@@ -38,7 +38,7 @@ def launched(path: str) -> Iterator[Browser]:
 
 def without_viewer(page: Page) -> None:
     """Without the 3D scene, which takes most of the time where there is no graphics card."""
-    page.route("**/viewer/", lambda route: route.fulfill(body=_BLANK, content_type="text/html"))
+    page.route("**/viewer/**", lambda route: route.fulfill(body=_BLANK, content_type="text/html"))
 
 
 def hide(page: Page, hidden: bool) -> None:

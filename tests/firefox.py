@@ -98,8 +98,22 @@ class Tab:
         self.ask("browsingContext.setViewport", context=self._context, viewport=size)
         self.ask("browsingContext.navigate", context=self._context, url=address, wait="complete")
 
-    def evaluate(self, function: str, *arguments: Any) -> Any:
+    def frame(self, part: str) -> str:
+        """Return the context of the frame whose address contains ``part``, for ``evaluate``.
+
+        Raises:
+            AssertionError: there is none.
+        """
+        tree = self.ask("browsingContext.getTree", root=self._context)["contexts"][0]
+        found = [each["context"] for each in tree["children"] if part in each["url"]]
+        assert found, f"no frame with {part} in its address"
+        return str(found[0])
+
+    def evaluate(self, function: str, *arguments: Any, context: str | None = None) -> Any:
         """Call a JavaScript function with values of JSON, and return its value of JSON.
+
+        Args:
+            context: of a frame; otherwise it is called in the page.
 
         Raises:
             AssertionError: it throws.
@@ -110,16 +124,22 @@ class Tab:
                 f"async (given) => JSON.stringify(await ({function})(...JSON.parse(given)) ?? null)"
             ),
             arguments=[{"type": "string", "value": json.dumps(arguments)}],
-            target={"context": self._context},
+            target={"context": context or self._context},
             awaitPromise=True,
         )
         assert result["type"] == "success", result["exceptionDetails"]["text"]
         return json.loads(result["result"]["value"])
 
-    def wait_for(self, function: str, *arguments: Any, within_s: float = 30.0) -> Any:
+    def wait_for(
+        self,
+        function: str,
+        *arguments: Any,
+        context: str | None = None,
+        within_s: float = 30.0,
+    ) -> Any:
         """Call a function until what it returns is true; return it."""
         deadline = time.monotonic() + within_s
-        while not (value := self.evaluate(function, *arguments)):
+        while not (value := self.evaluate(function, *arguments, context=context)):
             assert time.monotonic() < deadline, f"not within {within_s} s: {function} {arguments}"
             time.sleep(0.1)
         return value

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from urllib.parse import parse_qs
 
 from fastapi import APIRouter, FastAPI, Request
@@ -67,6 +69,8 @@ def sign_in_page(folder: Path) -> str:
 class PanelFiles(StaticFiles):
     """Files that browsers revalidate each time and rarely have to load again; compressed."""
 
+    sent_with: Mapping[str, str] = _REVALIDATED
+
     def file_response(
         self,
         full_path: str | os.PathLike[str],
@@ -74,10 +78,16 @@ class PanelFiles(StaticFiles):
         scope: Scope,
         status_code: int = 200,
     ) -> Response:
-        file = CompressedFile(full_path, status_code, _REVALIDATED, stat_result=stat_result)
+        file = CompressedFile(full_path, status_code, self.sent_with, stat_result=stat_result)
         if self.is_not_modified(file.headers, Headers(scope=scope)):
             return NotModifiedResponse(file.headers)
         return file
+
+
+class SceneFiles(PanelFiles):
+    """Our scripts in the page of the 3D scene, which has no origin; the gate asks for its key."""
+
+    sent_with = MappingProxyType({**_REVALIDATED, "Access-Control-Allow-Origin": "null"})
 
 
 class HelpFiles(PanelFiles):
@@ -176,3 +186,5 @@ def add_pages(
     app.mount("/help", HelpFiles(documentation), name="documentation")
     if folder.is_dir():
         app.mount("/static", PanelFiles(directory=folder), name="static")
+        scripts = SceneFiles(directory=folder / "app" / "scene-frame", check_dir=False)
+        app.mount("/viewer/{key}/app", scripts, name="scripts of the 3D scene")

@@ -21,11 +21,10 @@ _ENTER = "\ue007"
 _FRESH = "() => document.documentElement.dataset.freshness === 'fresh'"
 _TEXT = "(selector) => document.querySelector(selector)?.innerText.trim() ?? ''"
 _WIDTH = "(selector) => document.querySelector(selector)?.width ?? 0"
-_SCENE = """() => {
-  const scene = document.querySelector("observer-scene iframe").contentDocument;
-  const drawn = [...(scene?.querySelectorAll("canvas") ?? [])];
-  return drawn.some((each) => each.getContext("webgl2")?.drawingBufferWidth > 100);
-}"""
+_DRAWN = """() => [...document.querySelectorAll("canvas")].some(
+  (each) => each.getContext("webgl2")?.drawingBufferWidth > 100
+)"""
+_CLOUD = """() => "/display/world/cloud/points" in (window.__viserSceneTree?.getState() ?? {})"""
 _SHOWN = """(name) => document.getElementById(`tab-${name}`).ariaSelected === "true"
   && document.getElementById(`pane-${name}`).innerText.length > 20"""
 _REVISION = "() => /^Applied at frame/.test(document.querySelector('.revision').innerText.trim())"
@@ -59,7 +58,9 @@ def test_the_panel_works_in_firefox(lab: Server, tab: Any, eventually: Eventuall
     row = tab.wait_for(_TEXT, "observer-obstacles tbody tr", within_s=_SLOW_S)
     assert "±" in row
     assert tab.wait_for(_WIDTH, 'observer-live-view[data-view="left"] canvas') > 100
-    tab.wait_for(_SCENE, within_s=_SLOW_S)
+    scene = tab.frame("/viewer/")
+    tab.wait_for(_DRAWN, context=scene, within_s=_SLOW_S)
+    tab.wait_for(_CLOUD, context=scene, within_s=_SLOW_S)
 
     _choose_tab(tab, "parameters")
     tab.click(_FIELD)
@@ -79,7 +80,14 @@ def test_the_panel_works_in_firefox(lab: Server, tab: Any, eventually: Eventuall
 
     assert tab.errors == []
     host = lab.link.split("/")[2]
-    inside = (f"http://{host}/", f"ws://{host}/", "data:", f"blob:http://{host}/", "about:")
+    inside = (
+        f"http://{host}/",
+        f"ws://{host}/",
+        "data:",
+        f"blob:http://{host}/",
+        "blob:null",
+        "about:",
+    )
     assert [each for each in tab.requested if not each.startswith(inside)] == []
 
 

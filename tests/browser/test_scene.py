@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Frame, Page, expect
+from playwright.sync_api import Browser, Frame, Page, expect
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
@@ -24,6 +25,12 @@ _LOOK = """() => {
   const { camera } = window.__viserMutable;
   const { elements: e } = camera.matrixWorld;
   return [[e[12], e[13], e[14]], [-e[8], -e[9], -e[10]], [e[4], e[5], e[6]]];
+}"""
+_NO_WEBGL = """{
+  const { getContext } = HTMLCanvasElement.prototype;
+  HTMLCanvasElement.prototype.getContext = function (kind, ...options) {
+    return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...options);
+  };
 }"""
 _DISPLAY = """() => [...window.__viserMutable.nodeRefFromName["/display"].matrixWorld.elements]"""
 # Turn robot and world by a quarter to the left, as if the server had sent it.
@@ -211,6 +218,57 @@ def test_scene_and_views_take_the_window_and_esc_leads_back(
     button.click()
     page.evaluate("location.hash = '#history'")
     expect(page.locator("body")).not_to_have_attribute("data-enlarged", re.compile(".*"))
+
+
+def test_stop_is_reached_while_the_scene_is_made(
+    open_panel: OpenPanel, wait_for_scene: Callable[[Page], None]
+) -> None:
+    """Without a graphics card its shaders are compiled for seconds."""
+    page = open_panel(viewer=True, viewport=_SMALL)
+    sent: list[float] = []
+    page.on(
+        "request",
+        lambda each: sent.append(time.monotonic()) if each.url.endswith("/robots/stop") else None,
+    )
+    box = page.locator("#stop-robots").bounding_box()
+    assert box is not None
+    took: list[float] = []
+    until = time.monotonic() + 8
+    while (pressed := time.monotonic()) < until:
+        before = len(sent)
+        page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        while len(sent) == before:
+            assert time.monotonic() < pressed + 5, f"not sent within 5 s; others after {took}"
+            page.wait_for_timeout(5)
+        took.append(sent[-1] - pressed)
+        page.wait_for_timeout(200)
+    wait_for_scene(page)
+    assert max(took) < 1.0, took
+
+
+def test_keys_pressed_in_the_scene_stop_too(
+    open_scene: Callable[..., Page], server: Server, eventually: Eventually
+) -> None:
+    page = open_scene()
+    eventually(lambda: server.get("/robots"))
+    for key in ("Space", "Escape"):
+        page.locator("observer-scene iframe").focus()
+        with page.expect_request("**/api/robots/stop", timeout=5000):
+            page.keyboard.press(key)
+
+
+def test_a_browser_without_webgl_says_so(
+    browser: Browser, server: Server, keep_picture: KeepPicture
+) -> None:
+    # Not by open_panel: viser's client fails, as it must.
+    page = browser.new_page(**{"viewport": _SMALL})
+    page.add_init_script(_NO_WEBGL)
+    page.goto(server.link)
+    expect(page.locator(".scene-trouble")).to_contain_text("it has no WebGL 2")
+    expect(page.locator(".scene-tools")).not_to_be_visible()
+    expect(page.locator("observer-obstacles tbody tr").first).to_be_visible(timeout=20_000)
+    keep_picture(page, "scene-without-webgl")
+    page.context.close()
 
 
 def test_on_a_narrow_window_the_layers_are_a_list(

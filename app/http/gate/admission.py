@@ -6,6 +6,7 @@ The only place that reads the cookie, for requests, WebSockets and the viewer al
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -27,6 +28,9 @@ _SESSION = "session"
 _LINK = "link"
 # More than a browser sends in one cookie; one request must not try a list of tokens.
 _MOST_CANDIDATES = 4
+
+# Addresses of the 3D scene's page, its socket and its scripts, for one session each.
+_VIEWED = re.compile(r"/viewer/(?P<key>[A-Za-z0-9_-]{43})(?:/|$)")
 
 _SIGN_IN_FIRST = (
     "sign in first: open the link that the server printed at its start, or send the header "
@@ -74,12 +78,26 @@ class Admission:
 
         ``session_of``, ``link_of`` and ``access_of`` then tell by what, and as what.
         """
+        viewed = self.viewed(scope)
+        if viewed is not None:
+            _note_viewer(scope, viewed)
+            return None
         ids = _session_ids(scope)
         _, session = self._found(ids)
         if session is not None:
             _note(scope, session, session.link)
             return None
         return self._check_token(scope, _bearer_tokens(scope), ended=bool(ids))
+
+    def viewed(self, scope: Scope) -> Session | None:
+        """Return the session whose key for the 3D scene is part of the requested address."""
+        match = _VIEWED.match(scope["path"])
+        return None if match is None else self.sessions.find_by_viewer_key(match["key"])
+
+    def viewer_address(self, scope: Scope) -> str | None:
+        """Return where the 3D scene of an admitted request's session is; None without a session."""
+        session = session_of(scope)
+        return None if session is None else f"/viewer/{self.sessions.viewer_key(session)}/"
 
     def is_signed_in(self, scope: Scope) -> bool:
         """Return whether the request comes from a browser with a session."""
@@ -189,6 +207,11 @@ def access_of(scope: Scope) -> Access:
 def header_values(scope: Scope, name: bytes) -> list[str]:
     """Return the values of a header, by its name in lower case."""
     return [value.decode("latin-1") for key, value in scope["headers"] if key.lower() == name]
+
+
+def _note_viewer(scope: Scope, session: Session) -> None:
+    """Note what the key for the 3D scene admits: it ends with the session, and only watches."""
+    scope.setdefault("state", {}).update({SIGNED_IN: True, _SESSION: session})
 
 
 def _note(scope: Scope, session: Session | None, link: ReadOnlyLink | None) -> None:

@@ -13,11 +13,13 @@ PANEL_POLICY = (
     "connect-src 'self'; font-src 'self'; frame-src 'self'; manifest-src 'self'; "
     "form-action 'self'; base-uri 'none'; frame-ancestors 'self'"
 )
-# viser's client is one file with everything inline. This is the strictest policy that lets it
-# render without errors (its splat sorter, a WebAssembly module, compiles functions from text at
-# start).
+# viser's client is one file with everything inline, beside which our own scripts are loaded. This
+# is the strictest policy that lets it render without errors (its splat sorter, a WebAssembly
+# module, compiles functions from text at start). sandbox: it has an origin of its own. So neither
+# can it do what the panel may, nor does the panel wait while it draws: browsers give it a process.
 VIEWER_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval' blob: data:; "
+    "sandbox allow-scripts; default-src 'none'; "
+    "script-src 'self' 'unsafe-inline' 'unsafe-eval' blob: data:; "
     "worker-src blob: data:; style-src 'unsafe-inline'; img-src blob: data:; font-src data:; "
     "connect-src 'self' data: blob:; frame-ancestors 'self'"
 )

@@ -10,6 +10,7 @@ know which ids are revoked and which connections are theirs. The table of sessio
 
 from __future__ import annotations
 
+import base64
 import hashlib
 import hmac
 import secrets
@@ -20,6 +21,8 @@ from app.http.gate.connections import Connections
 from app.http.gate.read_only_links import ReadOnlyLink, ReadOnlyLinks
 
 _ID_BYTES = 32
+# Keeps keys for the 3D scene apart from digests of ids.
+_VIEWER = b"viewer "
 # Bounds the memory that repeated signing in can take.
 _MOST = 200
 
@@ -102,14 +105,23 @@ class Sessions:
         The time that it takes reveals nothing: without the token nobody can choose a digest.
         """
         session = self._sessions.get(self._digest(session_id))
-        if session is None:
-            return None
-        now = self._clock()
-        if self._is_old(session, now):
-            self.end(session)
-            return None
-        session.used = now
-        return session
+        return session if session is not None and self._note_use(session) else None
+
+    def viewer_key(self, session: Session) -> str:
+        """Return what admits the page of a session's 3D scene, and to nothing but the scene.
+
+        It is part of that page's address: the page has an origin of its own and sends no cookie.
+        """
+        digest = hmac.digest(self._key, _VIEWER + session.digest, hashlib.sha256)
+        return base64.urlsafe_b64encode(digest).rstrip(b"=").decode()
+
+    def find_by_viewer_key(self, key: str) -> Session | None:
+        """Return the session with this key of the 3D scene and note its use, or None."""
+        wanted = key.encode("utf-8", "surrogatepass")
+        for session in tuple(self._sessions.values()):
+            if hmac.compare_digest(self.viewer_key(session).encode(), wanted):
+                return session if self._note_use(session) else None
+        return None
 
     def renew(self, session: Session) -> None:
         """Begin a session's lifetime again: its browser has brought the token once more."""
@@ -183,6 +195,15 @@ class Sessions:
 
     def _digest(self, session_id: str) -> bytes:
         return hmac.digest(self._key, session_id.encode("utf-8", "surrogatepass"), hashlib.sha256)
+
+    def _note_use(self, session: Session) -> bool:
+        """Note that a session is used; end it and return False if it is too old."""
+        now = self._clock()
+        if self._is_old(session, now):
+            self.end(session)
+            return False
+        session.used = now
+        return True
 
     def _is_old(self, session: Session, now: float) -> bool:
         unused_s = 0.0 if session.closers else now - session.used

@@ -3,6 +3,8 @@
 viser authenticates nobody and listens on loopback only, where it admits nobody but us. Of what
 browsers send only the camera pose goes through: our scene needs nothing else, and some other
 messages would open the machine to the outside.
+
+The page is sandboxed and sends no cookies, so each session has it under an address with a key.
 """
 
 from __future__ import annotations
@@ -25,6 +27,7 @@ from websockets.typing import Subprotocol
 
 from app.http.compressed import takes_gzip
 from app.http.errors import SafeJSON
+from app.http.gate.admission import Admission
 from app.http.gate.headers import VIEWER_POLICY
 from app.http.sockets.connections import GOING_AWAY, BadMessage, close, until_one_ends
 from app.viewer import NullViewer, Viewer
@@ -39,6 +42,12 @@ _CAMERA_GAP_S = 0.01
 # "No status" and "lost" exist only as reports, never on the wire.
 _NEVER_SENT = (1005, 1006, 1015)
 _LONGEST_SUBPROTOCOL = 100
+# What lets the client work in a sandbox, and joins it to the panel around it; of
+# ``static/app/scene-frame``.
+_OUR_SCRIPTS = (
+    b'<script src="app/module-workers.js" crossorigin></script>'
+    b'<script type="module" src="app/main.js"></script>'
+)
 Vector = tuple[float, float, float]
 
 
@@ -75,6 +84,8 @@ class PreparedPage:
 
 
 def prepared_page(page: bytes) -> PreparedPage:
+    """Return viser's page with our scripts in it, before its own."""
+    page = page.replace(b"<head>", b"<head>" + _OUR_SCRIPTS, 1)
     tag = f'"{hashlib.sha256(page).hexdigest()[:32]}"'
     return PreparedPage(page, gzip.compress(page, 6), tag)
 
@@ -112,6 +123,17 @@ async def viewer_without_slash() -> Response:
 
 @router.get("/viewer/")
 async def viewer_page(request: Request, door: Door) -> Response:
+    """Send a browser to the scene's page for its session; scripts with the token get it here."""
+    admission = request.app.state.admission
+    assert isinstance(admission, Admission)
+    address = admission.viewer_address(request.scope)
+    if address is not None:
+        return RedirectResponse(address, 307)
+    return await viewer_page_of_session(request, door)
+
+
+@router.get("/viewer/{key}/")
+async def viewer_page_of_session(request: Request, door: Door) -> Response:
     """viser's client, one file."""
     if door.viewer.port is None:
         # No browser heeds Retry-After in a frame.
@@ -133,6 +155,7 @@ async def viewer_page(request: Request, door: Door) -> Response:
 
 
 @router.websocket("/viewer")
+@router.websocket("/viewer/{key}")
 async def viewer_socket(socket: WebSocket, door: Door) -> None:
     """Carries viser's messages to the browser, and the browser's camera to viser."""
     viewer = door.viewer

@@ -135,9 +135,9 @@ export class Driver extends Teller {
     if (refusal) throw new ApiError(sentence(refusal), 409);
   }
 
-  /** Have Space and Esc stop in a window of this page. @param {Window} inside */
-  listenForStop(inside) {
-    listenForStop(inside, this);
+  /** Have Space and Esc stop. */
+  listenForStop() {
+    listenForStop(this);
   }
 
   /** Stop everything, by every way there is. */

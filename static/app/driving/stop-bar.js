@@ -35,7 +35,7 @@ class StopBar extends Part {
     const { driver } = this.hub;
     this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
     this.append(this.#latched, h("div.stop-words", this.#what, this.#keys), this.#stop);
-    driver.listenForStop(window);
+    driver.listenForStop();
     this.hear("stopping", () => this.#begin(), driver);
     this.hear(
       "stop-failed",

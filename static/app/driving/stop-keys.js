@@ -10,18 +10,17 @@ const OWN_SPACE = 'button, summary, select, input, a, [role="tab"], [contentedit
 const MENU = ':popover-open:not([popover="manual"])';
 
 /**
- * Have Space and Esc stop in a window.
+ * Have Space and Esc stop.
  *
  * While a robot is armed they always do, also where one types or a button has the focus, and do
  * nothing else. Otherwise they keep the meaning they have in fields, buttons and dialogs, and stop
  * everywhere else, as long as there is a robot.
  *
- * @param {Window} inside the page's window, or that of a same-origin frame
  * @param {import("./driver.js").Driver} driver
  */
-export function listenForStop(inside, driver) {
+export function listenForStop(driver) {
   let taken = "";
-  inside.addEventListener(
+  window.addEventListener(
     "keydown",
     (event) => {
       if (!isStop(event) || !driver.anyArmed) return;
@@ -33,7 +32,7 @@ export function listenForStop(inside, driver) {
     { capture: true },
   );
   // A button is pressed at the release of Space.
-  inside.addEventListener(
+  window.addEventListener(
     "keyup",
     (event) => {
       if (event.code !== taken) return;
@@ -44,13 +43,13 @@ export function listenForStop(inside, driver) {
     { capture: true },
   );
   // Behind everything else that wants these keys.
-  inside.addEventListener("keydown", (event) => {
+  window.addEventListener("keydown", (event) => {
     if (!isStop(event) || event.defaultPrevented || event.repeat || !driver.anyConnected) return;
     const target = /** @type {HTMLElement | null} */ (event.target);
     if (target?.closest?.("dialog, [popover]") || (target && target.tagName && writesText(target)))
       return;
     if (event.code === "Space" && target?.closest?.(OWN_SPACE)) return;
-    if (event.key === "Escape" && inside.document.querySelector(MENU)) return;
+    if (event.key === "Escape" && document.querySelector(MENU)) return;
     event.preventDefault();
     void driver.stop().catch(() => {});
   });

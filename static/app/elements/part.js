@@ -30,13 +30,13 @@ export class Part extends HTMLElement {
    * Listen until this part is taken out of the page; a part is never put back or moved.
    *
    * @param {string} types events of the hub, with spaces between them
-   * @param {() => unknown} listener
+   * @param {(event: Event) => unknown} listener
    * @param {EventTarget} [target] another thing to listen to, as in document
    */
   hear(types, listener, target = this.hub) {
     const { signal } = this.#gone;
     for (const type of types.split(" "))
-      target.addEventListener(type, () => void listener(), { signal });
+      target.addEventListener(type, (event) => void listener(event), { signal });
   }
 
   /**

@@ -25,8 +25,6 @@ export class EnlargeButton extends Part {
     this.#word,
   );
   #back = new AbortController();
-  /** @type {EventTarget[]} */
-  #documents = [document];
   /** How far what it stands in was scrolled. @type {[Element, number][]} */
   #scrolled = [];
 
@@ -44,12 +42,6 @@ export class EnlargeButton extends Part {
   disconnectedCallback() {
     super.disconnectedCallback();
     this.#set(false);
-  }
-
-  /** Have Esc lead back from a frame too. @param {Document} inside */
-  listenIn(inside) {
-    this.#documents = [document, inside];
-    if (this.#enlarged) this.#listen();
   }
 
   get #enlarged() {
@@ -74,9 +66,7 @@ export class EnlargeButton extends Part {
     this.#back.abort();
     this.#back = new AbortController();
     const { signal } = this.#back;
-    for (const each of this.#documents) {
-      each.addEventListener("keydown", (event) => this.#key(event), { signal });
-    }
+    document.addEventListener("keydown", (event) => this.#key(event), { signal });
     const sizes = new ResizeObserver(() => {
       // Something else took its place, as a recorded run does.
       if (this.what.getClientRects().length === 0) this.#set(false);
@@ -87,9 +77,9 @@ export class EnlargeButton extends Part {
     keepBelowHead();
   }
 
-  /** @param {Event} event */
+  /** @param {KeyboardEvent} event */
   #key(event) {
-    if (!(/** @type {KeyboardEvent} */ (event).key === "Escape") || event.defaultPrevented) return;
+    if (event.key !== "Escape" || event.defaultPrevented) return;
     if (isCovered()) return;
     event.preventDefault();
     this.#set(false);

@@ -74,7 +74,8 @@ async def test_everything_can_be_read(served: Any, watching: dict[str, str]) -> 
     assert (await served.http.get("/api/session")).json() == {"access": "operator"}
     # A new socket is looked at before it joins this list: the gate admits watchers to all of them.
     assert set(socket_routes(served.app)) == {
-        "/api/live", "/api/drive", "/api/views/left", "/viewer", "/no/such/socket",
+        "/api/live", "/api/drive", "/api/views/left", "/viewer", "/viewer/{key}",
+        "/no/such/socket",
     }  # fmt: skip
     async with served.socket("/api/live", token=None, headers=watching) as socket:
         await heard(socket, "status")

@@ -1,4 +1,4 @@
-/** The viewer's own page, from outside: what it shows, and from where, in this browser alone. */
+/** The viewer as its own page has it: what it shows, and from where, in this browser alone. */
 
 /** @typedef {[number, number, number]} Vector */
 

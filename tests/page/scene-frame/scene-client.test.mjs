@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { SceneClient } from "../../../static/app/live/scene-client.js";
+import { SceneClient } from "../../../static/app/scene-frame/scene-client.js";
 
 function viewer() {
   let asked = 0;
@@ -11,17 +11,26 @@ function viewer() {
       requestRender: () => (asked += 1),
       nodeRefFromName: {
         "/display": {
-          matrixWorld: { elements: [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 7, 8, 9, 1] },
+          matrixWorld: {
+            elements: [1, 0, 0, 0, 0, 0, -1, 0, 0, 1, 0, 0, 7, 8, 9, 1],
+          },
         },
       },
       camera: { position: { x: 1, y: 2, z: 3 } },
       cameraControl: null,
     },
     __viserSceneTree: {
-      getState: () => ({ "/display": {}, "/display/cloud": { visibility: false } }),
+      getState: () => ({
+        "/display": {},
+        "/display/cloud": { visibility: false },
+      }),
     },
   };
-  return { client: new SceneClient(/** @type {any} */ (inside)), inside, asked: () => asked };
+  return {
+    client: new SceneClient(/** @type {any} */ (inside)),
+    inside,
+    asked: () => asked,
+  };
 }
 
 test("a node is hidden by a message as the server sends it, and drawn anew", () => {
@@ -33,7 +42,12 @@ test("a node is hidden by a message as the server sends it, and drawn anew", () 
   client.show("/display", false);
   client.show("/none", false);
   assert.deepEqual(inside.__viserMutable.messageQueue, [
-    { type: "SetSceneNodeVisibilityMessage", name: "/display", owner: "", visible: false },
+    {
+      type: "SetSceneNodeVisibilityMessage",
+      name: "/display",
+      owner: "",
+      visible: false,
+    },
   ]);
   assert.equal(asked(), 1);
 });

@@ -2,7 +2,7 @@
 
 /** @import { SceneFacts } from "../contract" */
 /** @import { Frame, SceneClient, Vector } from "./scene-client.js" */
-/** @import { CameraChoice } from "./scene-choice.js" */
+/** @import { CameraChoice } from "../live/scene-choice.js" */
 
 /**
  * @typedef {object} Place the robot's, on the ground of the display

@@ -1,13 +1,23 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { SceneCamera, eased, inScene, placeOf } from "../../../static/app/live/scene-camera.js";
+import {
+  SceneCamera,
+  eased,
+  inScene,
+  placeOf,
+} from "../../../static/app/scene-frame/scene-camera.js";
 
-/** @import { Frame, SceneClient, Vector } from "../../../static/app/live/scene-client.js" */
+/** @import { Frame, SceneClient, Vector } from "../../../static/app/scene-frame/scene-client.js" */
 
 // The renderer has y up; the display's z is up, and it has been moved by 4 m.
 /** @type {Frame} */
-const DISPLAY = { position: [-4, 0, 0], x: [1, 0, 0], y: [0, 0, -1], z: [0, 1, 0] };
+const DISPLAY = {
+  position: [-4, 0, 0],
+  x: [1, 0, 0],
+  y: [0, 0, -1],
+  z: [0, 1, 0],
+};
 /** @type {any} */
 const FACTS = {
   layers: [],

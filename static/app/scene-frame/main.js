@@ -1,0 +1,74 @@
+/** Runs in the viewer's page: shows what the page around it chooses, and tells it of hands and keys. */
+
+import { paceFrames } from "./frame-pace.js";
+import { SceneCamera, listenForHand } from "./scene-camera.js";
+import { SceneClient } from "./scene-client.js";
+
+/** @import { Choice, FromFrame, ToFrame } from "./messages.js" */
+
+// The viewer's own panel of settings (a window, or a drawer where it is narrow) and its notices;
+// the page has its own. viser offers no setting for that.
+const HIDE_PANEL =
+  "#root .mantine-Paper-root, .mantine-Notifications-root { display: none !important }";
+// Where the viewer draws nothing it shows its own ground, which follows the page's colours.
+const GROUND =
+  '#root div[style*="background-color"]:has(canvas) { background-color: COLOUR !important }';
+
+const client = new SceneClient(window);
+const style = document.head.appendChild(document.createElement("style"));
+/** @type {Choice | null} */
+let choice = null;
+/** @type {SceneCamera | null} */
+let camera = null;
+
+/** @param {Choice} wanted */
+function choose(wanted) {
+  choice = wanted;
+  camera ??= new SceneCamera(client, wanted.facts);
+  const moved = camera.choice !== wanted.camera;
+  camera.choice = wanted.camera;
+  if (moved && wanted.camera !== "free") camera.reset();
+  drawn();
+}
+
+/** Have the viewer show what was chosen; it begins with everything, also after it lost its link. */
+function drawn() {
+  for (const { node } of choice?.facts.layers ?? []) {
+    const shown = client.shows(node);
+    const hidden = choice?.hidden.includes(node) ?? false;
+    if (shown === hidden) client.show(node, !hidden);
+  }
+  camera?.step(performance.now());
+}
+
+/** @param {string} colour */
+function paint(colour) {
+  style.textContent = `${HIDE_PANEL} ${GROUND.replace("COLOUR", colour)}`;
+}
+
+/** @param {FromFrame} message */
+function tell(message) {
+  parent.postMessage(message, "*");
+}
+
+/** Whether this browser has what the viewer draws with. */
+function canDraw() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return context !== null;
+}
+
+addEventListener("message", ({ source, data }) => {
+  if (source !== parent) return;
+  const message = /** @type {ToFrame} */ (data);
+  if (message.kind === "choice") choose(message);
+  else if (message.kind === "reset") camera?.reset();
+  else paint(message.colour);
+});
+addEventListener("keydown", ({ key, code, ctrlKey, metaKey, altKey, repeat }) => {
+  const meant = (code === "Space" || key === "Escape") && !ctrlKey && !metaKey && !altKey;
+  if (meant && !repeat) tell({ kind: "key", key, code });
+});
+listenForHand(window, () => tell({ kind: "taken" }));
+paceFrames(window, drawn);
+tell({ kind: "ready", draws: canDraw() });

@@ -1,0 +1,29 @@
+/**
+ * What the page and the 3D scene in its frame tell each other. The frame has an origin and a process
+ * of its own, so that the page, and what stops the robots, never waits for a drawing.
+ */
+
+/** @import { SceneFacts } from "../contract" */
+/** @import { CameraChoice } from "../live/scene-choice.js" */
+
+/**
+ * @typedef {object} Choice what to show, from where
+ * @property {"choice"} kind
+ * @property {SceneFacts} facts
+ * @property {string[]} hidden nodes
+ * @property {CameraChoice} camera
+ */
+
+/**
+ * @typedef {Choice | {kind: "reset"} | {kind: "ground", colour: string}} ToFrame
+ *   `reset`: look at the robot again; `ground`: colour where nothing is drawn
+ */
+
+/**
+ * @typedef {{kind: "ready", draws: boolean} | {kind: "taken"} |
+ *   {kind: "key", key: string, code: string}} FromFrame
+ *   `ready`: it can be told what to show (`draws`: this browser has what it draws with); `taken`: a
+ *   hand moved the camera; `key`: Space or Esc, which mean something on the whole page
+ */
+
+export {};
