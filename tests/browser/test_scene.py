@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Frame, Page, expect
+from playwright.sync_api import Browser, Frame, Page, ViewportSize, expect
 
 from .conftest import Eventually, KeepPicture, OpenPanel, Server
 
 # So small that the processor draws several times a second.
-_SMALL = {"width": 900, "height": 600}
+_SMALL: ViewportSize = {"width": 900, "height": 600}
 
 _SHOWN = """(node) => {
   const entry = window.__viserSceneTree?.getState()[node];
@@ -261,7 +261,7 @@ def test_a_browser_without_webgl_says_so(
     browser: Browser, server: Server, keep_picture: KeepPicture
 ) -> None:
     # Not by open_panel: viser's client fails, as it must.
-    page = browser.new_page(**{"viewport": _SMALL})
+    page = browser.new_page(viewport=_SMALL)
     page.add_init_script(_NO_WEBGL)
     page.goto(server.link)
     expect(page.locator(".scene-trouble")).to_contain_text("it has no WebGL 2")
