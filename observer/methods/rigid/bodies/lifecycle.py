@@ -7,6 +7,7 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import VELOCITY
+from observer.methods.rigid.dense.grey_change import Light
 from observer.parameters import ObstacleParameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import expired, next_state
@@ -41,6 +42,7 @@ _SEEMS_SLOW, _ACROSS_SHARE = 8.0, 0.5
 # seems to move as they do, across the view: so much of the velocity must lead away.
 _ARRIVED_FRAMES, _ARRIVED_SIGMAS = 3, 3.0
 _HIDDEN_FRAMES, _HIDDEN_SIGMAS, _AWAY_SHARE = 4, 5.0, 0.7
+_STEADY = Light()
 
 
 def judge(
@@ -49,13 +51,13 @@ def judge(
     dt: float,
     parameters: ObstacleParameters,
     *,
-    flickers: bool = False,
+    light: Light = _STEADY,
 ) -> None:
     """Judge whether a track moves, and whether it is confirmed, coasts or is seen again.
 
     Args:
-        camera_position: (3,) metres, world. dt: seconds since the last frame. flickers: as of
-            ``DenseScene``.
+        camera_position: (3,) metres, world. dt: seconds since the last frame. light: how it
+            changes.
     """
     velocity, cov = track.centre_velocity()
     track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
@@ -75,9 +77,7 @@ def judge(
         track.part_moves = False
     seen = track.missed_s == 0
     tentative = track.state is TrackState.TENTATIVE
-    confirmed = (
-        seen and tentative and _confirmed(track, camera_position, parameters, flickers=flickers)
-    )
+    confirmed = seen and tentative and _confirmed(track, camera_position, parameters, light)
     if confirmed and track.motion is MotionState.MOVING:
         track.confirmed_at = track.centre
     track.state = next_state(track.state, seen=seen, confirmed=confirmed)
@@ -108,8 +108,7 @@ def _confirmed(
     track: BodyTrack,
     camera_position: Float64Array,
     parameters: ObstacleParameters,
-    *,
-    flickers: bool,
+    light: Light,
 ) -> bool:
     """Count this frame's evidence: a track must move significantly in enough frames and points.
 
@@ -126,13 +125,13 @@ def _confirmed(
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
     shown = track.merged_s == 0 or _shown_by_many(track)
     may_stand = _creeps(track, parameters) or (
-        flickers and _seems_to_come_or_go(track, camera_position, parameters)
+        light.flickers and _seems_to_come_or_go(track, camera_position, parameters)
     )
     if by_points and shown and not may_stand:
         return True
     if track.motion is MotionState.IN_PLACE:
         return True
-    return _confirmed_by_outline(track, camera_position)
+    return _confirmed_by_outline(track, camera_position, parameters, light)
 
 
 def _never_left(track: BodyTrack) -> bool:
@@ -187,16 +186,28 @@ def _has_moved(track: BodyTrack) -> bool:
     return outline.seen and outline.segment.static < _UNMOVED_SHARE
 
 
-def _confirmed_by_outline(track: BodyTrack, camera_position: Float64Array) -> bool:
-    """Return whether a body moves that enters free space as a thing of its own, or goes away."""
+def _confirmed_by_outline(
+    track: BodyTrack,
+    camera_position: Float64Array,
+    parameters: ObstacleParameters,
+    light: Light,
+) -> bool:
+    """Return whether a body moves that enters free space as a thing of its own, or goes away.
+
+    What the camera cuts off as too bright changes with the exposure: while that swings, depths
+    appear and disappear that stand, and it takes more to believe in them.
+    """
     outline = track.outline
     if outline is None or not outline.seen or track.motion is not MotionState.MOVING:
         return False
-    arrived = outline.arrived_frames >= _ARRIVED_FRAMES
+    frames, sigmas = _ARRIVED_FRAMES, _ARRIVED_SIGMAS
+    if light.swings:
+        frames, sigmas = 2 * frames, max(sigmas, parameters.confirm_sigmas)
+    arrived = outline.arrived_frames >= frames
     away = track.centre - camera_position
     away_mps = float(track.mean[VELOCITY] @ away) / float(np.linalg.norm(away))
     hidden = outline.hidden_frames >= _HIDDEN_FRAMES
     hidden &= away_mps > _AWAY_SHARE * float(np.linalg.norm(track.mean[VELOCITY]))
-    return (arrived and track.significance >= _ARRIVED_SIGMAS) or (
+    return (arrived and track.significance >= sigmas) or (
         hidden and track.significance >= _HIDDEN_SIGMAS
     )

@@ -41,6 +41,7 @@ from observer.methods.rigid.bodies.segment_tracking import (
 from observer.methods.rigid.bodies.shape import BodyShape
 from observer.methods.rigid.bodies.stirring import Stirring
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import group_dynamic
 from observer.methods.rigid.point_motion import PooledMotion
@@ -91,7 +92,7 @@ class BodyTracker:
         self._numbers = TrackIds(numbers)
         self._stirring = Stirring()
         # As of the last frame whose light is known.
-        self._flickers = False
+        self._light = Light()
 
     def step(
         self,
@@ -119,7 +120,7 @@ class BodyTracker:
             points = track_segments(self.tracks, points, scene, now, self._numbers, p.min_points)
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
             self._stirring.note(self.tracks, scene, self._numbers)
-            self._flickers = scene.flickers
+            self._light = scene.light
         self.note_lasting_errors(now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
@@ -369,7 +370,7 @@ class BodyTracker:
                 offset = track.rebase()
                 every = points.obstacle == track.id
                 shape_vector[every] -= points.shape_information[every] @ offset
-            judge(track, camera_position, dt, parameters, flickers=self._flickers)
+            judge(track, camera_position, dt, parameters, light=self._light)
         points = self._named(points.but(shape_vector=shape_vector))
         obstacle = points.obstacle.copy()
         for track in [t for t in self.tracks if is_over(t, parameters)]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -27,6 +28,21 @@ _SATURATED, _BLACK = 250, 2
 # brighter or darker than a moment ago; in steady light noise and texture make it half of that. It
 # comes in gusts: the newest frame's part is larger where it flickers more than before.
 _FLICKER_SHARE, _FLICKER_GAINS = 0.06, (0.5, 0.03)
+# The exposure swings where all of the image is by this factor brighter or darker than a moment ago.
+_SWING = 1.25
+
+
+@dataclass(frozen=True)
+class Light:
+    """How light or exposure changes.
+
+    Attributes:
+        flickers: otherwise here than there, as below leaves, which no exposure explains.
+        swings: fast, for the whole image.
+    """
+
+    flickers: bool = False
+    swings: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,11 +62,13 @@ class GreyChange:
         self._grid = grid
         self._looks: deque[_Look] = deque()
         self._flicker: float | None = None
+        self._swing = 0.0
 
     @property
-    def flickers(self) -> bool:
-        """Whether the light changes otherwise here than there, which no exposure explains."""
-        return self._flicker is not None and self._flicker > _FLICKER_SHARE
+    def light(self) -> Light:
+        """How the light of the newest frames was."""
+        flickers = self._flicker is not None and self._flicker > _FLICKER_SHARE
+        return Light(flickers=flickers, swings=self._swing > math.log(_SWING))
 
     def changed(
         self, frame: DepthFrame, grey: Image, cells: NDArray[np.bool_]
@@ -99,6 +117,9 @@ class GreyChange:
         )
         usual, before_usual = (median(values[visible]) for values in (now, then))
         gain = np.float32(max(1.0, usual) / max(1.0, before_usual))
+        more, less = _FLICKER_GAINS
+        swing = abs(math.log(gain))
+        self._swing += (more if swing > self._swing else less) * (swing - self._swing)
         difference = now - gain * then
         noise = MAD_TO_SIGMA * median(np.abs(difference[visible]))
         self._note_flicker(difference[visible] / np.maximum(gain * then[visible], _BLACK))

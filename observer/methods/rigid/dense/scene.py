@@ -14,7 +14,7 @@ from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.corrections import at_one_time, with_bias
 from observer.methods.rigid.dense.depth_image import depth_image
 from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
-from observer.methods.rigid.dense.grey_change import GreyChange
+from observer.methods.rigid.dense.grey_change import GreyChange, Light
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.ground import Ground, GroundPlane, standing
 from observer.mount import CameraMount
@@ -39,7 +39,7 @@ class DenseScene:
         standing: (h, w) which cells stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
         changed: (h, w) which cells look another than a moment ago.
-        flickers: whether the light changes otherwise here than there, as below leaves.
+        light: how it changes.
         ground: None unknown.
     """
 
@@ -51,7 +51,7 @@ class DenseScene:
     standing: NDArray[np.bool_]
     evidence: NDArray[np.uint8]
     changed: NDArray[np.bool_]
-    flickers: bool
+    light: Light
     ground: GroundPlane | None
 
     @cached_property
@@ -119,7 +119,7 @@ class DenseVision:
             standing=stands,
             evidence=evidence,
             changed=changed,
-            flickers=self._change.flickers,
+            light=self._change.light,
             ground=self._ground.in_world,
         )
 

@@ -12,6 +12,7 @@ from observer.methods.rigid.bodies.filter import BodyFilter
 from observer.methods.rigid.bodies.lifecycle import is_over, judge
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
+from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.segments import segment_of
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
@@ -21,6 +22,7 @@ from ..solid_worlds import ROOM, Solid, cells_of, seen
 P = Parameters().obstacles
 MakeTrack = Callable[..., BodyTrack]
 STOOD, AWAY = (0.0, 0.0, 0.0), (0.2, 0.0, 0.5)
+STEADY = Light()
 PLACE = np.array([0.0, 0.0, 4.0])
 DT = 0.1
 
@@ -48,9 +50,9 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
     return make
 
 
-def judged(track: BodyTrack, frames: int = 1, *, flickers: bool = False) -> TrackState:
+def judged(track: BodyTrack, frames: int = 1, *, light: Light = STEADY) -> TrackState:
     for _ in range(frames):
-        judge(track, np.zeros(3), DT, P, flickers=flickers)
+        judge(track, np.zeros(3), DT, P, light=light)
     return track.state
 
 
@@ -149,10 +151,23 @@ def test_in_light_that_flickers_what_only_comes_or_goes_may_stand(
     guest: MakeTrack, velocity: tuple[float, float, float], evidence: int, state: TrackState
 ) -> None:
     """Unless it is fast, moves across the view, or enters what was free."""
-    for flickers, expected in ((False, TrackState.CONFIRMED), (True, state)):
+    for light, expected in ((STEADY, TrackState.CONFIRMED), (Light(flickers=True), state)):
         track = guest(velocity, sigma=0.005, evidence=evidence)
         track.points = 12
-        assert judged(track, 5, flickers=flickers) is expected
+        assert judged(track, 5, light=light) is expected
+
+
+def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(guest: MakeTrack) -> None:
+    """What is cut off as too bright has another depth when it is not."""
+    swings = Light(swings=True)
+    certain, uncertain = 0.02, 0.12
+    for arrived, sigma, expected in (
+        (3, certain, TrackState.TENTATIVE),
+        (6, uncertain, TrackState.TENTATIVE),
+        (6, certain, TrackState.CONFIRMED),
+    ):
+        assert judged(guest(arrived=arrived, sigma=sigma), light=swings) is expected
+        assert judged(guest(arrived=arrived, sigma=sigma)) is TrackState.CONFIRMED
 
 
 # --- the end -------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import pytest
 
 from observer.geometry import Pose
 from observer.methods.rigid.dense.free_space import DepthFrame
-from observer.methods.rigid.dense.grey_change import GreyChange
+from observer.methods.rigid.dense.grey_change import GreyChange, Light
 from observer.types import Image
 
 from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, disparity_of
@@ -92,7 +92,7 @@ def test_light_flickers_where_much_of_what_stands_is_lit_otherwise(shaded: float
         dark = rng.random(GRID.shape) < shaded
         lit = np.where(dark, 0.8, 1.0) * grey * (1 + 0.02 * k)
         change.changed(frame, lit.astype(np.uint8), ALL)
-    assert change.flickers is (shaded > 0.2)
+    assert change.light.flickers is (shaded > 0.2)
 
 
 def test_noise_and_texture_under_steady_light_do_not_flicker() -> None:
@@ -102,4 +102,16 @@ def test_noise_and_texture_under_steady_light_do_not_flicker() -> None:
         pose = Pose(np.eye(3), np.array([0.01 * k, 0.0, 0.01 * k]))
         frame, grey = look(k * LAG_S, [*ROOM, HAND], pose, bright=HAND)
         change.changed(frame, (grey + rng.normal(0, 1.5, GRID.shape)).astype(np.uint8), ALL)
-    assert not change.flickers
+    assert not change.light.flickers
+
+
+@pytest.mark.parametrize(("swing", "told"), [(0.02, False), (0.08, False), (0.4, True)])
+def test_the_exposure_swings_where_the_whole_image_changes_fast(swing: float, told: bool) -> None:
+    """One that settles, by a few per cent a frame, does not."""
+    change = GreyChange(GRID)
+    frame, grey = look(0.0, ROOM)
+    for k in range(12):
+        frame, grey = look(k * LAG_S, ROOM)
+        gain = 1 + swing * np.sin(1.6 * k)
+        change.changed(frame, (gain * 0.6 * grey).astype(np.uint8), ALL)
+    assert change.light == Light(flickers=False, swings=told)
