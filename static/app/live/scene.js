@@ -9,10 +9,11 @@ import { SceneControls } from "./scene-controls.js";
 /** @import { FromFrame, ToFrame } from "../scene-frame/messages.js" */
 
 const ADDRESS = "/viewer/";
+// Without live data the viewer is loaded after this all the same.
+const PATIENCE_MS = 3000;
 
 class Scene extends Part {
   #frame = h("iframe", {
-    src: ADDRESS,
     // Without an origin of ours: it may do nothing but draw, and browsers give it a process.
     sandbox: "allow-scripts",
     title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
@@ -36,15 +37,18 @@ class Scene extends Part {
     this.hear("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
     this.hear("changed", () => this.#choose(), this.#controls.choice);
     this.hear("reset", () => this.#tell({ kind: "reset" }), this.#controls);
+    // First the page: the viewer takes the processor for seconds where there is no graphics card.
+    this.hear("painted", () => this.#load());
+    setTimeout(() => this.#load(), PATIENCE_MS);
     // The viewer does not reconnect by itself and would go on showing its last scene.
-    this.hear("reconnected", () => this.reload());
+    this.hear("reconnected", () => this.#load({ again: true }));
     this.hear("freshness", () => this.#mark());
     this.hear("themechange", () => this.#paint(), window);
     this.#mark();
   }
 
-  /** Load the viewer again. */
-  reload() {
+  #load({ again = false } = {}) {
+    if (this.#frame.src && !again) return;
     this.#controls.hidden = true;
     this.#frame.src = ADDRESS;
   }

@@ -2,6 +2,7 @@
 
 import { ApiError, request } from "../shell/api.js";
 import { Teller } from "../shell/teller.js";
+import { withTitles } from "./value-words.js";
 
 /** @import * as contract from "../contract" */
 /** @import { Hub } from "../shell/hub.js" */
@@ -73,7 +74,12 @@ export class ParameterStore extends Teller {
       /** @type {Promise<Preset[]>} */ (request("GET", "/presets")),
       /** @type {Promise<ParameterState>} */ (request("GET", "/parameters")),
     ]);
-    this.schema = schema;
+    // Help names other parameters as the server does.
+    this.schema = schema.map((entry) => ({
+      ...entry,
+      help: withTitles(entry.help, schema),
+      group_help: withTitles(entry.group_help, schema),
+    }));
     this.presets = presets;
     this.tell("loaded");
     this.#take(state);

@@ -16,7 +16,10 @@ function served() {
     { name: "paper", help: "", values: { "a.x": 8 }, built_in: true },
   ];
   let basedOn = "default";
-  const schema = Object.entries(values).map(([name, value]) => ({ name, default: value }));
+  const schema = [
+    { name: "a.x", default: 1, title: "Width", group: "a", help: "", group_help: "" },
+    { name: "a.y", default: 2, title: "Height", group: "a", help: "Above a.x.", group_help: "" },
+  ];
   /** @type {Values[]} */
   const asked = [];
   let revision = 1;
@@ -108,6 +111,11 @@ test("a refused change is told by field, stays undone, and takes no other with i
   assert.deepEqual(refusals, [{ "a.x": "must be below 10" }]);
   await store.changeUndoably({ "a.x": 12 });
   assert.equal(store.canUndo, false);
+});
+
+test("help names other parameters as their fields are titled", async () => {
+  const { store } = await loaded();
+  assert.equal(store.schema[1]?.help, "Above Width (A).");
 });
 
 test("reset goes to the preset that the values come from, over what is declared", async () => {
