@@ -94,11 +94,6 @@ class Admission:
         match = _VIEWED.match(scope["path"])
         return None if match is None else self.sessions.find_by_viewer_key(match["key"])
 
-    def viewer_address(self, scope: Scope) -> str | None:
-        """Return where the 3D scene of an admitted request's session is; None without a session."""
-        session = session_of(scope)
-        return None if session is None else f"/viewer/{self.sessions.viewer_key(session)}/"
-
     def is_signed_in(self, scope: Scope) -> bool:
         """Return whether the request comes from a browser with a session."""
         return self._found(_session_ids(scope))[1] is not None

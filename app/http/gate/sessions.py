@@ -34,12 +34,15 @@ class Session(Connections):
     Attributes:
         digest: of its id. started, used: monotonic seconds of signing in and of the last use.
         link: the read-only link that it came by; None of an operator's.
+        viewer_key: admits the page of its 3D scene, and to nothing but the scene. It is part of
+            that page's address: the page has an origin of its own and sends no cookie.
     """
 
     digest: bytes
     started: float
     used: float
-    link: ReadOnlyLink | None = None
+    link: ReadOnlyLink | None
+    viewer_key: str
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,7 @@ class Sessions:
     def start(self, link: ReadOnlyLink | None = None) -> str:
         """Start a session, an operator's without a read-only link, and return its id."""
         session_id, now = secrets.token_urlsafe(_ID_BYTES), self._clock()
-        session = Session(self._digest(session_id), now, now, link)
+        session = self._session(self._digest(session_id), now, now, link)
         self._sessions[session.digest] = session
         self._make_room(session)
         return session_id
@@ -107,19 +110,11 @@ class Sessions:
         session = self._sessions.get(self._digest(session_id))
         return session if session is not None and self._note_use(session) else None
 
-    def viewer_key(self, session: Session) -> str:
-        """Return what admits the page of a session's 3D scene, and to nothing but the scene.
-
-        It is part of that page's address: the page has an origin of its own and sends no cookie.
-        """
-        digest = hmac.digest(self._key, _VIEWER + session.digest, hashlib.sha256)
-        return base64.urlsafe_b64encode(digest).rstrip(b"=").decode()
-
     def find_by_viewer_key(self, key: str) -> Session | None:
         """Return the session with this key of the 3D scene and note its use, or None."""
         wanted = key.encode("utf-8", "surrogatepass")
-        for session in tuple(self._sessions.values()):
-            if hmac.compare_digest(self.viewer_key(session).encode(), wanted):
+        for session in self._sessions.values():
+            if hmac.compare_digest(session.viewer_key.encode(), wanted):
                 return session if self._note_use(session) else None
         return None
 
@@ -183,7 +178,7 @@ class Sessions:
             if link is None and each.link is not None:
                 continue
             # The wall clock, by which these ages were reckoned, may have been set back.
-            session = Session(
+            session = self._session(
                 each.digest,
                 now - max(0.0, each.age_s),
                 now - max(0.0, each.unused_s),
@@ -192,6 +187,13 @@ class Sessions:
             if not self._is_old(session, now):
                 self._sessions[session.digest] = session
                 self._make_room(session)
+
+    def _session(
+        self, digest: bytes, started: float, used: float, link: ReadOnlyLink | None
+    ) -> Session:
+        key = hmac.digest(self._key, _VIEWER + digest, hashlib.sha256)
+        text = base64.urlsafe_b64encode(key).rstrip(b"=").decode()
+        return Session(digest, started, used, link, text)
 
     def _digest(self, session_id: str) -> bytes:
         return hmac.digest(self._key, session_id.encode("utf-8", "surrogatepass"), hashlib.sha256)

@@ -27,7 +27,7 @@ from websockets.typing import Subprotocol
 
 from app.http.compressed import takes_gzip
 from app.http.errors import SafeJSON
-from app.http.gate.admission import Admission
+from app.http.gate.admission import session_of
 from app.http.gate.headers import VIEWER_POLICY
 from app.http.sockets.connections import GOING_AWAY, BadMessage, close, until_one_ends
 from app.viewer import NullViewer, Viewer
@@ -124,11 +124,9 @@ async def viewer_without_slash() -> Response:
 @router.get("/viewer/")
 async def viewer_page(request: Request, door: Door) -> Response:
     """Send a browser to the scene's page for its session; scripts with the token get it here."""
-    admission = request.app.state.admission
-    assert isinstance(admission, Admission)
-    address = admission.viewer_address(request.scope)
-    if address is not None:
-        return RedirectResponse(address, 307)
+    session = session_of(request.scope)
+    if session is not None:
+        return RedirectResponse(f"/viewer/{session.viewer_key}/", 307)
     return await viewer_page_of_session(request, door)
 
 

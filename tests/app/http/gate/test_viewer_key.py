@@ -97,7 +97,7 @@ def test_it_outlives_the_process_and_not_the_token() -> None:
     before, after, other = table("one"), table("one"), table("two")
     session = before.find(before.start())
     assert session is not None
-    key = before.viewer_key(session)
+    key = session.viewer_key
     after.restore(before.ages())
     found = after.find_by_viewer_key(key)
     assert found is not None
