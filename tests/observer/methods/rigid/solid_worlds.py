@@ -16,6 +16,7 @@ from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, DepthFrame, FreeSpace
+from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.ground import Ground, GroundPlane, standing
 from observer.methods.rigid.dense.scene import DenseScene
@@ -134,7 +135,7 @@ def seen(
     unchanged = np.zeros(GRID.shape, np.bool_)
     ground = GroundPlane(np.array([0.0, 1.0, 0.0]), HEIGHT_M)
     return DenseScene(
-        0.0, GRID, T_world_camera, dark, disparity, stands, evidence, unchanged, False, ground
+        0.0, GRID, T_world_camera, dark, disparity, stands, evidence, unchanged, Light(), ground
     )
 
 
