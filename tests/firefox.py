@@ -98,16 +98,11 @@ class Tab:
         self.ask("browsingContext.setViewport", context=self._context, viewport=size)
         self.ask("browsingContext.navigate", context=self._context, url=address, wait="complete")
 
-    def frame(self, part: str) -> str:
-        """Return the context of the frame whose address contains ``part``, for ``evaluate``.
-
-        Raises:
-            AssertionError: there is none.
-        """
+    def frame(self, part: str) -> str | None:
+        """Return the context of the frame whose address contains ``part``, for ``evaluate``."""
         tree = self.ask("browsingContext.getTree", root=self._context)["contexts"][0]
-        found = [each["context"] for each in tree["children"] if part in each["url"]]
-        assert found, f"no frame with {part} in its address"
-        return str(found[0])
+        found = (str(each["context"]) for each in tree["children"] if part in each["url"])
+        return next(found, None)
 
     def evaluate(self, function: str, *arguments: Any, context: str | None = None) -> Any:
         """Call a JavaScript function with values of JSON, and return its value of JSON.

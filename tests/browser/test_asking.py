@@ -98,7 +98,9 @@ def test_a_click_on_the_picture_is_answered(
     expect(card).to_contain_text(f"What would change it: {change}")
     expect(card).to_contain_text(f"Obstacle {same['obstacle']['id']}")
     speed = card.locator("dl div", has=page.locator("dt", has_text=re.compile("^Speed$")))
-    expect(speed.locator("dd")).to_have_text(f"{same['numbers']['speed_mps']:.2f} m/s")
+    mps = same["numbers"]["speed_mps"]
+    # Where no point is near, only the body's depth segment tells that it moves.
+    expect(speed.locator("dd")).to_have_text([] if mps is None else [f"{mps:.2f} m/s"])
     mark = page.locator(".pixel-mark").bounding_box()
     picture = page.locator(".pixel-pick").bounding_box()
     middle = (mark["x"] + mark["width"] / 2 - picture["x"]) / picture["width"]

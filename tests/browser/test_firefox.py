@@ -58,7 +58,7 @@ def test_the_panel_works_in_firefox(lab: Server, tab: Any, eventually: Eventuall
     row = tab.wait_for(_TEXT, "observer-obstacles tbody tr", within_s=_SLOW_S)
     assert "±" in row
     assert tab.wait_for(_WIDTH, 'observer-live-view[data-view="left"] canvas') > 100
-    scene = tab.frame("/viewer/")
+    scene = eventually(lambda: tab.frame("/viewer/"), _SLOW_S)
     tab.wait_for(_DRAWN, context=scene, within_s=_SLOW_S)
     tab.wait_for(_CLOUD, context=scene, within_s=_SLOW_S)
 

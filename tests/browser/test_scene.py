@@ -44,14 +44,24 @@ _TURN = """() => {
 }"""
 
 
+def _found(page: Page) -> Frame | None:
+    # Playwright hears of frames only while it is asked something.
+    page.evaluate("0")
+    return page.frame(url=re.compile("/viewer/"))
+
+
 def _viewer(page: Page) -> Frame:
-    frame = page.frame(url=re.compile("/viewer/"))
+    frame = _found(page)
     assert frame is not None
     return frame
 
 
 def _shown(page: Page, layer: str) -> bool | None:
-    shown: bool | None = _viewer(page).evaluate(_SHOWN, f"/display/world/{layer}")
+    """None: it is not there, or the scene is not loaded yet."""
+    frame = _found(page)
+    if frame is None:
+        return None
+    shown: bool | None = frame.evaluate(_SHOWN, f"/display/world/{layer}")
     return shown
 
 

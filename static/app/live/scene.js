@@ -13,11 +13,7 @@ const ADDRESS = "/viewer/";
 const PATIENCE_MS = 3000;
 
 class Scene extends Part {
-  #frame = h("iframe", {
-    // Without an origin of ours: it may do nothing but draw, and browsers give it a process.
-    sandbox: "allow-scripts",
-    title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
-  });
+  #frame = viewerFrame();
   #trouble = h(
     "p.scene-trouble",
     { role: "status" },
@@ -50,6 +46,12 @@ class Scene extends Part {
   #load({ again = false } = {}) {
     if (this.#frame.src && !again) return;
     this.#controls.hidden = true;
+    if (again) {
+      // Another frame: a second address in this one would be a step of the browser's "back".
+      const frame = viewerFrame();
+      this.#frame.replaceWith(frame);
+      this.#frame = frame;
+    }
     this.#frame.src = ADDRESS;
   }
 
@@ -104,6 +106,14 @@ class Scene extends Part {
   #mark() {
     setAttribute(this, "data-freshness", this.hub.freshness.state);
   }
+}
+
+function viewerFrame() {
+  return h("iframe", {
+    // Without an origin of ours: it may do nothing but draw, and browsers give it a process.
+    sandbox: "allow-scripts",
+    title: "3D scene: coloured point cloud, red boxes around moving obstacles with speed arrows",
+  });
 }
 
 customElements.define("observer-scene", Scene);

@@ -1,23 +1,25 @@
-/** Leaves processor time to the others where 3D is drawn slowly (no GPU). */
-
-// A drawing within this is left alone.
-const SLOW_MS = 40;
-// After a slow one, nothing is drawn for so many times its duration: page and server share the
-// processor with it.
-const REST_SHARE = 5;
-// Somebody who turns the scene wants to see it turn, and bears later data meanwhile.
-const REST_SHARE_IN_HAND = 1;
-const IN_HAND_MS = 1000;
-const LONGEST_REST_MS = 1000;
-
 /**
- * Have a window's animation wait after every slow drawing.
+ * Leaves processor time to the others where 3D is drawn slowly (no GPU): the window's animation waits
+ * after every slow drawing. Tells `drawn` of the window after each.
  *
- * @param {Window & typeof globalThis} inside
- * @param {() => void} drawn called after every drawing
+ * A classic script: it must run before the client's, which would otherwise cancel by the browser's
+ * numbers what waits here by ours.
  */
-export function paceFrames(inside, drawn) {
-  const ask = inside.requestAnimationFrame.bind(inside);
+
+"use strict";
+
+{
+  // A drawing within this is left alone.
+  const SLOW_MS = 40;
+  // After a slow one, nothing is drawn for so many times its duration: page and server share the
+  // processor with it.
+  const REST_SHARE = 5;
+  // Somebody who turns the scene wants to see it turn, and bears later data meanwhile.
+  const REST_SHARE_IN_HAND = 1;
+  const IN_HAND_MS = 1000;
+  const LONGEST_REST_MS = 1000;
+
+  const ask = window.requestAnimationFrame.bind(window);
   /** @type {Map<number, FrameRequestCallback>} */
   const waiting = new Map();
   let number = 0;
@@ -27,10 +29,10 @@ export function paceFrames(inside, drawn) {
 
   for (const kind of ["pointerdown", "pointermove", "wheel", "keydown"]) {
     const touch = (/** @type {Event} */ event) => {
-      const hovers = event instanceof inside.PointerEvent && event.buttons === 0;
+      const hovers = event instanceof PointerEvent && event.buttons === 0;
       if (!hovers) touched = performance.now();
     };
-    inside.addEventListener(kind, touch, { capture: true, passive: true });
+    window.addEventListener(kind, touch, { capture: true, passive: true });
   }
 
   const measure = (/** @type {number} */ start) => {
@@ -38,7 +40,7 @@ export function paceFrames(inside, drawn) {
     const took = now - start;
     const share = now - touched < IN_HAND_MS ? REST_SHARE_IN_HAND : REST_SHARE;
     rest_ms = took > SLOW_MS ? Math.min(share * took, LONGEST_REST_MS) : 0;
-    drawn();
+    window.dispatchEvent(new Event("drawn"));
   };
 
   const draw = (/** @type {number} */ time) => {
@@ -50,13 +52,13 @@ export function paceFrames(inside, drawn) {
       try {
         callback(time);
       } catch (error) {
-        inside.reportError(error);
+        window.reportError(error);
       }
     }
     ask(() => measure(start));
   };
 
-  inside.requestAnimationFrame = (callback) => {
+  window.requestAnimationFrame = (callback) => {
     number += 1;
     waiting.set(number, callback);
     if (!asked) {
@@ -66,5 +68,5 @@ export function paceFrames(inside, drawn) {
     }
     return number;
   };
-  inside.cancelAnimationFrame = (id) => void waiting.delete(id);
+  window.cancelAnimationFrame = (id) => void waiting.delete(id);
 }

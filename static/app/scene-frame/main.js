@@ -1,6 +1,5 @@
 /** Runs in the viewer's page: shows what the page around it chooses, and tells it of hands and keys. */
 
-import { paceFrames } from "./frame-pace.js";
 import { SceneCamera, listenForHand } from "./scene-camera.js";
 import { SceneClient } from "./scene-client.js";
 
@@ -70,5 +69,5 @@ addEventListener("keydown", ({ key, code, ctrlKey, metaKey, altKey, repeat }) =>
   if (meant && !repeat) tell({ kind: "key", key, code });
 });
 listenForHand(window, () => tell({ kind: "taken" }));
-paceFrames(window, drawn);
+addEventListener("drawn", drawn);
 tell({ kind: "ready", draws: canDraw() });

@@ -46,7 +46,7 @@ async def test_it_admits_to_the_scene_alone(serve: Any, token: str, eventually: 
             assert page.is_success
             assert "sandbox allow-scripts;" in page.headers["content-security-policy"]
             scripts = re.findall(r'src="(app/[\w-]+\.js)"', page.text[:2000])
-            assert scripts == ["app/module-workers.js", "app/main.js"]
+            assert scripts == ["app/module-workers.js", "app/frame-pace.js", "app/main.js"]
             for name in (*scripts, "app/scene-client.js"):
                 script = await client.get(address + name, headers=SANDBOXED)
                 assert script.is_success, name
