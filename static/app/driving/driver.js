@@ -6,7 +6,6 @@ import { Teller } from "../shell/teller.js";
 import { DriveLink } from "./drive-link.js";
 import { Hold } from "./hold.js";
 import { isArmed, ROLES } from "./roles.js";
-import { listenForStop } from "./stop-keys.js";
 
 /** @import { RobotNow } from "../contract" */
 /** @import { Role } from "./roles.js" */
@@ -133,11 +132,6 @@ export class Driver extends Teller {
   async take(role, takeover) {
     const refusal = await this.link.take(role, takeover);
     if (refusal) throw new ApiError(sentence(refusal), 409);
-  }
-
-  /** Have Space and Esc stop. */
-  listenForStop() {
-    listenForStop(this);
   }
 
   /** Stop everything, by every way there is. */

@@ -4,6 +4,7 @@ import { button, h, icon, setAttribute, setText } from "../elements/dom.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { attempt, notify } from "../shell/notice.js";
+import { listenForStop } from "./stop-keys.js";
 
 const WHAT_IT_IS =
   "Software stop, not a substitute for an emergency stop: keep the hardware switch within reach";
@@ -35,7 +36,7 @@ class StopBar extends Part {
     const { driver } = this.hub;
     this.#stop.addEventListener("click", () => void driver.stop().catch(() => {}));
     this.append(this.#latched, h("div.stop-words", this.#what, this.#keys), this.#stop);
-    driver.listenForStop();
+    listenForStop(driver);
     this.hear("stopping", () => this.#begin(), driver);
     this.hear(
       "stop-failed",

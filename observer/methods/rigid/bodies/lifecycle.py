@@ -124,10 +124,7 @@ def _confirmed(
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
     shown = track.merged_s == 0 or _shown_by_many(track)
-    may_stand = _creeps(track, parameters) or (
-        light.flickers and _seems_to_come_or_go(track, camera_position, parameters)
-    )
-    if by_points and shown and not may_stand:
+    if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:
         return True
@@ -150,6 +147,18 @@ def _never_left(track: BodyTrack) -> bool:
 def _shown_by_many(track: BodyTrack) -> bool:
     """Return whether a body is seen by so many members that no segment needs to tell it apart."""
     return track.stands and track.points >= _MANY_POINTS
+
+
+def _may_stand(
+    track: BodyTrack,
+    camera_position: Float64Array,
+    parameters: ObstacleParameters,
+    light: Light,
+) -> bool:
+    """Return whether light that changes may make a body's points move."""
+    return _creeps(track, parameters) or (
+        light.flickers and _seems_to_come_or_go(track, camera_position, parameters)
+    )
 
 
 def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:

@@ -25,11 +25,12 @@ _LEAST_CELLS = 100
 # From and down to these grey values a camera may have cut off what is brighter or darker.
 _SATURATED, _BLACK = 250, 2
 # Light flickers, as below leaves, where a quarter of what is seen again looks by this share
-# brighter or darker than a moment ago; in steady light noise and texture make it half of that. It
-# comes in gusts: the newest frame's part is larger where it flickers more than before.
-_FLICKER_SHARE, _FLICKER_GAINS = 0.06, (0.5, 0.03)
+# brighter or darker than a moment ago; in steady light noise and texture make it half of that.
+_FLICKER_SHARE = 0.06
 # The exposure swings where all of the image is by this factor brighter or darker than a moment ago.
 _SWING = 1.25
+# Both come in gusts: the newest frame's part is larger where it changes more than before.
+_GUST_GAINS = (0.5, 0.03)
 
 
 @dataclass(frozen=True)
@@ -117,9 +118,7 @@ class GreyChange:
         )
         usual, before_usual = (median(values[visible]) for values in (now, then))
         gain = np.float32(max(1.0, usual) / max(1.0, before_usual))
-        more, less = _FLICKER_GAINS
-        swing = abs(math.log(gain))
-        self._swing += (more if swing > self._swing else less) * (swing - self._swing)
+        self._swing = _gusts(self._swing, abs(math.log(gain)))
         difference = now - gain * then
         noise = MAD_TO_SIGMA * median(np.abs(difference[visible]))
         self._note_flicker(difference[visible] / np.maximum(gain * then[visible], _BLACK))
@@ -132,6 +131,10 @@ class GreyChange:
         """Note by which share (N,) each cell is brighter than a moment ago."""
         size = np.abs(share)
         now = median(size[size >= median(size)])
-        before = now if self._flicker is None else self._flicker
-        more, less = _FLICKER_GAINS
-        self._flicker = before + (more if now > before else less) * (now - before)
+        self._flicker = now if self._flicker is None else _gusts(self._flicker, now)
+
+
+def _gusts(before: float, now: float) -> float:
+    """Return how much the light changes of late, by that and the newest frame's change."""
+    more, less = _GUST_GAINS
+    return before + (more if now > before else less) * (now - before)

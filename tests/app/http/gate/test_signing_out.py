@@ -6,42 +6,26 @@ import asyncio
 import contextlib
 import json
 import time
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
-import httpx
 import pytest
-import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.typing import Subprotocol
 
 from app.contract.drive import ReleaseLease
 from app.http.server import create_app
 from app.settings import Settings
-from app.viewer import NullViewer, ViserViewer
+from app.viewer import NullViewer
 from observer.robots.contract import RobotPort
 
+from ..scene import PROTOCOL, real_viewer
 from ..wire import read_on
+from .browsers import COOKIE, browser, cookie
 
-COOKIE = "dynamic_observer_session"
 SESSION_OVER = 4401
 SOCKETS = ("/api/live", "/api/views/left", "/api/drive", "/viewer")
-VIEWER = {"/viewer": {"subprotocols": [Subprotocol(f"viser-v{viser.__version__}")]}}
-
-
-@asynccontextmanager
-async def browser(served: Any, token: str) -> AsyncIterator[httpx.AsyncClient]:
-    """A client that has signed in, and has the cookie."""
-    async with served.anonymous() as client:
-        assert (await client.get("/", params={"token": token})).status_code == 303
-        assert (await client.get("/api/status")).is_success
-        yield client
-
-
-def cookie(client: httpx.AsyncClient) -> dict[str, str]:
-    return {"Cookie": f"{COOKIE}={client.cookies[COOKIE]}"}
+VIEWER = {"/viewer": {"subprotocols": [Subprotocol(PROTOCOL)]}}
 
 
 async def status_with(served: Any, headers: dict[str, str]) -> int:
@@ -55,10 +39,6 @@ async def closed_with(socket: Any) -> int | None:
         with pytest.raises(ConnectionClosed) as closed:
             await read_on(socket)
     return closed.value.rcvd.code if closed.value.rcvd else None
-
-
-def real_viewer(server: Any) -> ViserViewer:
-    return ViserViewer(server, points=500, rate_hz=20)
 
 
 async def test_each_browser_gets_a_session_of_its_own(

@@ -7,34 +7,27 @@ from typing import Any
 
 import httpx
 import pytest
-import viser
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from app.http.gate.sessions import Sessions
-from app.viewer import ViserViewer
 
+from ..scene import PROTOCOL, real_viewer
 from ..wire import read_on
+from .browsers import browser, cookie
 
-PROTOCOL = f"viser-v{viser.__version__}"
-COOKIE = "dynamic_observer_session"
 ADDRESS = re.compile(r"/viewer/[A-Za-z0-9_-]{43}/")
 # A sandboxed page has this origin and sends no cookie.
 SANDBOXED = {"Origin": "null"}
 
 
-def real_viewer(server: Any) -> ViserViewer:
-    return ViserViewer(server, points=500, rate_hz=20)
-
-
-async def signed_in(served: Any, token: str) -> tuple[str, httpx.Headers]:
+async def signed_in(served: Any, token: str) -> tuple[str, dict[str, str]]:
     """The address of the scene in a browser that signs in, and the headers of that browser."""
-    async with served.anonymous() as client:
-        assert (await client.get("/", params={"token": token})).status_code == 303
+    async with browser(served, token) as client:
         answer = await client.get("/viewer/")
         assert answer.status_code == 307
         address = answer.headers["location"]
         assert ADDRESS.fullmatch(address)
-        return address, httpx.Headers({"Cookie": f"{COOKIE}={client.cookies[COOKIE]}"})
+        return address, cookie(client)
 
 
 async def test_it_admits_to_the_scene_alone(serve: Any, token: str, eventually: Any) -> None:

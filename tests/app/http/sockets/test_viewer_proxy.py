@@ -19,11 +19,11 @@ from websockets.typing import Subprotocol
 
 from app.http.sockets.connections import BadMessage
 from app.http.sockets.viewer_proxy import passes
-from app.viewer import NullViewer, ViserViewer, start_viewer
+from app.viewer import NullViewer, start_viewer
 
+from ..scene import PROTOCOL, real_viewer
 from ..wire import read_on
 
-PROTOCOL = f"viser-v{viser.__version__}"
 CAMERA = {
     "type": "ViewerCameraMessage",
     "wxyz": [1, 0, 0, 0],
@@ -36,10 +36,6 @@ CAMERA = {
     "look_at": [0, 0, 0],
     "up_direction": [0, 0, 1],
 }
-
-
-def real_viewer(server: Any) -> ViserViewer:
-    return ViserViewer(server, points=500, rate_hz=20)
 
 
 @pytest.fixture

@@ -109,7 +109,6 @@ def test_noise_and_texture_under_steady_light_do_not_flicker() -> None:
 def test_the_exposure_swings_where_the_whole_image_changes_fast(swing: float, told: bool) -> None:
     """One that settles, by a few per cent a frame, does not."""
     change = GreyChange(GRID)
-    frame, grey = look(0.0, ROOM)
     for k in range(12):
         frame, grey = look(k * LAG_S, ROOM)
         gain = 1 + swing * np.sin(1.6 * k)
