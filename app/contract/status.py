@@ -78,6 +78,9 @@ class LiveStatus:
     reopened: int
     hints: Sequence[str]
     trouble: Annotated[str | None, means("What keeps it from delivering at this moment.")]
+    reduced_to: Annotated[
+        str | None, means("What is left of the processing while the computer is too slow for all.")
+    ]
 
 
 @dataclass(frozen=True)

@@ -213,6 +213,7 @@ class Engine:
             session.look(played.frame)
 
     def _observe(self, session: Session, played: PlayedFrame) -> None:
+        began = time.monotonic()
         frame = self._with_odometry(played.frame, session)
         recorder = session.recorder
         observer = session.observer
@@ -264,6 +265,7 @@ class Engine:
         # Without a run it is the last half minute of live cameras, which holds no clouds.
         kept_by = None if session.run_id is None else recorder
         self._publisher.publish(observed, None if kept_by is None else kept_by.cloud)
+        session.spent(began, time.monotonic())
 
     def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:
         """Return the frame with wheel odometry, for live cameras on a robot driven from here."""

@@ -83,7 +83,18 @@ class PlayedSource:
             return None
         report = self._live.report()
         cameras = [filled(LiveCamera, camera) for camera in report.cameras]
-        return filled(LiveStatus, report, cameras=cameras, trouble=self.player.trouble)
+        return filled(
+            LiveStatus,
+            report,
+            cameras=cameras,
+            trouble=self.player.trouble,
+            reduced_to=self.reduced_to,
+        )
+
+    @property
+    def reduced_to(self) -> str | None:
+        """Return what is left of the processing, in words; None while nothing is left out."""
+        return None
 
     def again(self) -> OpeningCommand:
         """Return the command that would reopen it in its present state."""

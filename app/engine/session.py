@@ -21,6 +21,7 @@ from app.engine.played_source import (
     close_opened,
     read_first,
 )
+from app.engine.rate_governor import RateGovernor
 from app.engine.recorders import Recorders
 from app.engine.recording import RunRecorder
 from observer.calibration.formats.opencv_file import (
@@ -36,6 +37,7 @@ from observer.guard.sight import REAL_WORLD
 from observer.mount import CameraMount
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
+from observer.parameters.reductions import Reduction, reduced
 from observer.rig.applied import mount_for
 from observer.rig.rig_file import read_rig
 from observer.robots.contract import RobotPort
@@ -123,6 +125,9 @@ class Session(PlayedSource):
         self.ageing = CalibrationAgeing(observer.camera, mount)
         self.observer = observer
         self.parameters = parameters
+        self._in_force = parameters
+        # Of a recording or a scenario no frame is lost, however long it takes.
+        self._governor = RateGovernor() if self.source.info.live else None
         self.run_id = command.run_id
         self.first_segment = command.segment
         self.parameters_revision = command.parameters_revision
@@ -169,12 +174,45 @@ class Session(PlayedSource):
 
     def use(self, parameters: AllParameters, revision: int) -> None:
         """Use these parameters from the next frame on; the guard's never reach the observer."""
-        before, self.parameters = self.parameters, parameters
-        if revision != self.parameters_revision:
-            self.observer.use(parameters.vision, revision)
+        self.parameters = parameters
+        self._apply(revision)
+
+    def spent(self, began: float, ended: float) -> None:
+        """Take note of the time spent on a frame; a live source may be processed less from now on.
+
+        Args:
+            began, ended: host's monotonic clock, seconds.
+        """
+        model = self.parameters.ego_motion.model
+        if self._governor is None or not self._governor.spent(began, ended, model):
+            return
+        self._apply(self.parameters_revision)
+        note = "full processing again: the computer keeps up with the cameras"
+        if self.reduced_to is not None:
+            note = f"the computer is too slow for full processing: reduced to {self.reduced_to}"
+        _log.warning("%s", note)
+        if self.recorder is not None:
+            self.recorder.incident("processing", note)
+
+    @property
+    def reduced_to(self) -> str | None:
+        """Return what is left of the processing, in words; None while nothing is left out."""
+        return None if self._reduction is None else self._reduction.words
+
+    @property
+    def _reduction(self) -> Reduction | None:
+        if self._governor is None:
+            return None
+        return self._governor.reduction(self.parameters.ego_motion.model)
+
+    def _apply(self, revision: int) -> None:
+        before = self._in_force
+        self._in_force = now = reduced(self.parameters, self._reduction)
+        if revision != self.parameters_revision or now.vision != before.vision:
+            self.observer.use(now.vision, revision)
         if self.recorder is not None:
             next_index = self.player.next_index
-            self.recorder.parameters(parameters, revision, before=before, frame=next_index)
+            self.recorder.parameters(now, revision, before=before, frame=next_index)
         self.parameters_revision = revision
 
     def end_run(self) -> RunRecorder | None:
@@ -182,7 +220,7 @@ class Session(PlayedSource):
         self.run_id = None
         recorder, self.recorder = self.recorder, self._begin_recording(self.again())
         if self.recorder is not None:
-            self.recorder.parameters(self.parameters, self.parameters_revision)
+            self.recorder.parameters(self._in_force, self.parameters_revision)
         return recorder
 
     def close(self) -> None:

@@ -396,6 +396,8 @@ export interface components {
       hints: string[];
       /** @description What keeps it from delivering at this moment. */
       trouble: string | null;
+      /** @description What is left of the processing while the computer is too slow for all. */
+      reduced_to: string | null;
     };
     /** @description Live motion capture that is listened to. */
     LiveTruthStatus: {

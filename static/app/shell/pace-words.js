@@ -11,8 +11,12 @@ const KEPT_UP = 0.9;
  */
 export function tooSlow({ playback, live, source, rates }) {
   const seen = rates.unique_frames_per_s;
-  if (live && source && seen > 0 && seen < KEPT_UP * source.frame_rate)
-    return `this computer is too slow: ${seen.toFixed(1)} of ${source.frame_rate.toFixed(0)} fps`;
+  const reduced = live?.reduced_to ? `reduced to ${live.reduced_to}` : null;
+  if (live && source && seen > 0 && seen < KEPT_UP * source.frame_rate) {
+    const share = `${seen.toFixed(1)} of ${source.frame_rate.toFixed(0)} fps`;
+    return ["this computer is too slow: " + share, reduced].filter(Boolean).join(", ");
+  }
+  if (reduced) return `this computer is too slow for full processing: ${reduced}`;
   const { achieved_rate: achieved, rate = 1, paused, ended } = playback ?? {};
   if (live || paused || ended || !achieved || achieved > KEPT_UP * rate) return "";
   const wanted = rate === 1 ? "real time" : `real time, ${rate} × asked for`;

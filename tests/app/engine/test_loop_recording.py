@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 from mcap.reader import make_reader
 
@@ -18,8 +19,10 @@ from app.contract.commands import (
     StopRun,
 )
 from app.contract.events import EngineState, ObservationEvent, StateEvent
+from observer.parameters.reductions import REDUCTIONS
 from observer.recording.payloads import RobotRow
 from observer.recording.reader import Recording
+from observer.sources.contract import LiveReport
 
 from .bench import PATIENCE_S, Bench, Numbered, StandingTruth, opening
 
@@ -161,3 +164,44 @@ def test_before_motion_capture_is_aligned_its_topics_say_why_they_are_empty(
     assert all(each["bodies"] == [] for each in told)
     assert all(each["sentence"].startswith("not aligned yet: ") for each in told)
     assert sum(topic == "/scene/truth" for topic, _ in messages) == len(frames)
+
+
+class Cameras:
+    """Frames as fast as they are read, and what else a live source can do."""
+
+    def __init__(self, source: Any) -> None:
+        self._source = source
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._source, name)
+
+    def tend(self) -> None:
+        pass
+
+    def report(self) -> LiveReport:
+        return LiveReport((), self._source.at, 0, None, None, 0)
+
+
+def test_cameras_too_fast_for_the_computer_are_processed_less_and_the_run_says_so(
+    bench: Bench, numbered: Numbered, tmp_path: Path
+) -> None:
+    path = tmp_path / "r1" / "recording.mcap"
+    bench.sources["numbers"] = Cameras(numbered(10_000, live=True))
+    bench.value(opening(rate=1.0, run_id="r1", record=RecordOrder(str(path), "lossless", "a run")))
+    bench.observers[-1].slow_stages = [0.1]
+    reduced = bench.wait(StateEvent, lambda s: s.live is not None and s.live.reduced_to)
+    assert reduced.live.reduced_to == REDUCTIONS[0].words
+    assert bench.observers[-1].parameters.dense.rate_hz == REDUCTIONS[0].dense_rate_hz
+    # A change by hand acts as far as there is time for it, and what is asked for is kept.
+    bench.value(SetParameters({"dense.rate_hz": 30.0, "flow.window_px": 11}, revision=2))
+    assert bench.observers[-1].parameters.flow.window_px == 11
+    assert bench.observers[-1].parameters.dense.rate_hz <= REDUCTIONS[0].dense_rate_hz
+    bench.value(StopRun())
+    with Recording(path) as recording:
+        rates = [(r.revision, r.values["dense.rate_hz"]) for r in recording.parameter_revisions()]
+        assert rates[:2] == [(1, 60.0), (1, REDUCTIONS[0].dense_rate_hz)]
+        assert all(rate <= REDUCTIONS[0].dense_rate_hz for _, rate in rates[1:])
+        told = [i.sentence for i in recording.incidents() if i.kind == "processing"]
+        assert told[0] == (
+            f"the computer is too slow for full processing: reduced to {REDUCTIONS[0].words}"
+        )

@@ -36,3 +36,15 @@ test("cameras are told by the frames that were seen of those they send", () => {
   assert.equal(tooSlow(facts({}, 6.2, cameras)), "this computer is too slow: 6.2 of 15 fps");
   assert.equal(tooSlow(facts({}, 14.2, cameras)), "");
 });
+
+test("reduced processing is told, whether or not it lets all frames through", () => {
+  const cameras = { trouble: null, reduced_to: "dense depth at 4 Hz" };
+  assert.equal(
+    tooSlow(facts({}, 6.2, cameras)),
+    "this computer is too slow: 6.2 of 15 fps, reduced to dense depth at 4 Hz",
+  );
+  assert.equal(
+    tooSlow(facts({}, 15, cameras)),
+    "this computer is too slow for full processing: reduced to dense depth at 4 Hz",
+  );
+});

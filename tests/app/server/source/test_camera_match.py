@@ -42,7 +42,7 @@ def state(*devices: str, focus: str = "0", live: bool = True) -> StateEvent:
         EngineState.PREVIEW,
         None,
         source=source,
-        live=LiveStatus(cameras, 0, 0, None, None, 0, [], None) if live else None,
+        live=LiveStatus(cameras, 0, 0, None, None, 0, [], None, None) if live else None,
     )
 
 

@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 from observer.jsonl import observation_line
 from observer.observer import Observer
 from observer.parameters import Parameters
+from observer.parameters.reductions import REDUCTIONS, reduced
 from observer.types import Observation, Status, StereoFrame, TrackState
 
 from ...conftest import Clip, OpenClip
@@ -227,6 +228,21 @@ def test_other_values_of_the_same_model_leave_the_world_as_it_is(lateral: Clip) 
     after = observer.observe(lateral.frames[15])
     assert after.segment == 0
     assert {o.id for o in after.reported} == {o.id for o in before.reported} != set()
+
+
+def test_reduced_processing_keeps_the_world_and_the_obstacles(lateral: Clip) -> None:
+    observer = observer_of(lateral)
+    seen = []
+    for k, frame in enumerate(lateral.frames):
+        if k >= 15 and k % 5 == 0:
+            step = REDUCTIONS[(k // 5 - 3) % len(REDUCTIONS)]
+            observer.use(reduced(RIGID, step), 0)
+        seen.append(observer.observe(frame))
+    assert {o.segment for o in seen} == {0}
+    before = {o.id for o in seen[14].reported}
+    assert before
+    assert {o.id for later in seen[15:] for o in later.reported} == before
+    assert all(o.reported for o in seen[15:])
 
 
 # --- whatever comes ------------------------------------------------------------------------
