@@ -76,7 +76,7 @@ class CalibrationWizard extends Part {
       this.#caller = document.activeElement;
       this.#go(this.hub.status?.calibrating ? "views" : "board");
     });
-    this.#render();
+    this.#follow();
   }
 
   /** Open for a source that the server was started with to be calibrated, as its tile does. */

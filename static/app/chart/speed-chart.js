@@ -72,6 +72,8 @@ class SpeedChart extends Part {
     this.hear("status", () => this.#renderStatus());
     this.hear("runs", () => this.#findLastRun());
     void this.#findLastRun();
+    // Where it is paused, no other comes.
+    if (this.hub.observation) this.#history.add(this.hub.observation);
     this.#draw();
   }
 

@@ -62,7 +62,9 @@ class HistoryView extends Part {
     this.hear("hashchange", () => this.#follow(true), window);
     // The calibration wizard wants the same place, and the focus with it.
     this.hear("calibrate", () => this.#close(false));
-    this.#follow(false);
+    // Where the page was there before this view, somebody came here while it was loaded.
+    const started = !document.body.hasAttribute("data-starting");
+    this.#follow(started && placeOf(location.hash).view !== "none");
   }
 
   /** @param {boolean} asked for the live parts, not for something else */

@@ -98,6 +98,17 @@ export class ParameterStore extends Teller {
   }
 
   /**
+   * Listen, and hear at once of what is there already.
+   *
+   * @param {"loaded" | "values"} type
+   * @param {() => void} listener
+   */
+  keepUp(type, listener) {
+    this.addEventListener(type, listener);
+    if (this.schema.length > 0) listener();
+  }
+
+  /**
    * Somebody else may have changed them.
    *
    * @param {number} revision that the server tells of

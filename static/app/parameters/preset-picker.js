@@ -70,13 +70,13 @@ export class PresetPicker extends HTMLElement {
       this.#error,
       box,
     );
-    store.addEventListener("loaded", () => {
+    store.keepUp("loaded", () => {
       offer(
         this.#select,
         store.presets.map(({ name }) => [name, name]),
       );
     });
-    store.addEventListener("values", () => this.#render());
+    store.keepUp("values", () => this.#render());
   }
 
   #render() {

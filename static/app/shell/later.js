@@ -1,0 +1,95 @@
+/**
+ * Parts of the page that are loaded once its first frame has been painted, so that it comes sooner:
+ * those in sight first, then the others, one after another. What is wanted before its turn is loaded
+ * at once. Until then its element is empty.
+ */
+
+import { Part } from "../elements/part.js";
+import { notify } from "./notice.js";
+
+/** @import { Hub } from "./hub.js" */
+
+// Where no frame comes, as while no source is open.
+const PATIENCE_MS = 1000;
+
+export class Later {
+  #hub;
+  #modules;
+  /** What is there or on its way: whether it came. @type {Map<string, Promise<boolean>>} */
+  #begun = new Map();
+  /** @type {Set<string>} */
+  #attached = new Set();
+
+  /**
+   * @param {Hub} hub
+   * @param {Record<string, () => Promise<unknown>>} modules what imports the module of each part, by
+   *   the name of its element, in the order of loading
+   */
+  constructor(hub, modules) {
+    this.#hub = hub;
+    this.#modules = modules;
+    const loadAll = () => void this.#loadAll();
+    hub.addEventListener("painted", loadAll, { once: true });
+    setTimeout(loadAll, PATIENCE_MS);
+    // What was asked for while the server was away.
+    hub.addEventListener("reconnected", loadAll);
+    for (const panel of document.querySelectorAll('[role="tabpanel"]'))
+      panel.addEventListener("shown", () => void this.#loadWithin(panel));
+  }
+
+  /** @param {string} name of an element @returns {boolean} whether its part is attached */
+  has(name) {
+    return this.#attached.has(name);
+  }
+
+  /**
+   * Load and attach a part, once. Where it cannot be had a notice says so, and it may be asked for
+   * again.
+   *
+   * @param {string} name of its element
+   * @returns {Promise<boolean>} whether it is there
+   */
+  load(name) {
+    const begun = this.#begun.get(name) ?? this.#load(name);
+    this.#begun.set(name, begun);
+    return begun;
+  }
+
+  /** @param {string} name */
+  async #load(name) {
+    try {
+      await this.#modules[name]?.();
+    } catch {
+      this.#begun.delete(name);
+      notify("Part of this page did not load. Reload the page.", "error");
+      return false;
+    }
+    for (const element of elements(name)) if (element instanceof Part) element.attach(this.#hub);
+    this.#attached.add(name);
+    return true;
+  }
+
+  async #loadAll() {
+    const names = Object.keys(this.#modules);
+    const inSight = names.filter((name) => elements(name).some((each) => each.checkVisibility()));
+    await this.#loadInTurn([...inSight, ...names]);
+  }
+
+  /** @param {Element} panel */
+  #loadWithin(panel) {
+    const names = Object.keys(this.#modules);
+    return this.#loadInTurn(
+      names.filter((name) => elements(name).some((each) => panel.contains(each))),
+    );
+  }
+
+  /** Leave time for the page in between. @param {readonly string[]} names */
+  async #loadInTurn(names) {
+    for (const name of names) if (!(await this.load(name))) return;
+  }
+}
+
+/** @param {string} name @returns {Element[]} those that the page has, not those that parts make */
+function elements(name) {
+  return [...document.querySelectorAll(`${name}[data-part]`)];
+}

@@ -1,0 +1,107 @@
+"""What is loaded after the first painted frame: what comes before it, and what is wanted early."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from .conftest import DESKTOP, OpenPanel, Server
+
+_PHONE = {"width": 390, "height": 844}
+# Held back until they are let go.
+_HISTORY = "**/static/app/history/history-view.js"
+_WIZARD = "**/static/app/calibration/wizard.js"
+_CHART = "**/static/app/chart/speed-chart.js"
+_FORM = "**/static/app/parameters/parameter-form.js"
+_LATER = "**/static/app/{calibration,chart,history,method}/**"
+
+
+def _hold(page: Page, pattern: str) -> Callable[[], None]:
+    """Hold back the modules of a pattern; what it gives lets them go."""
+    held: list[Route] = []
+
+    def keep(route: Route) -> None:
+        held.append(route)
+
+    page.route(pattern, keep)
+
+    def let_go() -> None:
+        page.unroute(pattern)
+        while held:
+            held.pop().continue_()
+
+    return let_go
+
+
+def _reload(page: Page) -> None:
+    page.reload()
+    page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
+
+
+def test_stop_and_live_data_wait_for_nothing_later(server: Server, open_panel: OpenPanel) -> None:
+    page = open_panel()
+    _hold(page, _LATER)
+    _hold(page, _FORM)
+    _reload(page)
+    page.locator("#stop-robots").click()
+    try:
+        expect(page.locator(".stop-latched")).to_be_visible()
+    finally:
+        server.api.post("/api/robots/reset")
+    expect(page.locator("observer-parameters")).to_be_empty()
+    page.keyboard.press("?")
+    expect(page.get_by_role("dialog", name="Keyboard")).to_be_visible()
+
+
+@pytest.mark.parametrize("size", [DESKTOP, _PHONE], ids=["desktop", "phone"])
+def test_a_place_that_is_called_before_it_is_loaded(open_panel: OpenPanel, size: Any) -> None:
+    page = open_panel(viewport=size)
+    let_go = _hold(page, _HISTORY)
+    _reload(page)
+    page.get_by_role("tab", name="Runs").click()
+    page.get_by_role("link", name="All runs").click()
+    let_go()
+    title = page.locator("#history-title")
+    expect(title).to_be_visible()
+    expect(title).to_be_focused()
+    page.get_by_role("button", name="Back to live").click()
+    expect(page.locator("observer-live-views")).to_be_visible()
+
+
+def test_the_wizard_that_is_called_before_it_is_loaded(open_panel: OpenPanel) -> None:
+    page = open_panel()
+    let_go = _hold(page, _WIZARD)
+    _reload(page)
+    page.get_by_role("tab", name="Calibration").click()
+    page.get_by_role("button", name="Calibrate cameras").click()
+    let_go()
+    expect(page.get_by_role("heading", name="Calibrate: Board")).to_be_focused()
+    page.get_by_role("button", name="Exit").click()
+
+
+def test_a_part_that_does_not_come_says_so_and_is_asked_for_again(open_panel: OpenPanel) -> None:
+    page = open_panel(losses=True)
+    page.route(_FORM, lambda route: route.abort())
+    _reload(page)
+    expect(page.get_by_text("Part of this page did not load.")).to_be_visible()
+    page.unroute(_FORM)
+    page.get_by_role("tab", name="Robots").click()
+    page.get_by_role("tab", name="Parameters").click()
+    expect(page.get_by_role("searchbox", name="Find parameters")).to_be_visible()
+
+
+def test_the_speeds_of_a_paused_source_are_there(server: Server, open_panel: OpenPanel) -> None:
+    page = open_panel()
+    let_go = _hold(page, _CHART)
+    _reload(page)
+    expect(page.locator("observer-obstacles .row-button").first).to_be_visible(timeout=30_000)
+    server.api.post("/api/playback", json={"paused": True}).raise_for_status()
+    try:
+        page.wait_for_selector('html[data-freshness="held"]')
+        let_go()
+        expect(page.locator("observer-speed-chart ul.legend")).to_contain_text("Obstacle")
+    finally:
+        server.api.post("/api/playback", json={"paused": False}).raise_for_status()
