@@ -1,4 +1,4 @@
-"""``python -m tools.benchmark served|capture|recording|soak``: measure the running system."""
+"""``python -m tools.benchmark COMMAND``: measure the running system."""
 
 from __future__ import annotations
 
@@ -57,6 +57,27 @@ def capture(as_json: JsonOption = False, output: OutputOption = None) -> None:
         lambda: capture_figures(say=_say),
         capture_markdown,
         CaptureFigures.as_dict,
+        output,
+        as_json=as_json,
+    )
+
+
+@cli.command()
+def starved(
+    share: Annotated[float, typer.Option(min=0.05, max=1.0, help="Part of one core.")] = 0.25,
+    seconds: SecondsOption = 30.0,
+    as_json: JsonOption = False,
+    output: OutputOption = None,
+) -> None:
+    """Measure how old what is shown gets on a small part of one core; needs root."""
+    from tools.benchmark.starved import StarvedFigures, starved_figures
+    from tools.benchmark.starved_report import starved_markdown
+
+    tell_measured(
+        "starved",
+        lambda: starved_figures(share, seconds, say=_say),
+        starved_markdown,
+        StarvedFigures.as_dict,
         output,
         as_json=as_json,
     )

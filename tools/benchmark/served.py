@@ -227,11 +227,11 @@ def _loop_rates(
     say(f"the loop with {viewer_count} viewers, playing at {playback_rate:g} x")
     with viewers(server, viewer_count) as drained:
         with_viewers = observed_rate(server, seconds)
-        drive = _drive_lateness(server)
+        drive = drive_lateness(server)
         say(f"the drive loop beside viewers and a recording, playing at {playback_rate:g} x")
         with _recorded_run(server):
             time.sleep(seconds)
-            recorded = _drive_lateness(server)
+            recorded = drive_lateness(server)
     # A run starts at the source's beginning, and keeps its playback.
     after = observed_rate(server, seconds / 2)
     return LoopRates(
@@ -288,7 +288,8 @@ def _recorded_run(server: RunningServer) -> Iterator[None]:
         server.request("POST", f"/api/runs/{run['id']}/stop")
 
 
-def _drive_lateness(server: RunningServer) -> DriveLateness | None:
+def drive_lateness(server: RunningServer) -> DriveLateness | None:
+    """Return how late the drive loop is; None without a drive process."""
     loop = server.request("GET", "/api/robots")["loop"]
     if loop is None:
         return None

@@ -7,17 +7,19 @@ import contextlib
 import json
 import os
 import threading
-from collections.abc import Callable, Coroutine, Iterator, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 import viser
-from websockets.asyncio.client import connect
+from websockets.asyncio.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
-from app.client.server_process import RunningServer
+from app.client.server_process import MeasurementError, RunningServer
 
-_STOP_TIMEOUT_S = 10.0
+# At the lowest priority, beside a busy server, a farewell to it takes long.
+_STOP_TIMEOUT_S = 120.0
 _LOWEST_PRIORITY = 19
 
 
@@ -85,17 +87,19 @@ def _clients(
     finally:
         loop.call_soon_threadsafe(stopping.set)
         thread.join(_STOP_TIMEOUT_S)
+        if thread.is_alive():
+            raise MeasurementError(f"the viewers did not leave within {_STOP_TIMEOUT_S:g} s")
         loop.close()
 
 
 async def _drain_scene(server: RunningServer, drained: Drained) -> None:
-    async with _socket(server, "/viewer", drained, f"viser-v{viser.__version__}") as socket:
+    async with _drained_socket(server, "/viewer", drained, f"viser-v{viser.__version__}") as socket:
         async for _ in socket:
             drained.scene += 1
 
 
 async def _drain_live(server: RunningServer, drained: Drained) -> None:
-    async with _socket(server, "/api/live", drained) as socket:
+    async with _drained_socket(server, "/api/live", drained) as socket:
         async for text in socket:
             message = json.loads(text)
             if message["type"] == "observation":
@@ -104,15 +108,17 @@ async def _drain_live(server: RunningServer, drained: Drained) -> None:
 
 
 async def _drain_view(server: RunningServer, drained: Drained) -> None:
-    async with _socket(server, "/api/views/left", drained) as socket:
+    async with _drained_socket(server, "/api/views/left", drained) as socket:
         async for _ in socket:
             drained.images += 1
             await socket.send("ack")
 
 
 async def _stall(server: RunningServer, drained: Drained) -> None:
-    scene = _socket(server, "/viewer", drained, f"viser-v{viser.__version__}")
-    live, view = (_socket(server, path, drained) for path in ("/api/live", "/api/views/left"))
+    scene = _drained_socket(server, "/viewer", drained, f"viser-v{viser.__version__}")
+    live, view = (
+        _drained_socket(server, path, drained) for path in ("/api/live", "/api/views/left")
+    )
     async with scene as a, live as b, view as c:
         try:
             # What nobody takes from a socket fills its queue, and then the connection.
@@ -124,18 +130,25 @@ async def _stall(server: RunningServer, drained: Drained) -> None:
 
 
 @contextlib.asynccontextmanager
-async def _socket(server: RunningServer, path: str, drained: Drained, subprotocol: str = ""):  # type: ignore[no-untyped-def]
+async def _drained_socket(
+    server: RunningServer, path: str, drained: Drained, subprotocol: str = ""
+) -> AsyncIterator[ClientConnection]:
     try:
-        async with connect(
-            f"ws://127.0.0.1:{server.port}{path}",
-            additional_headers={"Authorization": f"Bearer {server.token}"},
-            subprotocols=[subprotocol] if subprotocol else None,  # type: ignore[list-item]
-            compression=None,
-            max_size=None,
-            proxy=None,
-        ) as socket:
+        async with server_socket(server, path, subprotocol) as socket:
             yield socket
     except Exception as error:
         # A failed viewer must appear in the figures, not vanish from them.
         drained.failures.append(f"{path}: {error}")
         raise
+
+
+def server_socket(server: RunningServer, path: str, subprotocol: str = "") -> connect:
+    """Return a connection to enter, signed in as an operator's."""
+    return connect(
+        f"ws://127.0.0.1:{server.port}{path}",
+        additional_headers={"Authorization": f"Bearer {server.token}"},
+        subprotocols=[Subprotocol(subprotocol)] if subprotocol else None,
+        compression=None,
+        max_size=None,
+        proxy=None,
+    )
