@@ -37,6 +37,8 @@ const hub = new Hub((hub) => new Driver(hub));
 const later = new Later(hub, {
   "observer-speed-chart": () => import("./chart/speed-chart.js"),
   "observer-parameters": () => import("./parameters/parameter-form.js"),
+  // The most modules of all, one press away.
+  [HISTORY]: () => import("./history/history-view.js"),
   "observer-source-picker": () => import("./sources/source-picker.js"),
   "observer-live-truth": () => import("./sources/live-truth.js"),
   "observer-robots": () => import("./driving/robots-panel.js"),
@@ -49,7 +51,6 @@ const later = new Later(hub, {
   "observer-live-cameras": () => import("./live/live-cameras.js"),
   "observer-status": () => import("./live/status-panel.js"),
   "observer-ego-motion": () => import("./live/ego-motion.js"),
-  [HISTORY]: () => import("./history/history-view.js"),
   [WIZARD]: () => import("./calibration/wizard.js"),
 });
 for (const element of document.querySelectorAll("[data-part]")) {
