@@ -23,14 +23,7 @@ def limited_processor(pid: int, share: float) -> Iterator[None]:
     Raises:
         MeasurementError: control groups cannot be written here.
     """
-    quota, period = round(share * PERIOD_S * 1e6), round(PERIOD_S * 1e6)
-    if (_V1 / "cpu.cfs_quota_us").exists():
-        root, limits = _V1, {"cpu.cfs_period_us": str(period), "cpu.cfs_quota_us": str(quota)}
-        if (_V1 / "cpu.rt_runtime_us").exists():
-            # Of each second. Without it no realtime process may join, as the drive process is one.
-            limits["cpu.rt_runtime_us"] = str(round(share * 1e6))
-    else:
-        root, limits = _V2, {"cpu.max": f"{quota} {period}"}
+    root = _V1 if (_V1 / "cpu.cfs_quota_us").exists() else _V2
     group = root / _NAME
     try:
         group.mkdir()
@@ -39,15 +32,28 @@ def limited_processor(pid: int, share: float) -> Iterator[None]:
             f"cannot make {group}: {error.strerror}; run this as root on Linux"
         ) from None
     try:
-        for name, value in limits.items():
-            (group / name).write_text(value)
-        _move(pid, group)
+        _limit(pid, group, share)
         yield
-    except OSError as error:
-        raise MeasurementError(f"cannot limit the processor: {error}") from None
     finally:
         _move(pid, root)
         group.rmdir()
+
+
+def _limit(pid: int, group: Path, share: float) -> None:
+    quota, period = round(share * PERIOD_S * 1e6), round(PERIOD_S * 1e6)
+    try:
+        if group.parent == _V2:
+            (group / "cpu.max").write_text(f"{quota} {period}")
+        else:
+            (group / "cpu.cfs_period_us").write_text(str(period))
+            (group / "cpu.cfs_quota_us").write_text(str(quota))
+        realtime = group / "cpu.rt_runtime_us"
+        if realtime.exists():
+            # Of each second. Without it no realtime process may join, as the drive process is one.
+            realtime.write_text(str(round(share * 1e6)))
+        _move(pid, group)
+    except OSError as error:
+        raise MeasurementError(f"cannot limit the processor by {group}: {error}") from None
 
 
 def _move(pid: int, group: Path) -> None:
