@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import psutil
@@ -14,6 +15,7 @@ from app.client.server_process import MeasurementError
 PERIOD_S = 0.1
 _V1, _V2 = Path("/sys/fs/cgroup/cpu"), Path("/sys/fs/cgroup")
 _NAME = "dynamic-observer-benchmark"
+_DISSOLVING_S = 5.0
 
 
 @contextmanager
@@ -35,8 +37,7 @@ def limited_processor(pid: int, share: float) -> Iterator[None]:
         _limit(pid, group, share)
         yield
     finally:
-        _move(pid, root)
-        group.rmdir()
+        _dissolve(group, root)
 
 
 def _limit(pid: int, group: Path, share: float) -> None:
@@ -54,6 +55,26 @@ def _limit(pid: int, group: Path, share: float) -> None:
         _move(pid, group)
     except OSError as error:
         raise MeasurementError(f"cannot limit the processor by {group}: {error}") from None
+
+
+def _dissolve(group: Path, root: Path) -> None:
+    """Move whoever is in a group to the root, and remove it.
+
+    A process that is just ending keeps it busy for a moment, and one may just be starting another.
+    """
+    until = time.monotonic() + _DISSOLVING_S
+    while True:
+        for pid in (group / "cgroup.procs").read_text().split():
+            with suppress(OSError):
+                (root / "cgroup.procs").write_text(pid)
+        try:
+            group.rmdir()
+        except OSError:
+            if time.monotonic() > until:
+                raise
+            time.sleep(0.05)
+        else:
+            return
 
 
 def _move(pid: int, group: Path) -> None:

@@ -50,7 +50,7 @@ def test_where_no_group_can_be_made_a_sentence_says_so(
     for name in ("_V1", "_V2"):
         monkeypatch.setattr(processor_share, name, tmp_path / "missing")
     with (
-        pytest.raises(MeasurementError, match="cannot make .*No such file.*run this as root"),
+        pytest.raises(MeasurementError, match=r"cannot make .*No such file.*run this as root"),
         limited_processor(1, 0.2),
     ):
         raise AssertionError
