@@ -85,7 +85,8 @@ class RunBar extends Part {
 
   #render() {
     const { status, connection } = this.hub;
-    const state = connection === "open" && status ? status.engine.state : connection;
+    // Just connected, the first status is still on its way.
+    const state = connection !== "open" ? connection : (status?.engine.state ?? "connecting");
     setText(this.#words, STATES[state] ?? state);
     setAttribute(this.#state, "data-state", state);
     setAttribute(this.#state, "title", status?.engine.reason ?? null);
