@@ -244,7 +244,13 @@ def has_corner(image: Image, px: NDArray[np.float32]) -> NDArray[np.bool_]:
     """
     scale = 1 / _REDUCTION
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    values = cv2.cornerEigenValsAndVecs(small, _EDGE_WINDOW, 3)
+    across, down = (cv2.Sobel(small, cv2.CV_32F, *along) for along in ((1, 0), (0, 1)))
     columns, rows = np.clip((px / _REDUCTION).astype(np.intp), 0, np.array(small.shape[::-1]) - 1).T
-    one, other = values[rows, columns, 0], values[rows, columns, 1]
-    return np.asarray(np.minimum(one, other) >= _EDGE_RATIO * np.maximum(one, other))
+    # Eigenvalues are needed at the points alone: OpenCV's function computes them, and eigenvectors,
+    # for every pixel.
+    a, b, c = (
+        cv2.blur(product, (_EDGE_WINDOW, _EDGE_WINDOW))[rows, columns]
+        for product in (across * across, across * down, down * down)
+    )
+    middle, half = (a + c) / 2, np.hypot((a - c) / 2, b)
+    return np.asarray(middle - half >= _EDGE_RATIO * (middle + half))
