@@ -1,7 +1,10 @@
 """Reduced processing: what a computer too slow for its cameras leaves out, and in which order.
 
-Fewer frames make every obstacle older and harder to follow, so the costliest work with the least
-loss goes first: how often dense depth is computed, then how densely points are tracked.
+Measured over simulated people at 15 frames per second: points every 25 px find 95 % of the
+sightings instead of 96 %. With dense depth for every second frame it is 90 %, as many as with all
+processing of every second frame, but what is shown is newer. Anything less loses people without
+even reporting that they cannot be seen: dense depth at 2 Hz and points every 36 px lose half of
+them. So that is not done, and frames are dropped instead.
 """
 
 from __future__ import annotations
@@ -19,28 +22,29 @@ class Reduction:
     """One step of reduced processing.
 
     Attributes:
-        dense_rate_hz: maximum rate of dense depth. spacing_px: minimum spacing of tracked points.
+        spacing_px: minimum spacing of tracked points.
+        dense_rate_hz: maximum rate of dense depth; None for no other than the parameter's.
         time_share: part of the full processing time that it takes, as measured over simulated
             scenes with robots and with people at 15 frames per second.
     """
 
-    dense_rate_hz: float
     spacing_px: int
+    dense_rate_hz: float | None
     time_share: float
 
     @property
     def words(self) -> str:
         """Describe it for people."""
-        points = f", points every {self.spacing_px} px" if self.spacing_px else ""
-        return f"dense depth at {self.dense_rate_hz:g} Hz{points}"
+        points = f"points every {self.spacing_px} px"
+        if self.dense_rate_hz is None:
+            return points
+        return f"{points}, dense depth at {self.dense_rate_hz:g} Hz"
 
 
 # From the mildest on; what is set to less already stays as it is.
 REDUCTIONS: Final = (
-    Reduction(dense_rate_hz=8.0, spacing_px=0, time_share=0.79),
-    Reduction(dense_rate_hz=4.0, spacing_px=0, time_share=0.67),
-    Reduction(dense_rate_hz=4.0, spacing_px=25, time_share=0.59),
-    Reduction(dense_rate_hz=2.0, spacing_px=36, time_share=0.48),
+    Reduction(spacing_px=25, dense_rate_hz=None, time_share=0.92),
+    Reduction(spacing_px=25, dense_rate_hz=8.0, time_share=0.70),
 )
 
 
@@ -58,8 +62,9 @@ def reduced(parameters: _Set, reduction: Reduction | None) -> _Set:
     if reduction is None:
         return parameters
     given = parameters.flat()
-    limits = {
-        "dense.rate_hz": min(float(given["dense.rate_hz"]), reduction.dense_rate_hz),
-        "klt_tracking.spacing_px": max(int(given["klt_tracking.spacing_px"]), reduction.spacing_px),
+    limits: dict[str, float] = {
+        "klt_tracking.spacing_px": max(int(given["klt_tracking.spacing_px"]), reduction.spacing_px)
     }
+    if reduction.dense_rate_hz is not None:
+        limits["dense.rate_hz"] = min(float(given["dense.rate_hz"]), reduction.dense_rate_hz)
     return parameters.changed(limits)

@@ -191,16 +191,20 @@ def test_cameras_too_fast_for_the_computer_are_processed_less_and_the_run_says_s
     bench.observers[-1].slow_stages = [0.1]
     reduced = bench.wait(StateEvent, lambda s: s.live is not None and s.live.reduced_to)
     assert reduced.live.reduced_to == REDUCTIONS[0].words
-    assert bench.observers[-1].parameters.dense.rate_hz == REDUCTIONS[0].dense_rate_hz
+    least = REDUCTIONS[0].spacing_px
+    assert bench.observers[-1].parameters.klt_tracking.spacing_px == least
     # A change by hand acts as far as there is time for it, and what is asked for is kept.
-    bench.value(SetParameters({"dense.rate_hz": 30.0, "flow.window_px": 11}, revision=2))
+    bench.value(SetParameters({"klt_tracking.spacing_px": 12, "flow.window_px": 11}, revision=2))
     assert bench.observers[-1].parameters.flow.window_px == 11
-    assert bench.observers[-1].parameters.dense.rate_hz <= REDUCTIONS[0].dense_rate_hz
+    assert bench.observers[-1].parameters.klt_tracking.spacing_px == least
     bench.value(StopRun())
     with Recording(path) as recording:
-        rates = [(r.revision, r.values["dense.rate_hz"]) for r in recording.parameter_revisions()]
-        assert rates[:2] == [(1, 60.0), (1, REDUCTIONS[0].dense_rate_hz)]
-        assert all(rate <= REDUCTIONS[0].dense_rate_hz for _, rate in rates[1:])
+        spacings = [
+            (r.revision, r.values["klt_tracking.spacing_px"])
+            for r in recording.parameter_revisions()
+        ]
+        assert spacings[:2] == [(1, 18), (1, least)]
+        assert all(spacing == least for _, spacing in spacings[1:])
         told = [i.sentence for i in recording.incidents() if i.kind == "processing"]
         assert told[0] == (
             f"the computer is too slow for full processing: reduced to {REDUCTIONS[0].words}"

@@ -38,13 +38,13 @@ test("cameras are told by the frames that were seen of those they send", () => {
 });
 
 test("reduced processing is told, whether or not it lets all frames through", () => {
-  const cameras = { trouble: null, reduced_to: "dense depth at 4 Hz" };
+  const cameras = { trouble: null, reduced_to: "points every 25 px" };
   assert.equal(
     tooSlow(facts({}, 6.2, cameras)),
-    "this computer is too slow: 6.2 of 15 fps, reduced to dense depth at 4 Hz",
+    "this computer is too slow: 6.2 of 15 fps, reduced to points every 25 px",
   );
   assert.equal(
     tooSlow(facts({}, 15, cameras)),
-    "this computer is too slow for full processing: reduced to dense depth at 4 Hz",
+    "this computer is too slow for full processing: reduced to points every 25 px",
   );
 });
