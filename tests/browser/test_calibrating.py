@@ -161,6 +161,8 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
     hands.press("Enter")
     hands.go("Parameters")
     hands.go("Calibration", "ArrowRight", most=2)
+    # The panel is loaded when its tab is first opened: nobody heads for a button before it is seen.
+    expect(page.get_by_role("button", name="Calibrate cameras")).to_be_visible()
     hands.go("Calibrate cameras")
     hands.press("Enter")
     hands.stands_at("Calibrate: Board")
