@@ -155,13 +155,14 @@ def test_the_whole_wizard_goes_by_keyboard_alone(
 ) -> None:
     page = open_panel(refusals=True)
     hands = _Hands(page)
+    # The last part of the page that is loaded: nobody heads for a button before it is there.
+    page.wait_for_function("() => customElements.get('observer-calibration-wizard')")
 
     # To the side panel by the link that is there for it, to its tab, and in.
     hands.go("Skip to settings")
     hands.press("Enter")
     hands.go("Parameters")
     hands.go("Calibration", "ArrowRight", most=2)
-    # The panel is loaded when its tab is first opened: nobody heads for a button before it is seen.
     expect(page.get_by_role("button", name="Calibrate cameras")).to_be_visible()
     hands.go("Calibrate cameras")
     hands.press("Enter")
