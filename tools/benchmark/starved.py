@@ -28,7 +28,7 @@ class StarvedFigures:
 
     Attributes:
         share: of one core, in periods of ``PERIOD_S``. camera_rate, rate: frames per second that
-            the cameras deliver, and that were observed.
+            the cameras deliver, and that were observed. observations: their number.
         age_median_s, age_p95_s, age_max_s: from reception of a frame until it was sent to a page.
         reduced_to: what was left of the processing at the end; None for all.
         restarts: of the engine.
@@ -37,6 +37,7 @@ class StarvedFigures:
     share: float
     camera_rate: float
     rate: float
+    observations: int
     age_median_s: float
     age_p95_s: float
     age_max_s: float
@@ -47,9 +48,9 @@ class StarvedFigures:
     @property
     def targets(self) -> tuple[Target, ...]:
         """Return the targets."""
-        count = round(self.rate)
+        age = "age of what is shown, p95, s"
         return (
-            Target("age of what is shown, p95, s", None, _MOST_AGE_S, self.age_p95_s, count),
+            Target(age, None, _MOST_AGE_S, self.age_p95_s, self.observations),
             Target("restarts of the engine", None, 0, self.restarts, 1),
         )
 
@@ -74,6 +75,7 @@ def starved_figures(share: float, seconds: float, say: Callable[[str], None]) ->
             share=share,
             camera_rate=status["source"]["frame_rate"],
             rate=len(ages) / seconds,
+            observations=len(ages),
             age_median_s=median,
             age_p95_s=p95,
             age_max_s=max(ages),
