@@ -1,0 +1,1 @@
+"""Driving to a goal among moving obstacles: predictions, planning, and the reasons for a choice."""

@@ -1,0 +1,71 @@
+"""What each person has been doing: goes on, stops, or turns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.guard.sight import SeenObstacle
+from observer.navigation.futures import PRIOR, displaced
+
+# What was expected is compared with what came after so long.
+_LOOK_S: Final = 0.4
+# One standard deviation of the velocity after that time, beside the track's own.
+_MANOEUVRE_MPS: Final = 0.25
+# Nobody keeps doing the same: weights fall back to the prior by this share at each look.
+_FORGETTING: Final = 0.3
+_FORGOTTEN_S: Final = 3.0
+
+
+@dataclass(frozen=True)
+class _Habit:
+    """Of one track: the velocity (2,) m/s at the last look, when it was, and the weights (M,)."""
+
+    velocity: Float64Array
+    time: float
+    weights: Float64Array
+
+
+class Habits:
+    """Weights of each person's futures, from how its velocity changed."""
+
+    def __init__(self) -> None:
+        self._of: dict[int, _Habit] = {}
+
+    def weights(self, people: Sequence[SeenObstacle], time: float) -> Float64Array:
+        """(N, M) probabilities of going on, stopping, turning left and right.
+
+        Args:
+            people: tracks in axes that do not turn between two calls. time: seconds.
+        """
+        self._of = {i: h for i, h in self._of.items() if time - h.time < _FORGOTTEN_S}
+        out = np.empty((len(people), len(PRIOR)))
+        for row, one in zip(out, people, strict=True):
+            velocity = np.array([one.vx, one.vy])
+            habit = self._of.get(one.id)
+            if habit is None:
+                habit = _Habit(velocity, time, np.array(PRIOR))
+            elif time - habit.time >= _LOOK_S:
+                habit = _looked(habit, velocity, time, one.velocity_sigma_mps)
+            self._of[one.id] = habit
+            row[:] = habit.weights
+        return out
+
+
+def _looked(habit: _Habit, velocity: Float64Array, time: float, sigma_mps: float | None) -> _Habit:
+    """Return the habit after a look, by how well each manoeuvre explains the new velocity."""
+    passed = time - habit.time
+    short = 1e-3
+    ways = displaced(habit.velocity[None], np.array([passed, passed + short]))[0]
+    expected = (ways[:, 1] - ways[:, 0]) / short
+    variance = _MANOEUVRE_MPS**2 + (sigma_mps or 0.0) ** 2
+    squared = ((expected - velocity) ** 2).sum(axis=1)
+    likelihood = np.exp(-(squared - squared.min()) / (2 * variance))
+    weights = habit.weights * likelihood
+    weights /= weights.sum()
+    weights = (1 - _FORGETTING) * weights + _FORGETTING * np.array(PRIOR)
+    return _Habit(velocity, time, weights)

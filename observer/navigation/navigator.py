@@ -1,0 +1,221 @@
+"""Navigator of one robot: what it knows from frame to frame, and its plan of the next seconds.
+
+All places are in one frame that stands, that of the robot's odometry. It reads no clock.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.guard.limiting import limit_of
+from observer.guard.outline import Outline
+from observer.guard.parameters import GuardParameters
+from observer.guard.side import Side
+from observer.guard.sight import SIGHT_FRESH_S, SeenObstacle, Sight
+from observer.navigation.errand import REACHED_M, Errand
+from observer.navigation.futures import futures
+from observer.navigation.habits import Habits
+from observer.navigation.local_map import LocalMap
+from observer.navigation.plan import Plan
+from observer.navigation.planner import TIMES, Choice, Permits, choose
+from observer.navigation.reasons import Reason, reason_of
+from observer.navigation.rollouts import Motion
+from observer.navigation.surroundings import Surroundings
+from observer.types import Status
+
+# Whoever left the view is remembered for so long, and may have changed velocity by so much each
+# second.
+_REMEMBERED_S: Final = 2.5
+_CHANGED_MPS: Final = 0.3
+# Where the tracker states no uncertainty.
+_UNKNOWN_M, _UNKNOWN_MPS = 0.2, 0.3
+# Of a robot that does not report its outline.
+_RADIUS_M: Final = 0.3
+# Whoever is slower stands in the way as a thing does, until seen to move.
+_STANDS_MPS, _STANDS_S = 0.15, 0.3
+# Nobody farther away than everybody could come, and so much more, matters.
+_NEAR_M: Final = 2.0
+
+
+@dataclass(frozen=True)
+class _Known:
+    """Track in the frame that stands, and when it was seen."""
+
+    track: SeenObstacle
+    seen: float
+
+
+class Navigator:
+    """Navigator of one robot; see the module."""
+
+    def __init__(self, limits: GuardParameters) -> None:
+        """``limits``: parameters of the guard, which limits whatever is planned."""
+        self._limits = limits
+        self._known: dict[int, _Known] = {}
+        self._habits = Habits()
+        self._map = LocalMap()
+        # What the guard knows by the same sights, sonar and wheels.
+        self._side = Side()
+        self._sight: Sight | None = None
+
+    def use(self, limits: GuardParameters) -> None:
+        """Go by these parameters from now on."""
+        self._limits = limits
+
+    def see(self, sight: Sight, pose: Float64Array) -> None:
+        """Take in a frame.
+
+        Args:
+            pose: (3,) x, y, yaw of the robot's base in the frame of its odometry at the frame's
+                reception, metres and radians.
+        """
+        self._sight = sight
+        if sight.status is not Status.OK:
+            return
+        for one in sight.obstacles:
+            if not one.coasting or one.id not in self._known:
+                self._known[one.id] = _Known(_standing(one, pose), sight.received)
+        self._map.move_to(float(pose[0]), float(pose[1]))
+        if sight.scan is not None:
+            self._map.see(sight.scan, sight.obstacles, pose, sight.received)
+
+    def plan(self, errand: Errand, now: float) -> Plan:
+        """Plan the next seconds of an errand.
+
+        Args:
+            now: the host's monotonic clock.
+        """
+        motion = _motion(errand, now)
+        self._map.hear(errand.sonars, np.array([motion.x, motion.y, motion.yaw]))
+        self._follow_guard(errand, now)
+        left = math.hypot(errand.goal.x - motion.x, errand.goal.y - motion.y)
+        if left <= REACHED_M:
+            return self._standing(errand, now, "The goal is reached.")
+        trouble = self._trouble(now)
+        if trouble is not None:
+            return self._standing(errand, now, trouble)
+        radius = _RADIUS_M if errand.radius_m is None else errand.radius_m
+        seen = self._people(motion, now)
+        people = futures(seen, self._habits.weights(seen, now), TIMES)
+        for one in seen:
+            if math.hypot(one.vx, one.vy) < _STANDS_MPS:
+                self._map.stand(one, now + _STANDS_S)
+        around = Surroundings.of(
+            self._map,
+            (errand.goal.x, errand.goal.y),
+            motion,
+            radius + self._limits.margin_m,
+            now,
+        )
+        permits = self._permits(errand, now)
+        choice = choose(motion, around, people, self._limits, errand.goal.risk_per_metre, permits)
+        return self._plan(errand, choice, reason_of(choice, people, left))
+
+    def _plan(self, errand: Errand, choice: Choice, why: Reason) -> Plan:
+        assert self._sight is not None
+        speed, turn = choice.velocity
+        poses = choice.ways.poses[choice.best]
+        path = () if choice.stands else tuple((x, y) for x, y, _ in poses.tolist())
+        return Plan(
+            goal=errand.goal.number,
+            received=self._sight.received,
+            speed_mps=speed,
+            turn_rate_radps=turn,
+            path=path,
+            risk_per_metre=choice.risk_per_metre,
+            reason=why.sentence,
+            waits_for=why.track,
+            meets_s=why.meets_s,
+        )
+
+    def _standing(self, errand: Errand, now: float, reason: str) -> Plan:
+        received = now if self._sight is None else self._sight.received
+        return Plan(errand.goal.number, received, 0.0, 0.0, (), 0.0, reason)
+
+    def _trouble(self, now: float) -> str | None:
+        """Return why nothing can be planned, one sentence."""
+        sight = self._sight
+        if sight is None or now - sight.received > SIGHT_FRESH_S:
+            return "Waiting for a camera frame."
+        if sight.status is not Status.OK:
+            why = f": {sight.reasons[0]}" if sight.reasons else ""
+            return f"Waiting: vision is {sight.status.value}{why}."
+        return None
+
+    def _people(self, motion: Motion, now: float) -> list[SeenObstacle]:
+        """Return everybody who matters, where they are by now as far as is known."""
+        self._known = {i: k for i, k in self._known.items() if now - k.seen < _REMEMBERED_S}
+        people = [_aged(known, now) for known in self._known.values()]
+        return [one for one in people if self._matters(one, motion)]
+
+    def _matters(self, one: SeenObstacle, motion: Motion) -> bool:
+        speed = math.hypot(one.vx, one.vy) + self._limits.speed_max_mps
+        away = math.hypot(one.x - motion.x, one.y - motion.y)
+        return away < speed * float(TIMES[-1]) + _NEAR_M
+
+    # --- the guard's rules -----------------------------------------------------------------
+
+    def _follow_guard(self, errand: Errand, now: float) -> None:
+        side = self._side
+        side.advance(now, (errand.speed_mps, errand.turn_rate_radps))
+        if self._sight is not None:
+            side.see(self._sight)
+        side.watch.listen(errand.sonars, now, side.past, self._limits)
+
+    def _permits(self, errand: Errand, now: float) -> Permits:
+        outline = Outline.of(errand.length_m, errand.width_m, errand.radius_m)
+        answers: dict[tuple[float, float], tuple[float, str | None]] = {(0.0, 0.0): (1.0, None)}
+
+        def permits(asked: tuple[float, float]) -> tuple[float, str | None]:
+            if asked not in answers:
+                limit = limit_of(
+                    self._side, asked, self._sight, errand.sonars, outline, self._limits, now
+                )
+                answers[asked] = (limit.share, limit.reason)
+            return answers[asked]
+
+        return permits
+
+
+def _motion(errand: Errand, now: float) -> Motion:
+    """Return where the robot is by now if it drives on as it reported."""
+    dt = min(max(now - errand.time, 0.0), SIGHT_FRESH_S)
+    yaw = errand.yaw + errand.turn_rate_radps * dt / 2
+    return Motion(
+        errand.x + errand.speed_mps * dt * math.cos(yaw),
+        errand.y + errand.speed_mps * dt * math.sin(yaw),
+        errand.yaw + errand.turn_rate_radps * dt,
+        errand.speed_mps,
+        errand.turn_rate_radps,
+    )
+
+
+def _standing(one: SeenObstacle, pose: Float64Array) -> SeenObstacle:
+    """Return a track of the base frame in the frame in which the base has a pose."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return replace(
+        one,
+        x=float(pose[0] + c * one.x - s * one.y),
+        y=float(pose[1] + s * one.x + c * one.y),
+        vx=c * one.vx - s * one.vy,
+        vy=s * one.vx + c * one.vy,
+    )
+
+
+def _aged(known: _Known, now: float) -> SeenObstacle:
+    """Return where a track is by now, as far as is known."""
+    one, age = known.track, max(now - known.seen, 0.0)
+    sigma_p = _UNKNOWN_M if one.position_sigma_m is None else one.position_sigma_m
+    sigma_v = _UNKNOWN_MPS if one.velocity_sigma_mps is None else one.velocity_sigma_mps
+    return replace(
+        one,
+        x=one.x + one.vx * age,
+        y=one.y + one.vy * age,
+        position_sigma_m=math.hypot(sigma_p, sigma_v * age + _CHANGED_MPS * age**2 / 2),
+        velocity_sigma_mps=math.hypot(sigma_v, _CHANGED_MPS * age),
+    )

@@ -1,0 +1,132 @@
+"""Ways that a robot with two wheels could take over the next seconds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.guard.parameters import GuardParameters
+
+# Number of the way on which the robot stops.
+STANDING: Final = 0
+# Turn rate asked for each radian of heading that is missing, 1/s.
+_STEERING: Final = 2.0
+# Directions tried beside that to the goal, radians; and how long each is held before the goal is
+# headed for again, seconds.
+_ASIDE: Final = np.radians([0, 20, -20, 45, -45, 80, -80])
+_HELD_S: Final = (1.0, 2.4)
+# Share of the deceleration with which a way ends at the goal.
+_GENTLY: Final = 0.5
+# Of the highest speed.
+_SPEEDS: Final = (1.0, 0.6, 0.25)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A robot now: x, y metres and yaw in a frame that stands; m/s forward, rad/s to the left."""
+
+    x: float
+    y: float
+    yaw: float
+    speed_mps: float
+    turn_rate_radps: float
+
+
+@dataclass(frozen=True, eq=False)
+class Rollouts:
+    """C ways at K instants.
+
+    Attributes:
+        times: (K,) seconds from now. poses: (C, K, 3) x, y, yaw. speed, turn: (C, K) m/s, rad/s.
+        asked: (C, 2) m/s and rad/s to ask of the robot now, which it reaches as fast as it can.
+    """
+
+    times: Float64Array
+    poses: Float64Array
+    speed: Float64Array
+    turn: Float64Array
+    asked: Float64Array
+
+    def way_m(self) -> Float64Array:
+        """(C,) metres driven."""
+        return np.asarray(np.abs(self.speed).sum(axis=1) * (self.times[1] - self.times[0]))
+
+
+def rollouts(
+    now: Motion,
+    bearing: float,
+    left_m: float,
+    times: Float64Array,
+    limits: GuardParameters,
+) -> Rollouts:
+    """Return the ways to choose from; the first one stops, and the next goes straight ahead.
+
+    Each heads beside the bearing for a while and then along it; speed and turn rate change no
+    faster than the robot's limits allow.
+
+    Args:
+        bearing: direction to drive in, radians in the frame of ``now``.
+        left_m: distance to the goal, at which every way ends.
+        times: (K,) seconds from now, evenly spaced, the first one after one step.
+    """
+    asked = [(0.0, 0.0, 0.0)]
+    asked += [
+        (share * limits.speed_max_mps, aside, held)
+        for share in _SPEEDS
+        for held in _HELD_S
+        for aside in (_ASIDE if held == _HELD_S[0] else _ASIDE[1:])
+    ]
+    wanted, aside, held = np.array(asked).T
+    dt = float(times[0])
+    pose = np.tile([now.x, now.y, now.yaw], (len(wanted), 1))
+    speed = np.full(len(wanted), now.speed_mps)
+    turn = np.full(len(wanted), now.turn_rate_radps)
+    left = np.full(len(wanted), left_m)
+    slower, faster = limits.deceleration_mps2 * dt, limits.acceleration_mps2 * dt
+    most, step = limits.turn_rate_max_radps, limits.turn_acceleration_radps2 * dt
+    poses, speeds, turns, begun = [], [], [], []
+    for time in times - dt:
+        error = wrapped(bearing + np.where(time < held, aside, 0.0) - pose[:, 2])
+        ending = np.sqrt(2 * _GENTLY * limits.deceleration_mps2 * np.maximum(left, 0.0))
+        # It slows down to turn rather than drive a wide bend.
+        target = np.minimum(wanted, ending) * np.maximum(np.cos(error), 0.0)
+        rate = np.where(wanted > 0, np.clip(_STEERING * error, -most, most), 0.0)
+        speed = speed + np.clip(target - speed, -slower, faster)
+        turn = turn + np.clip(rate - turn, -step, step)
+        pose = _moved(pose, speed, turn, dt)
+        left = left - speed * dt
+        poses.append(pose)
+        speeds.append(speed)
+        turns.append(turn)
+        begun.append(np.stack([target, rate], axis=1))
+    return Rollouts(times, np.stack(poses, 1), np.stack(speeds, 1), np.stack(turns, 1), begun[0])
+
+
+def braked(ways: Rollouts, reaction: int, limits: GuardParameters) -> Rollouts:
+    """Return the same ways, each braked to a stand after the first ``reaction`` instants."""
+    dt = float(ways.times[1] - ways.times[0])
+    poses, speed, turn = ways.poses.copy(), ways.speed.copy(), ways.turn.copy()
+    for k in range(reaction, len(ways.times)):
+        before = speed[:, k - 1]
+        speed[:, k] = np.maximum(np.abs(before) - limits.deceleration_mps2 * dt, 0.0)
+        share = np.divide(speed[:, k], before, out=np.zeros_like(before), where=before > 0)
+        turn[:, k] = turn[:, k - 1] * share
+        poses[:, k] = _moved(poses[:, k - 1], speed[:, k], turn[:, k], dt)
+    return replace(ways, poses=poses, speed=speed, turn=turn)
+
+
+def _moved(pose: Float64Array, speed: Float64Array, turn: Float64Array, dt: float) -> Float64Array:
+    middle = pose[:, 2] + turn * dt / 2
+    way = speed * dt
+    x = pose[:, 0] + way * np.cos(middle)
+    y = pose[:, 1] + way * np.sin(middle)
+    return np.stack([x, y, pose[:, 2] + turn * dt], axis=1)
+
+
+def wrapped(angle: Float64Array) -> Float64Array:
+    """Angles between -pi and pi."""
+    return np.asarray((angle + math.pi) % (2 * math.pi) - math.pi)

@@ -1,0 +1,63 @@
+"""Where people may be: means, spread and weights by construction."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer.guard.sight import SeenObstacle
+from observer.navigation.futures import PRIOR, displaced, futures
+from observer.navigation.habits import Habits
+
+TIMES = np.array([0.5, 1.0, 2.0])
+WALKER = SeenObstacle(7, 1.0, 2.0, 1.2, 0.0, 0.3, 0.05, 0.1, False)
+
+
+def test_whoever_goes_on_keeps_his_velocity() -> None:
+    made = futures([WALKER], np.array([PRIOR]), TIMES)
+    assert made.ids == (7,)
+    assert made.mean[0, 0] == pytest.approx(np.stack([1.0 + 1.2 * TIMES, [2.0] * 3], axis=1))
+    stops = made.mean[0, 1]
+    # Who halves his speed every 0.35 s comes this far.
+    assert stops[-1, 0] == pytest.approx(1.0 + 1.2 * 0.35 / math.log(2), abs=0.02)
+    left, right = made.mean[0, 2], made.mean[0, 3]
+    assert left[:, 0] == pytest.approx(right[:, 0])
+    assert left[:, 1] - 2.0 == pytest.approx(2.0 - right[:, 1])
+    assert (np.diff(left[:, 1]) > 0).all()
+
+
+def test_turning_keeps_the_length_of_the_path() -> None:
+    fine = np.linspace(0.01, 2.0, 400)
+    way = displaced(np.array([[0.6, -0.8]]), fine)[0]
+    for each in (way[0], way[2], way[3]):
+        steps = np.hypot(*np.diff(each, axis=0).T)
+        assert steps.sum() == pytest.approx(fine[-1] - fine[0], rel=1e-3)
+
+
+def test_uncertainty_grows_and_is_stated_where_unknown() -> None:
+    sure = futures([WALKER], np.array([PRIOR]), TIMES).sigma[0, 0]
+    assert (np.diff(sure) > 0).all()
+    assert sure[0] >= math.hypot(0.05, 0.05)
+    unknown = replace(WALKER, position_sigma_m=None, velocity_sigma_mps=None)
+    assert (futures([unknown], np.array([PRIOR]), TIMES).sigma[0, 0] > sure).all()
+
+
+def test_nobody_is_no_future() -> None:
+    assert len(futures([], np.zeros((0, len(PRIOR))), TIMES)) == 0
+
+
+def test_habits_follow_what_somebody_does() -> None:
+    habits = Habits()
+    assert habits.weights([WALKER], 0.0)[0] == pytest.approx(PRIOR)
+    turning = WALKER
+    for k in range(1, 6):
+        angle = 0.9 * 0.4 * k
+        turning = replace(WALKER, vx=1.2 * math.cos(angle), vy=1.2 * math.sin(angle))
+        weights = habits.weights([turning], 0.4 * k)[0]
+    assert weights.sum() == pytest.approx(1.0)
+    assert weights[2] > 3 * PRIOR[2] > 3 * weights[3]
+    # Others start from what people do.
+    assert habits.weights([replace(turning, id=8)], 2.4)[0] == pytest.approx(PRIOR)

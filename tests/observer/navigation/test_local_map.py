@@ -1,0 +1,122 @@
+"""Surfaces around the robot: where they are, how long they count, and what is none."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from observer.guard.sight import FreeScan, SeenObstacle
+from observer.navigation.local_map import CELL_M, LocalMap
+from observer.robots.contract import SonarReading
+
+HERE = np.zeros(3)
+BEARINGS = np.radians(np.arange(-30.0, 30.1, 3.0))
+
+
+def wall(ahead_m: float | None, to_m: float = 4.0) -> FreeScan:
+    """A wall across the view at a distance, or free ground up to ``to_m``."""
+    far = [None if ahead_m is None else ahead_m / math.cos(each) for each in BEARINGS]
+    return FreeScan(
+        tuple(BEARINGS.tolist()),
+        tuple(far),
+        (0.8,) * len(far),
+        tuple(to_m if each is None else each for each in far),
+    )
+
+
+def person(x: float, y: float) -> SeenObstacle:
+    return SeenObstacle(1, x, y, 0.0, 0.0, 0.3, 0.05, 0.1, False)
+
+
+def clearance(local: LocalMap, x: float, y: float, time: float = 0.1) -> float:
+    return float(local.clearance(np.array([x, y]), time))
+
+
+@pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (2.3, -1.1, 2.0), (-7.0, 40.0, -3.0)])
+def test_a_wall_is_where_it_was_seen(pose: tuple[float, float, float]) -> None:
+    local = LocalMap()
+    local.move_to(pose[0], pose[1])
+    local.see(wall(2.0), (), np.array(pose), 0.0)
+    ahead = np.array([math.cos(pose[2]), math.sin(pose[2])])
+    for distance in (0.5, 1.0, 1.5):
+        x, y = np.array(pose[:2]) + distance * ahead
+        assert clearance(local, x, y) == pytest.approx(2.0 - distance, abs=1.5 * CELL_M)
+    # Behind it nothing is known, and nothing blocked.
+    assert local.blocked(0.1).sum() < 60
+
+
+def test_what_is_seen_free_is_blocked_no_more() -> None:
+    local = LocalMap()
+    local.see(wall(2.0), (), HERE, 0.0)
+    assert local.blocked(0.1).any()
+    local.see(wall(None), (), HERE, 0.1)
+    # At the border of the view the last cell may stay.
+    assert local.blocked(0.1).sum() <= 2
+    assert clearance(local, 2.0, 0.0) > 0.9
+
+
+def test_a_surface_is_forgotten_after_a_while() -> None:
+    local = LocalMap()
+    local.see(wall(2.0), (), HERE, 0.0)
+    assert local.blocked(9.9).any()
+    assert not local.blocked(10.1).any()
+
+
+def test_a_tracked_obstacle_leaves_no_surface_behind() -> None:
+    scan = wall(2.0)
+    alone = FreeScan(
+        scan.bearings,
+        tuple(
+            far if abs(b) < 0.1 else None for b, far in zip(BEARINGS, scan.blocked_m, strict=True)
+        ),
+        scan.known_from_m,
+        scan.known_to_m,
+    )
+    local = LocalMap()
+    local.see(alone, (person(2.2, 0.0),), HERE, 0.0)
+    assert not local.blocked(0.1).any()
+    local.see(alone, (person(3.5, 0.0),), HERE, 0.0)
+    assert local.blocked(0.1).any()
+
+
+def test_the_map_follows_the_robot() -> None:
+    local = LocalMap()
+    local.see(wall(2.0), (), HERE, 0.0)
+    local.move_to(1.0, 0.5)
+    assert clearance(local, 1.0, 0.0) == pytest.approx(1.0, abs=1.5 * CELL_M)
+    local.move_to(-100.0, 0.0)
+    assert not local.blocked(0.1).any()
+    local.move_to(0.0, 0.0)
+    assert not local.blocked(0.1).any()
+
+
+def test_near_echoes_count_for_a_second() -> None:
+    readings = [
+        SonarReading(0, 0.1, 0.0, 0.0, 0.9, 5.0),
+        SonarReading(1, 0.0, 0.1, math.pi / 2, 2.5, 5.0),
+        SonarReading(2, 0.0, -0.1, -math.pi / 2, None, 5.0),
+    ]
+    local = LocalMap()
+    local.hear(readings, HERE)
+    assert local.blocked(5.5).sum() == 1
+    assert clearance(local, 0.5, 0.0, 5.5) == pytest.approx(0.5, abs=1.5 * CELL_M)
+    assert not local.blocked(6.1).any()
+
+
+@given(
+    st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3),
+    st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3),
+    st.floats(0.0, 20.0),
+)
+def test_no_place_breaks_it(first: list[float], second: list[float], far: float) -> None:
+    local = LocalMap()
+    for pose in (first, second):
+        local.move_to(pose[0], pose[1])
+        local.see(wall(far), (), np.array(pose), 0.0)
+        reach = local.clearance(np.array([pose[:2], [0.0, 0.0]]), 0.1)
+        assert np.isfinite(reach).all()
+        assert (reach >= 0).all()

@@ -1,0 +1,179 @@
+"""Plans of a robot among people and walls: what it does, and why it says so."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.guard.parameters import GuardParameters
+from observer.guard.sight import FreeScan, SeenObstacle, Sight
+from observer.navigation.errand import Errand, Goal
+from observer.navigation.navigator import Navigator
+from observer.navigation.plan import Plan
+from observer.robots.contract import SonarReading
+from observer.robots.models import robot_spec
+from observer.types import Status
+
+LIMITS = GuardParameters()
+BEARINGS = tuple(np.radians(np.arange(-30.0, 30.1, 3.0)).tolist())
+FREE = FreeScan(BEARINGS, (None,) * 21, (0.3,) * 21, (5.0,) * 21)
+SPEC = robot_spec("p3dx-sh")
+QUIET = tuple(
+    SonarReading(k, one.x, one.y, one.heading, None, 9.95) for k, one in enumerate(SPEC.sonars)
+)
+ERRAND = Errand(
+    Goal(1, 5.0, 0.0, 1e-3), 10.0, 0.0, 0.0, 0.0, 0.3, 0.0,
+    SPEC.radius_m, SPEC.width_m, SPEC.length_m, QUIET,
+)  # fmt: skip
+
+
+def person(x: float, y: float, vx: float = 0.0, vy: float = 0.0, number: int = 3) -> SeenObstacle:
+    return SeenObstacle(number, x, y, vx, vy, 0.3, 0.05, 0.1, False)
+
+
+def sight(
+    *people: SeenObstacle, time: float = 10.0, scan: FreeScan = FREE, **more: object
+) -> Sight:
+    made = Sight(1, time, time + 0.02, "real", Status.OK, (), True, people, scan)
+    return replace(made, **more)  # type: ignore[arg-type]
+
+
+def plan(*people: SeenObstacle, errand: Errand = ERRAND, **more: object) -> Plan:
+    navigator = Navigator(LIMITS)
+    navigator.see(sight(*people, **more), np.array([errand.x, errand.y, errand.yaw]))  # type: ignore[arg-type]
+    return navigator.plan(errand, 10.05)
+
+
+def test_a_free_path_is_driven_straight_and_fast() -> None:
+    made = plan()
+    assert made.speed_mps == pytest.approx(LIMITS.speed_max_mps)
+    assert made.turn_rate_radps == pytest.approx(0.0, abs=0.05)
+    assert made.path[-1][0] > 1.5
+    assert made.reason == "Driving to the goal, 5.0 m away."
+    assert made.waits_for is None
+    assert made.risk_per_metre == 0.0
+
+
+def test_it_turns_towards_a_goal_behind_it() -> None:
+    made = plan(errand=replace(ERRAND, goal=Goal(1, -3.0, 0.5, 1e-3), speed_mps=0.0))
+    assert made.speed_mps == pytest.approx(0.0, abs=0.02)
+    assert made.turn_rate_radps > 0.5
+    assert made.reason == "Turning towards the goal."
+
+
+def test_at_the_goal_it_stands() -> None:
+    made = plan(errand=replace(ERRAND, x=4.9))
+    assert (made.speed_mps, made.turn_rate_radps, made.path) == (0.0, 0.0, ())
+    assert made.reason == "The goal is reached."
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_somebody_who_crosses_close_by_is_let_pass(side: float) -> None:
+    made = plan(person(1.0, 1.0 * side, 0.0, -1.2 * side))
+    straight = made.speed_mps > 0.4 and abs(made.turn_rate_radps) < 0.1
+    assert not straight
+    assert made.waits_for == 3
+    assert "obstacle 3" in made.reason
+    assert made.meets_s is not None
+    assert 0 < made.meets_s < 3
+
+
+def test_somebody_who_walks_away_decides_nothing() -> None:
+    made = plan(person(2.5, 1.5, 0.0, 1.3))
+    assert made.speed_mps == pytest.approx(LIMITS.speed_max_mps)
+    assert made.waits_for is None
+
+
+def test_more_risk_permits_no_less() -> None:
+    crossing = person(1.6, 1.5, 0.0, -1.2)
+    plans = [
+        plan(crossing, errand=replace(ERRAND, goal=replace(ERRAND.goal, risk_per_metre=risk)))
+        for risk in (1e-5, 1e-3, 1e-1, 1.0)
+    ]
+    for made, risk in zip(plans, (1e-5, 1e-3, 1e-1, 1.0), strict=True):
+        assert made.risk_per_metre <= risk
+
+
+def test_somebody_who_stands_in_the_way_is_driven_around() -> None:
+    made = plan(person(1.9, 0.0))
+    assert abs(made.turn_rate_radps) > 0.1
+    assert made.path
+    gaps = [math.dist(place, (1.9, 0.0)) for place in made.path]
+    assert min(gaps) > 0.3 + 0.26
+    assert made.reason == "Driving around obstacle 3."
+
+
+def test_whoever_left_the_view_is_still_avoided_for_a_while() -> None:
+    navigator = Navigator(LIMITS)
+    navigator.see(sight(person(0.9, 0.5, 0.0, -0.4)), np.zeros(3))
+    navigator.see(sight(time=10.1), np.zeros(3))
+    assert navigator.plan(ERRAND, 10.15).waits_for == 3
+    later = replace(ERRAND, time=13.0)
+    navigator.see(sight(time=13.0), np.zeros(3))
+    assert navigator.plan(later, 13.05).waits_for is None
+
+
+def test_a_box_in_the_way_is_driven_around() -> None:
+    blocked = tuple(2.0 if abs(each) < 0.15 else None for each in BEARINGS)
+    scan = FreeScan(
+        BEARINGS, blocked, (0.3,) * 21, tuple(5.0 if far is None else far for far in blocked)
+    )
+    made = plan(scan=scan)
+    assert made.path
+    gaps = [math.hypot(x - 2.0, max(abs(y) - 0.3, 0.0)) for x, y in made.path]
+    assert min(gaps) > 0.26
+
+
+def test_it_asks_the_guard_before_it_plans() -> None:
+    """Ground that nobody has seen is not driven over, and the guard's sentence says so."""
+    unseen = FreeScan(BEARINGS, (None,) * 21, (1.0,) * 21, (1.0,) * 21)
+    made = plan(scan=unseen, errand=replace(ERRAND, speed_mps=0.0, sonars=()))
+    assert made.speed_mps == 0.0
+    assert made.reason == (
+        "Waiting: the ground ahead is not known to be free: neither visible nor covered by sonar."
+    )
+
+
+@pytest.mark.parametrize(
+    ("more", "reason"),
+    [
+        ({"status": Status.LOST, "reasons": ("it is too dark",)}, "vision is lost: it is too dark"),
+        ({"status": Status.DEGRADED}, "vision is degraded"),
+        ({"received": 9.5}, "a camera frame"),
+    ],
+)
+def test_without_sight_it_stands_and_says_why(more: dict[str, object], reason: str) -> None:
+    made = plan(**more)  # type: ignore[arg-type]
+    assert (made.speed_mps, made.turn_rate_radps, made.path) == (0.0, 0.0, ())
+    assert reason in made.reason
+
+
+def test_a_new_goal_forgets_nobody() -> None:
+    navigator = Navigator(LIMITS)
+    navigator.see(sight(person(0.9, 0.5, 0.0, -0.4)), np.zeros(3))
+    navigator.plan(ERRAND, 10.05)
+    navigator.see(sight(time=10.1), np.zeros(3))
+    other = replace(ERRAND, goal=Goal(2, 4.0, 0.2, 1e-3))
+    made = navigator.plan(other, 10.15)
+    assert (made.goal, made.waits_for) == (2, 3)
+
+
+_NUMBER = st.floats(-50.0, 50.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(_NUMBER, _NUMBER, _NUMBER, _NUMBER), max_size=4), _NUMBER, _NUMBER)
+def test_whatever_is_seen_the_plan_is_within_the_limits(
+    people: list[tuple[float, float, float, float]], x: float, y: float
+) -> None:
+    seen = [person(*values, number=k) for k, values in enumerate(people)]
+    made = plan(*seen, errand=replace(ERRAND, goal=Goal(1, x, y, 1e-3)))
+    assert 0.0 <= made.speed_mps <= LIMITS.speed_max_mps + 1e-9
+    assert abs(made.turn_rate_radps) <= LIMITS.turn_rate_max_radps + 1e-9
+    assert made.reason.endswith(".")
+    assert np.isfinite(np.array(made.path)).all()
