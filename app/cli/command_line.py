@@ -48,8 +48,11 @@ COMMANDS: Mapping[str, str] = {
     "CoppeliaSim.",
     "parameters": "List the parameters that --set, the web page and REST accept.",
     "drive": "Run a programme on the robots of a running server, as long as this command runs.",
+    "go": "Send the observer to a goal, as long as this command runs.",
     "programmes": "List the built-in programmes; a server may have more.",
     "benchmark": "Compare the presets over scenarios and seeds, and measure the processing time.",
+    "navigate-benchmark": "Measure driving to a goal among people: the planner beside the guard "
+    "alone.",
     "sweep": "Evaluate every combination of parameters on every source, and rank them.",
     "emulate": "Emulate a robot on an empty floor until Ctrl-C, and print the port to connect to.",
     "backup": "Back up runs, speeds, parameters, presets, calibrations, rig, programmes and ground "

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import signal
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,11 +11,15 @@ from typing import Annotated, Any
 import typer
 
 from app.cli.progress import drawn_progress
+from app.cli.running_server import (
+    DEFAULT_SERVER,
+    ServerAddress,
+    Takeover,
+    Token,
+    TokenFile,
+    ended_by_signals,
+)
 from observer.errors import DynamicObserverError, InputError
-
-_DEFAULT_SERVER = "http://127.0.0.1:8080"
-# Shells report a process ended by a signal this way.
-_SIGNALLED = 128
 
 Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
@@ -26,24 +29,15 @@ def drive(
         str | None,
         typer.Argument(help="Name of a programme, or a YAML file, which the server then stores."),
     ] = None,
-    server: Annotated[str, typer.Option(help="Address of the running server.")] = _DEFAULT_SERVER,
-    token: Annotated[
-        str | None,
-        typer.Option(
-            help="Token of the server; other users of this computer can see it in the process list."
-        ),
-    ] = None,
-    token_file: Annotated[
-        Path | None, typer.Option(help="File with the token, as given to serve --token-file.")
-    ] = None,
+    server: ServerAddress = DEFAULT_SERVER,
+    token: Token = None,
+    token_file: TokenFile = None,
     repeat: Annotated[int, typer.Option(help="Number of repetitions.")] = 1,
     reverse: Annotated[
         bool,
         typer.Option("--reverse", help="Drive the path in reverse, back to its starting point."),
     ] = False,
-    takeover: Annotated[
-        bool, typer.Option("--takeover", help="Take control even if somebody else has it.")
-    ] = False,
+    takeover: Takeover = False,
     stop: Annotated[
         bool, typer.Option("--stop", help="Stop all robots and do nothing else.")
     ] = False,
@@ -69,7 +63,7 @@ def drive(
             typer.echo("all robots are stopped; reset the stop before they can drive", err=True)
             return
         assert programme is not None
-        with _ended_by_signals():
+        with ended_by_signals():
             _play(api, programme, repeat, reverse, takeover, as_json)
     finally:
         api.close()
@@ -147,25 +141,6 @@ def _chosen(api: Any, programme: str) -> Any:
         return chosen
     answer = api.get("programmes", programme)
     return profile_from_text(answer["text"], programme)
-
-
-@contextmanager
-def _ended_by_signals() -> Iterator[None]:
-    """End the drive in order on Ctrl-C, a closed terminal or SIGTERM."""
-
-    def end(number: int, _: object) -> None:
-        raise typer.Exit(_SIGNALLED + number)
-
-    ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {each: signal.signal(each, end) for each in ending}
-    try:
-        yield
-    except typer.Exit:
-        typer.echo("interrupted; the robots are stopped and disarmed", err=True)
-        raise
-    finally:
-        for each, handler in before.items():
-            signal.signal(each, handler)
 
 
 @contextmanager

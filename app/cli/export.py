@@ -34,8 +34,8 @@ def export(
     table: Annotated[
         str,
         typer.Option(
-            help="Table for .csv and .parquet: obstacles, frames, odometry, robots, parameters, or "
-            "ground truth as truth or matched_truth."
+            help="Table for .csv and .parquet: obstacles, frames, odometry, robots, goal, "
+            "parameters, or ground truth as truth or matched_truth."
         ),
     ] = "obstacles",
     track: Annotated[

@@ -1,7 +1,8 @@
 """Messages between the web process and the drive process; see ``app.runtime.pipe``.
 
 Sight reaches the drive process from the engine directly, as a latest value in shared memory
-(``SIGHT_NAME``), and what the robots' wheels tell goes back the same way (``WHEELS_NAME``).
+(``SIGHT_NAME``), and so does the plan of the way to a goal (``PLAN_NAME``). What the robots' wheels
+tell goes back the same way (``WHEELS_NAME``).
 """
 
 from __future__ import annotations
@@ -10,24 +11,30 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal
 
 from app.contract.commands import Answer
-from app.contract.robots import DriveFacts, RobotNow
+from app.contract.robots import DriveFacts, GoalNow, RobotNow
 from observer.motion_profiles.profile import MotionProfile
 from observer.rig.rig import Role
 
 # Slots of latest values, beside the engine's views.
 #   sight   engine to drive: ``observer.guard.sight.Sight.facts`` as the header, no payload
 #   wheels  drive to engine: ``{role: [[time, x, y, yaw], ...]}``, oldest first, the last second
-#           of each robot's odometry on the host's monotonic clock; no payload
+#           of each robot's odometry on the host's monotonic clock; and as ``errand``, while the
+#           observer drives to a goal, ``observer.navigation.errand.Errand.facts``; no payload
+#   plan    engine to drive: ``observer.navigation.plan.Plan.facts`` as the header, no payload
 SIGHT_NAME = "sight"
 WHEELS_NAME = "wheels"
+PLAN_NAME = "plan"
+SHARED_NAMES = (SIGHT_NAME, WHEELS_NAME, PLAN_NAME)
 
 # A command or a sign of presence counts for this long after it was given.
 COMMAND_FRESH_S = 0.25
 # So old may the reception of the newest frame be.
 SIGHT_FRESH_S = 0.2
+# So old may the reception of the newest frame be that a plan goes by.
+PLAN_FRESH_S = 0.3
 
 # What stops a robot, or takes its motors away.
-IncidentKind = Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme"]
+IncidentKind = Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme", "goal"]
 
 
 # --- commands, web to drive ------------------------------------------------------------------
@@ -173,6 +180,27 @@ class StartProgramme(ToDrive[float]):
 @dataclass(frozen=True)
 class StopProgramme(ToDrive[None]):
     """End it at zero; the robots stay armed."""
+
+
+@dataclass(frozen=True)
+class StartGoal(ToDrive[GoalNow]):
+    """Send the observer to a place, as long as its operator stays present; replaces the goal
+    before. The robot must be armed. Answered by the goal.
+
+    Attributes:
+        ahead_m, left_m: from the robot as it stands now.
+        risk_per_metre: declared probability of touching somebody on each metre driven.
+    """
+
+    lease: str
+    ahead_m: float
+    left_m: float
+    risk_per_metre: float
+
+
+@dataclass(frozen=True)
+class StopGoal(ToDrive[None]):
+    """Give up the goal, at zero; the robot stays armed."""
 
 
 @dataclass(frozen=True)

@@ -77,6 +77,23 @@ class ProgrammeNow:
 
 
 @dataclass(frozen=True)
+class GoalNow:
+    """Goal to which the observer drives, or drove last. Places are metres ahead of the robot and
+    to its left, as it stands now."""
+
+    state: Literal["driving", "reached", "ended"]
+    sentence: Annotated[str, means("What the robot does and why, or why it ended.")]
+    place: Annotated[tuple[float, float] | None, means("None: not known any more.")]
+    distance_m: float | None
+    elapsed_s: float
+    path: Annotated[Sequence[tuple[float, float]], means("Planned for the next seconds.")]
+    risk_per_metre: Annotated[float, means("Declared probability of a contact on each metre.")]
+    planned_risk_per_metre: Annotated[float | None, means("Of the path, until it could stand.")]
+    waits_for: Annotated[int | None, means("Track for which it stands or turns aside.")]
+    meets_s: Annotated[float | None, means("Until it would meet that track, s.")]
+
+
+@dataclass(frozen=True)
 class RobotNow:
     """One robot that is connected, or shall be."""
 
@@ -222,6 +239,7 @@ class DriveFacts:
     sight: SightNow | None
     loop: DriveLoop | None
     programme: ProgrammeNow | None
+    goal: GoalNow | None
     robots: Robots
 
 

@@ -25,7 +25,7 @@ def drive_facts(
     roles: Roles, now: float, ticks: int, lateness: Lateness, priority: str
 ) -> DriveFacts:
     """Return all facts at this instant."""
-    sight, playing = roles.sight, roles.playing
+    sight, playing, going = roles.sight, roles.playing, roles.goals.going
     return DriveFacts(
         stopped=roles.stopped,
         sight=SightNow(None, None, None)
@@ -33,6 +33,7 @@ def drive_facts(
         else SightNow(now - sight.received, sight.status.value, sight.world),
         loop=DriveLoop(ticks, lateness.p99_ms, lateness.max_ms, priority),
         programme=None if playing is None else playing.facts(now),
+        goal=None if going is None else going.facts(now),
         robots={
             role: role_facts(driven, roles.leases.holder(role))
             for role, driven in roles.driven.items()
@@ -65,11 +66,12 @@ def role_facts(driven: DrivenRole, operator: str | None) -> RobotNow | None:
 
 def outline_of_facts(roles: Roles) -> Hashable:
     """Return a key that changes whenever anything but a figure has changed."""
-    sight, playing = roles.sight, roles.playing
+    sight, playing, going = roles.sight, roles.playing, roles.goals.going
     return (
         roles.stopped,
         None if sight is None else (sight.status, sight.world),
         None if playing is None else (playing.started, playing.profile.name),
+        None if going is None else (going.goal.number, going.over),
         tuple(_outline(driven, roles.leases.holder(role)) for role, driven in roles.driven.items()),
     )
 

@@ -30,6 +30,7 @@ from app.runtime.errors import ProcessRefused
 from app.runtime.requests import Reply, Request
 from observer.errors import InputError
 from observer.guard.sight import Sight
+from observer.navigation.plan import Plan
 from observer.rig.rig import ROLES
 
 _log = logging.getLogger(__name__)
@@ -56,6 +57,7 @@ class DriveLoop:
         inbox: Inbox,
         send: Callable[[object], None],
         newest_sight: Callable[[float], Sight | None],
+        newest_plan: Callable[[float], Plan | None],
         write_wheels: Callable[[dict[str, Any]], object],
         orphaned: Callable[[], bool],
         priority: Priority,
@@ -66,7 +68,7 @@ class DriveLoop:
         Args:
             roles: the loop waits for their attendants at the end.
             send: takes replies and events; returns at once.
-            newest_sight: returns the newest sight at an instant; returns at once.
+            newest_sight, newest_plan: return the newest one at an instant, at once.
             write_wheels: takes the content of the slot ``WHEELS_NAME``.
             orphaned: returns true once the parent is gone.
             priority: the loop's, for the reports.
@@ -76,6 +78,7 @@ class DriveLoop:
         self._inbox = inbox
         self._send = send
         self._newest_sight = newest_sight
+        self._newest_plan = newest_plan
         self._write_wheels = write_wheels
         self._orphaned = orphaned
         self._priority = priority
@@ -122,7 +125,7 @@ class DriveLoop:
             self.leaving = True
         if self.leaving:
             self._roles.stop("the drive process shutting down", now)
-        self._roles.step(now, self._newest_sight(now))
+        self._roles.step(now, self._newest_sight(now), self._newest_plan(now))
         for number, answer in answers:
             self._send(Reply(number, answer()))
         self._tell(now)
@@ -183,7 +186,9 @@ class DriveLoop:
         for role, driven in self._roles.driven.items():
             self._wheels.add(role, driven.report, now)
         if ticks % _WHEELS_TICKS == 0:
-            self._write_wheels(self._wheels.facts())
+            errand = self._roles.errand()
+            going = {} if errand is None else {"errand": errand.facts()}
+            self._write_wheels(self._wheels.facts() | going)
         outline = outline_of_facts(self._roles)
         due = ticks - self._tick_of_event >= _EVENT_TICKS
         if due:

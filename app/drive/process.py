@@ -10,6 +10,7 @@ import time
 from typing import NoReturn
 
 from app.contract.drive import (
+    PLAN_NAME,
     SIGHT_NAME,
     WHEELS_NAME,
     DriveState,
@@ -17,17 +18,19 @@ from app.contract.drive import (
     StoppedEvent,
     WheelSpeedEvent,
 )
+from app.drive.engine_feed import EngineFeed
 from app.drive.loop import DriveLoop, Inbox
 from app.drive.priority import calm_interpreter, raise_priority
 from app.drive.robot_opener import AttendantThread, RobotOpener
 from app.drive.roles import Roles
-from app.drive.sight_feed import SightFeed
 from app.runtime.arguments import ProcessArguments
 from app.runtime.latest import LatestReader, LatestWriter
 from app.runtime.lifeline import receive_until_parent_ends
 from app.runtime.pipe import MessageSender
 from observer.guard.guard import Guard
 from observer.guard.parameters import GuardParameters
+from observer.guard.sight import sight_of
+from observer.navigation.plan import plan_of
 from observer.rig.rig import ROLES
 
 # Longer than a working loop takes to release all robots.
@@ -57,7 +60,8 @@ def run_drive(arguments: ProcessArguments, *, open_robot: RobotOpener) -> NoRetu
         roles=Roles(Guard(parameters), attendants, parameters),
         inbox=inbox,
         send=sender.send,
-        newest_sight=SightFeed(LatestReader(arguments.slots[SIGHT_NAME])).newest,
+        newest_sight=EngineFeed(LatestReader(arguments.slots[SIGHT_NAME]), sight_of).newest,
+        newest_plan=EngineFeed(LatestReader(arguments.slots[PLAN_NAME]), plan_of).newest,
         write_wheels=LatestWriter(arguments.slots[WHEELS_NAME]).write,
         orphaned=lambda: os.getppid() != arguments.parent,
         priority=priority,

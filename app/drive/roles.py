@@ -22,15 +22,18 @@ from app.contract.drive import (
     ReleaseLease,
     ResetStop,
     SetGuard,
+    StartGoal,
     StartProgramme,
+    StopGoal,
     StopProgramme,
     StopRobots,
     TakeLease,
 )
-from app.contract.robots import Latch
+from app.contract.robots import GoalNow, Latch
 from app.drive.connection import Connection, Tick
 from app.drive.consent import ZERO
 from app.drive.driven_role import DrivenRole
+from app.drive.goals import Goals
 from app.drive.leases import Leases
 from app.drive.playing import Playing
 from app.drive.robot_opener import AttendantThread
@@ -39,6 +42,8 @@ from observer.guard.guard import Guard
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
 from observer.motion_profiles.playing import duration_s
+from observer.navigation.errand import Errand
+from observer.navigation.plan import Plan
 from observer.rig.rig import ROLES, Role
 from observer.robot_opening import check_port
 from observer.robots.models import robot_spec
@@ -48,6 +53,8 @@ from observer.validation import validation_words, with_name
 _log = logging.getLogger(__name__)
 
 _GUARD = "guard."
+# Role of the robot that carries the cameras: only it is sent to goals.
+_OBSERVER: Role = "observer"
 # A ramp rises by at most this much time, however late a tick is.
 _MOST_DT_S = 0.04
 _FAILED = "was disconnected because its driver failed; see the log of the drive process"
@@ -68,6 +75,7 @@ class Roles:
         attendants: the one of each role.
         stopped: the latched stop.
         playing: the programme in progress.
+        goals: of the observer.
         leases: the lease of each role.
         sight: the newest sight.
     """
@@ -85,15 +93,17 @@ class Roles:
         self.leases = Leases()
         self.stopped: Latch | None = None
         self.playing: Playing | None = None
+        self.goals = Goals()
         self.sight: Sight | None = None
+        self._plan: Plan | None = None
         self._before: float | None = None
         self._incidents: list[IncidentEvent] = []
 
     # --- every tick ------------------------------------------------------------------------
 
-    def step(self, now: float, sight: Sight | None) -> None:
+    def step(self, now: float, sight: Sight | None, plan: Plan | None = None) -> None:
         """Run both robots' tick, once its commands were taken."""
-        self.sight = sight
+        self.sight, self._plan = sight, plan
         for role in ROLES:
             self._take_opened(role)
         tick = self._tick(now)
@@ -109,21 +119,33 @@ class Roles:
             self._end_profile(now, None)
 
     def _look(self, role: Role, tick: Tick) -> None:
-        played = self._moving(role) is not None
-        trouble = self.driven[role].look(tick, played=played)
+        played, driven = self._moving(role) is not None, self.driven[role]
+        goes = role == _OBSERVER and self.goals.driving
+        trouble = driven.look(tick, played=played or goes)
         if played and trouble is not None:
             self._end_profile(tick.now, trouble)
+        if role == _OBSERVER:
+            self._note(self.goals.look(driven, self.sight, self._plan, trouble, tick.now))
 
     def _send(self, role: Role, tick: Tick) -> None:
-        playing = self._moving(role)
-        played = None if playing is None else playing.velocity(role, tick.now)
-        self.driven[role].drive(tick, played)
+        playing, driven = self._moving(role), self.driven[role]
+        if playing is not None:
+            driven.drive(tick, playing.velocity(role, tick.now))
+        elif role == _OBSERVER:
+            driven.drive(tick, self.goals.velocity(driven))
+            self.goals.sent(driven)
+        else:
+            driven.drive(tick, None)
+
+    def _note(self, incident: IncidentEvent | None) -> None:
+        if incident is not None:
+            self._incidents.append(incident)
 
     def _give_up(self, role: Role, now: float) -> None:
         """Release a robot whose driver fails; the other one continues."""
         driven = self.driven[role]
         connection, robot = driven.connection, driven.let_go()
-        self._end_profile_of(role, now, _FAILED)
+        self._end_driving_of(role, now, _FAILED)
         self._incidents.append(IncidentEvent(role, "fault", f"the {role} {_FAILED}", now, None))
         if connection is not None:
             driven.connect(replace(connection, robot=None, trouble=f"the {role} {_FAILED}"))
@@ -158,7 +180,7 @@ class Roles:
 
     # --- commands --------------------------------------------------------------------------
 
-    def take(self, command: object, now: float) -> str | float | DriveAnswer | None:
+    def take(self, command: object, now: float) -> str | float | DriveAnswer | GoalNow | None:
         """Carry out a command; return its answer, or a placeholder for one that follows.
 
         Raises:
@@ -185,7 +207,7 @@ class Roles:
             case ArmRobot():
                 self._arm(command, now)
             case DisarmRobot():
-                self._end_profile_of(_checked(command.role), now, "was disarmed")
+                self._end_driving_of(_checked(command.role), now, "was disarmed")
                 self.driven[command.role].disarm(now)
             case ResetStop():
                 self.stopped = None
@@ -195,6 +217,10 @@ class Roles:
                 return self._start_profile(command, now)
             case StopProgramme():
                 self._end_profile(now, None)
+            case StartGoal():
+                return self._start_goal(command, now)
+            case StopGoal():
+                self._note(self.goals.give_up(self.driven[_OBSERVER], None, now))
             case SetGuard():
                 self._set_guard(command)
             case _:
@@ -211,6 +237,7 @@ class Roles:
                 # A failure of one robot must not keep the other from being stopped.
                 _log.exception("the %s could not be told to stop", role)
         self.playing = None
+        self.goals.give_up(self.driven[_OBSERVER], f"all robots were stopped by {by}", now)
         if self.stopped is None:
             self.stopped = Latch(by, now)
             speeds = [driven.report.speed_mps for driven in self.driven.values() if driven.report]
@@ -225,7 +252,7 @@ class Roles:
         velocity = (float(command.speed_mps), float(command.turn_rate_radps))
         age = driven.consent.take(command.sequence, command.issued, velocity, now)
         if velocity != ZERO:
-            self._end_profile_of(command.role, now, "was driven manually in the meantime")
+            self._end_driving_of(command.role, now, "was driven manually in the meantime")
         return DriveAnswer(command.role, age)
 
     def _connect(self, command: ConnectRobot, now: float) -> None:
@@ -242,7 +269,9 @@ class Roles:
                     f"{role}",
                     "input",
                 )
-        self._end_profile_of(role, now, "was reconnected")
+        self._end_driving_of(role, now, "was reconnected")
+        if role == _OBSERVER:
+            self.goals.forget()
         before = self.driven[role].connect(Connection(shown, command.world, command.name))
         attendant = self.attendants[role]
         attendant.close(before)
@@ -250,7 +279,7 @@ class Roles:
 
     def _disconnect(self, command: DisconnectRobot, now: float) -> None:
         role = _checked(command.role)
-        self._end_profile_of(role, now, "was disconnected")
+        self._end_driving_of(role, now, "was disconnected")
         self.attendants[role].close(self.driven[role].connect(None))
 
     def _take_lease(self, command: TakeLease, now: float) -> str:
@@ -263,7 +292,7 @@ class Roles:
         return lease.id
 
     def _lose_lease(self, role: Role, now: float, sentence: str) -> None:
-        self._end_profile_of(role, now, "lost its operator")
+        self._end_driving_of(role, now, "lost its operator")
         self.driven[role].disarm(now, "lease", sentence)
         self.driven[role].new_operator()
 
@@ -311,31 +340,44 @@ class Roles:
                     f"the programme {profile.name} moves the {role}; take control of it first",
                     "input",
                 )
-            self.leases.check(role, lease)
-            driven = self.driven[role]
-            driven.consent.look(now)
-            if not driven.armed:
-                raise ProcessRefused(f"the {role} is not armed; arm it first", "state")
-            if not driven.consent.present:
-                raise ProcessRefused(
-                    f"no operator is present for the {role}; keep the page open and visible",
-                    "state",
-                )
-            if driven.consent.velocity != ZERO:
-                raise ProcessRefused(
-                    f"the {role} is being driven manually; release the controls first", "state"
-                )
+            self._check_attended(role, lease, now)
+        if _OBSERVER in profile.roles and self.goals.driving:
+            raise ProcessRefused("the observer is driving to a goal; stop it first", "state")
         self.playing = Playing(profile, command.repeat, command.reverse, now)
         return duration
+
+    def _check_attended(self, role: Role, lease: str, now: float) -> None:
+        """Check that a robot may be moved without a hand on its controls.
+
+        Raises:
+            ProcessRefused: it is not armed, or its operator is not present or drives it.
+        """
+        self.leases.check(role, lease)
+        driven = self.driven[role]
+        driven.consent.look(now)
+        if not driven.armed:
+            raise ProcessRefused(f"the {role} is not armed; arm it first", "state")
+        if not driven.consent.present:
+            raise ProcessRefused(
+                f"no operator is present for the {role}; keep the page open and visible", "state"
+            )
+        if driven.consent.velocity != ZERO:
+            raise ProcessRefused(
+                f"the {role} is being driven manually; release the controls first", "state"
+            )
 
     def _moving(self, role: Role) -> Playing | None:
         """Return the programme in progress if it moves this role."""
         playing = self.playing
         return playing if playing is not None and role in playing.profile.roles else None
 
-    def _end_profile_of(self, role: Role, now: float, why: str) -> None:
+    def _end_driving_of(self, role: Role, now: float, why: str) -> None:
+        """End the programme or goal that moves a role."""
+        sentence = f"the {role} {why}"
         if self._moving(role) is not None:
-            self._end_profile(now, f"the {role} {why}")
+            self._end_profile(now, sentence)
+        if role == _OBSERVER:
+            self._note(self.goals.give_up(self.driven[role], sentence, now))
 
     def _end_profile(self, now: float, why: str | None) -> None:
         """End the profile at zero; ``why`` it ends early, one sentence, None for a regular end."""
@@ -347,6 +389,20 @@ class Roles:
         if why is not None:
             sentence = f"the programme {playing.profile.name} was stopped: {why}"
             self._incidents.append(IncidentEvent(None, "programme", sentence, now, None))
+
+    # --- goals -----------------------------------------------------------------------------
+
+    def _start_goal(self, command: StartGoal, now: float) -> GoalNow:
+        self._check_attended(_OBSERVER, command.lease, now)
+        if (playing := self._moving(_OBSERVER)) is not None:
+            raise ProcessRefused(
+                f"the programme {playing.profile.name} is running; stop it first", "state"
+            )
+        return self.goals.start(command, self.driven[_OBSERVER], now).facts(now)
+
+    def errand(self) -> Errand | None:
+        """Return what a planner of the observer's way needs now; None without a goal."""
+        return self.goals.errand(self.driven[_OBSERVER])
 
 
 def _checked(role: Role) -> Role:

@@ -96,9 +96,9 @@ class StopWatch:
         return told
 
     def _concerns(self, incident: IncidentEvent) -> bool:
-        if incident.kind == "programme":
-            # This incident concerns a programme; the event that stopped its robots has an incident
-            # of its own.
+        if incident.kind in ("programme", "goal"):
+            # This incident concerns a programme or goal; the event that stopped its robots has an
+            # incident of its own.
             return False
         return incident.role in (self._role, None)
 

@@ -22,6 +22,7 @@ from app.contract.events import (
 from app.engine.calibrating import BoardPublisher, CalibrationSession
 from app.engine.commands import CommandHandler
 from app.engine.current_source import CurrentSource, Opening
+from app.engine.drive_link import DriveLink
 from app.engine.explaining import ego_motion_facts
 from app.engine.live_truth import LiveTruth
 from app.engine.observed import Observed
@@ -29,7 +30,6 @@ from app.engine.playback import PlayedFrame
 from app.engine.played_source import PlayedSource, SourceOpener
 from app.engine.publishing import Publisher
 from app.engine.session import ObserverFactory, Session
-from app.engine.sight import SightTeller
 from app.runtime.requests import Request
 from observer.guard.sight import REAL_WORLD
 from observer.jsonl import observation_line
@@ -57,7 +57,7 @@ class Engine:
         send: Callable[[object], None],
         observations_lost: Callable[[], int],
         publisher: Publisher,
-        sight: SightTeller | None = None,
+        drive: DriveLink | None = None,
         open_source: SourceOpener,
         make_observer: ObserverFactory,
     ) -> None:
@@ -68,13 +68,13 @@ class Engine:
             send: takes replies and events and never blocks.
             observations_lost: returns how many events ``send`` has dropped.
             publisher: takes observed frames, for views and the cloud; closed at the end.
-            sight: sends each frame's sight to the drive process, if there is one.
+            drive: link to the drive process, if there is one.
         """
         self._inbox = inbox
         self._send = send
         self._observations_lost = observations_lost
         self._publisher = publisher
-        self._sight = sight
+        self._drive = drive
         self._thread = threading.get_ident()
         self._truth = LiveTruth()
         self._current = CurrentSource(
@@ -228,9 +228,11 @@ class Engine:
         observed = Observed(
             frame, observation, trace, observer.camera, observer.parameters, session.segment
         )
-        if self._sight is not None:
+        drive, guard = self._drive, session.parameters.guard
+        sight = None
+        if drive is not None:
             # Before all else: a robot drives by it.
-            self._sight.tell(observed, session.mount, session.world, session.parameters.guard)
+            sight = drive.sight.tell(observed, session.mount, session.world, guard)
         published = time.monotonic()
         line = observation_line(observation)
         line["segment"] = session.segment
@@ -252,6 +254,8 @@ class Engine:
         )
         self._send(event)
         self._sequence += 1
+        if drive is not None and sight is not None:
+            drive.wayfinder.look(sight, guard)
         if recorder is not None:
             recorder.observation(
                 line, frame.received, event.ego_motion, event.truth, self._truth.why_none
@@ -269,9 +273,9 @@ class Engine:
 
     def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:
         """Return the frame with wheel odometry, for live cameras on a robot driven from here."""
-        if self._sight is None or frame.odometry is not None or session.world != REAL_WORLD:
+        if self._drive is None or frame.odometry is not None or session.world != REAL_WORLD:
             return frame
-        odometry = self._sight.odometry(frame.received)
+        odometry = self._drive.wheels.odometry(frame.received)
         return frame if odometry is None else replace(frame, odometry=odometry)
 
     # --- state -----------------------------------------------------------------------------

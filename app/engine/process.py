@@ -10,7 +10,7 @@ import signal
 import time
 from typing import NoReturn
 
-from app.contract.drive import SIGHT_NAME, WHEELS_NAME
+from app.contract.drive import PLAN_NAME, SIGHT_NAME, WHEELS_NAME
 from app.contract.events import (
     BoardLookEvent,
     DenseStereoEvent,
@@ -18,11 +18,14 @@ from app.contract.events import (
     ObservationEvent,
     SkippedFrameEvent,
 )
+from app.engine.drive_link import DriveLink
 from app.engine.loop import Engine, Inbox
 from app.engine.played_source import SourceOpener
 from app.engine.publishing import Publisher
 from app.engine.session import ObserverFactory
 from app.engine.sight import SightTeller
+from app.engine.wayfinding import Wayfinder
+from app.engine.wheel_feed import WheelFeed
 from app.runtime.arguments import ProcessArguments
 from app.runtime.heap import keep_for_good
 from app.runtime.latest import LatestReader, LatestWriter
@@ -59,13 +62,18 @@ def run_engine(
     )
     slots = dict(arguments.slots)
     # Slots shared with the drive process.
-    sight, wheels = slots.pop(SIGHT_NAME), slots.pop(WHEELS_NAME)
+    sight, plan = (LatestWriter(slots.pop(name)) for name in (SIGHT_NAME, PLAN_NAME))
+    wheels = WheelFeed(LatestReader(slots.pop(WHEELS_NAME)))
     engine = Engine(
         inbox=inbox,
         send=sender.send,
         observations_lost=lambda: sender.lost(ObservationEvent),
         publisher=Publisher({name: LatestWriter(fd) for name, fd in slots.items()}, sender.send),
-        sight=SightTeller(LatestWriter(sight), LatestReader(wheels), time.monotonic),
+        drive=DriveLink(
+            SightTeller(sight, wheels, time.monotonic),
+            wheels,
+            Wayfinder(plan, wheels, time.monotonic),
+        ),
         open_source=open_source,
         make_observer=make_observer,
     )

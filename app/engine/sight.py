@@ -1,49 +1,37 @@
-"""Sight sent to the drive process for each frame, and wheel odometry read back from it."""
+"""Sight sent to the drive process for each frame."""
 
 from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Any
 
 from app.engine.observed import Observed
-from app.runtime.latest import LatestReader, LatestWriter
+from app.engine.wheel_feed import WheelFeed
+from app.runtime.latest import LatestWriter
 from observer.camera import as_gray
 from observer.guard.free_path import FreePath
 from observer.guard.parameters import GuardParameters
 from observer.guard.seeing import sight_of_observation
-from observer.guard.sight import FreeScan
+from observer.guard.sight import FreeScan, Sight
 from observer.mount import CameraMount
-from observer.rig.rig import Role
-from observer.rig.wheel_history import odometry_at
-from observer.types import Odometry
 
 _log = logging.getLogger(__name__)
 
-# Role of the robot that carries the cameras.
-_OBSERVER: Role = "observer"
-# A robot whose newest odometry is older than this is gone.
-_GONE_S = 1.0
-
 
 class SightTeller:
-    """Writer of each observed frame's sight and reader of the wheels."""
+    """Writer of each observed frame's sight."""
 
-    def __init__(
-        self, sight: LatestWriter, wheels: LatestReader, clock: Callable[[], float]
-    ) -> None:
+    def __init__(self, sight: LatestWriter, wheels: WheelFeed, clock: Callable[[], float]) -> None:
         """Set the slots.
 
         Args:
             sight: the slot ``SIGHT_NAME``.
-            wheels: the slot ``WHEELS_NAME``.
+            wheels: tells whether a robot carries the cameras.
             clock: the host's monotonic clock.
         """
         self._sight = sight
         self._wheels = wheels
         self._clock = clock
-        self._sequence = 0
-        self._history: list[list[float]] = []
         self._free_path: FreePath | None = None
         self._failed = False
 
@@ -53,8 +41,10 @@ class SightTeller:
         mount: CameraMount | None,
         world: str | None,
         guard: GuardParameters,
-    ) -> None:
-        """Write the sight of a frame. Free floor is searched only where a robot may need it.
+    ) -> Sight:
+        """Write the sight of a frame and return it.
+
+        Free floor is searched only where a robot may need it.
 
         Args:
             mount: of the cameras.
@@ -62,27 +52,13 @@ class SightTeller:
             guard: the parameters in force.
         """
         scan = None
-        if mount is not None and world is not None and self._robot_is_there():
+        if mount is not None and world is not None and self._wheels.there(self._clock()):
             scan = self._scan(observed, mount, guard)
         sight = sight_of_observation(
             observed.observation, observed.camera, mount, world, scan, self._clock()
         )
         self._sight.write(sight.facts())
-
-    def odometry(self, received: float) -> Odometry | None:
-        """Return the observer's odometry when a frame was received; None without any."""
-        return odometry_at(self._read_history(), received)
-
-    def _robot_is_there(self) -> bool:
-        history = self._read_history()
-        return bool(history) and self._clock() - history[-1][0] <= _GONE_S
-
-    def _read_history(self) -> list[list[float]]:
-        value = self._wheels.read(self._sequence)
-        if value is not None:
-            self._sequence = value.sequence
-            self._history = _rows(value.header)
-        return self._history
+        return sight
 
     def _scan(
         self, observed: Observed, mount: CameraMount, guard: GuardParameters
@@ -105,11 +81,3 @@ class SightTeller:
             return None
         self._failed = False
         return scan
-
-
-def _rows(header: dict[str, Any]) -> list[list[float]]:
-    rows = header.get(_OBSERVER, [])
-    try:
-        return [[float(value) for value in row] for row in rows if len(row) == 4]
-    except (TypeError, ValueError):
-        return []

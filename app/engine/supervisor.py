@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from app.contract.commands import Shutdown, ToEngine
-from app.contract.drive import SIGHT_NAME, WHEELS_NAME
+from app.contract.drive import SHARED_NAMES
 from app.contract.events import (
     EngineLostEvent,
     EngineStartedEvent,
@@ -61,7 +61,7 @@ class EngineSupervisor(ProcessSupervisor[ToEngine[Any], Event]):
         """
         self._drawn = {name: create_slot(_SLOT_BYTES) for name in (*VIEW_NAMES, CLOUD_NAME)}
         self.shared_slots: Mapping[str, int] = {
-            name: create_slot(_SHARED_SLOT_BYTES) for name in (SIGHT_NAME, WHEELS_NAME)
+            name: create_slot(_SHARED_SLOT_BYTES) for name in SHARED_NAMES
         }
         super().__init__(
             command, {**self._drawn, **self.shared_slots}, limits or SupervisorLimits()

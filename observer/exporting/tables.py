@@ -222,6 +222,29 @@ def _robots(recording: Recording) -> Iterator[Row]:
     return map(msgspec.structs.asdict, recording.robot_rows())
 
 
+_GOAL_COLUMNS = (
+    Column("received_s", "float", "the host's monotonic clock of the robot's status", "received"),
+    Column("time_s", "float", "the source's clock, if known", "time"),
+    Column("state", "text", "driving, reached or ended"),
+    Column("reason", "text", "what the robot does and why", "sentence"),
+    Column("ahead_m", "float", "the goal, seen from the robot", "ahead"),
+    Column("left_m", "float", "the goal, seen from the robot", "left"),
+    Column("waits_for", "int", "track for which the robot stands or turns aside"),
+    Column("meets_s", "float", "time until it would meet that track"),
+    Column("declared_risk_per_m", "float", "accepted probability of a contact", "risk_per_metre"),
+    Column("planned_risk_per_m", "float", "of the planned path", "planned_risk_per_metre"),
+)
+
+
+def _goals(recording: Recording) -> Iterator[Row]:
+    for row in recording.robot_rows():
+        goal = row.facts.get("goal")
+        if isinstance(goal, dict):
+            ahead, left = goal.get("place") or (None, None)
+            instant = {"received": row.received, "time": row.time}
+            yield {**goal, **instant, "ahead": ahead, "left": left}
+
+
 _PARAMETER_COLUMNS = (
     Column("revision", "int", "incremented by every change except those of the guard"),
     Column("from_position", "int", "index of the first recorded frame they apply to, from 0"),
@@ -270,6 +293,12 @@ TABLES: Mapping[str, Table] = {
             "one row per robot and status message",
             _ROBOT_COLUMNS,
             _robots,
+        ),
+        Table(
+            "goal",
+            "one row per status message of a robot that was sent to a goal",
+            _GOAL_COLUMNS,
+            _goals,
         ),
         Table(
             "parameters",

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from app.contract.drive import SIGHT_NAME, WHEELS_NAME
+from app.contract.drive import SHARED_NAMES
 from app.runtime.latest import create_slot
 from app.server import Server
 from app.storage import Storage
@@ -41,7 +41,7 @@ async def server(peer: PeerEngine, storage: Storage) -> AsyncIterator[Server]:
 @pytest.fixture
 def slots() -> Iterator[dict[str, int]]:
     """What engine and drive process share."""
-    slots = {name: create_slot(256 * 1024) for name in (SIGHT_NAME, WHEELS_NAME)}
+    slots = {name: create_slot(256 * 1024) for name in SHARED_NAMES}
     yield slots
     for fd in slots.values():
         os.close(fd)

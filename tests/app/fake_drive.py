@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,7 +25,9 @@ from app.contract.drive import (
     ReallySent,
     ReleaseLease,
     ResetStop,
+    StartGoal,
     StartProgramme,
+    StopGoal,
     StoppedEvent,
     StopProgramme,
     StopRobots,
@@ -35,6 +38,7 @@ from app.contract.drive import (
 from app.contract.robots import (
     DriveFacts,
     DriveLoop,
+    GoalNow,
     Latch,
     ProgrammeNow,
     RobotNow,
@@ -76,6 +80,7 @@ class FakeDrive:
         self.sequences: dict[str, int] = {}
         self.stopped: Latch | None = None
         self.programme: StartProgramme | None = None
+        self.goal: GoalNow | None = None
 
     # --- as the supervisor -----------------------------------------------------------------
 
@@ -157,6 +162,13 @@ class FakeDrive:
                 self.programme = command
             case StopProgramme():
                 self.programme = None
+            case StartGoal():
+                self._check("observer", command.lease)
+                self.goal = _goal(command)
+                return self.goal
+            case StopGoal():
+                if self.goal is not None:
+                    self.goal = replace(self.goal, state="ended", sentence="The goal was given up.")
         return None
 
     def _take(self, command: TakeLease) -> str:
@@ -217,6 +229,7 @@ class FakeDrive:
             else ProgrammeNow(
                 programme.programme.name, "driving", 1, 0.0, 1.0, programme.repeat, False
             ),
+            goal=self.goal,
             robots={role: self._robot(role) for role in ROLES},
         )
 
@@ -265,3 +278,19 @@ class FakeDrive:
     def of(self, *kinds: type) -> list[Any]:
         """The commands of some kinds, in order."""
         return [command for command in self.commands if isinstance(command, kinds)]
+
+
+def _goal(command: StartGoal) -> GoalNow:
+    place = (command.ahead_m, command.left_m)
+    return GoalNow(
+        state="driving",
+        sentence="Driving to the goal.",
+        place=place,
+        distance_m=math.hypot(*place),
+        elapsed_s=0.0,
+        path=[(0.0, 0.0), place],
+        risk_per_metre=command.risk_per_metre,
+        planned_risk_per_metre=0.0,
+        waits_for=None,
+        meets_s=None,
+    )

@@ -105,3 +105,22 @@ def test_the_speeds_of_a_paused_source_are_there(server: Server, open_panel: Ope
         expect(page.locator("observer-speed-chart ul.legend")).to_contain_text("Obstacle")
     finally:
         server.api.post("/api/playback", json={"paused": False}).raise_for_status()
+
+
+def test_a_panel_that_is_still_loading_keeps_the_focus(open_panel: OpenPanel) -> None:
+    page = open_panel()
+    let_go = _hold(page, "**/static/app/calibration/calibration-panel.js")
+    _reload(page)
+    page.get_by_role("tab", name="Calibration").click()
+    page.keyboard.press("Tab")
+    panel = page.get_by_role("tabpanel", name="Calibration")
+    expect(panel).to_be_focused()
+    expect(panel).to_have_attribute("aria-busy", "true")
+    let_go()
+    expect(panel).not_to_have_attribute("aria-busy", "true")
+    expect(panel).to_be_focused()
+    page.keyboard.press("Tab")
+    assert page.evaluate("document.activeElement.closest('[role=tabpanel]')?.id") == panel.evaluate(
+        "each => each.id"
+    )
+    expect(panel).not_to_have_attribute("tabindex", "0")

@@ -116,7 +116,16 @@ async def get_export(
         Query(description="zip: all of it; ros2: a zip of a bag that ros2 bag play takes."),
     ] = "zip",
     table: Annotated[
-        Literal["obstacles", "frames", "truth", "matched_truth", "odometry", "robots", "parameters"]
+        Literal[
+            "obstacles",
+            "frames",
+            "truth",
+            "matched_truth",
+            "odometry",
+            "robots",
+            "goal",
+            "parameters",
+        ]
         | None,
         Query(description="Of csv and parquet; none: obstacles."),
     ] = None,

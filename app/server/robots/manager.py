@@ -26,7 +26,7 @@ from app.contract.drive import (
     WheelSpeedEvent,
 )
 from app.contract.events import StateEvent
-from app.contract.robots import DriveFacts, DriveProcess, RobotNow, RobotPortNow, Robots, RobotsNow
+from app.contract.robots import DriveFacts, DriveProcess, RobotNow, RobotPortNow, RobotsNow
 from app.runtime.errors import ProcessUnavailable
 from app.runtime.supervisor import ProcessHealth
 from app.server.asking import ask_drive
@@ -50,7 +50,7 @@ _ARM_WITHIN_S = 8.0
 _ARM_AGAIN_S = 0.1
 _NO_PROCESS = "the drive process has not started yet"
 _DRIVEN = ("armed", "moving")
-_NOTHING_KNOWN = DriveFacts(None, None, None, None, dict.fromkeys(ROLES))
+_NOTHING_KNOWN = DriveFacts(None, None, None, None, None, dict.fromkeys(ROLES))
 
 
 class RunKeeper(IncidentKeeper, Protocol):
@@ -58,8 +58,8 @@ class RunKeeper(IncidentKeeper, Protocol):
 
     def measured(self, sample: WheelSample) -> None: ...
 
-    def heard(self, robots: Robots, source: SourceTime) -> None:
-        """Take each robot's state from ``DriveState.facts``."""
+    def heard(self, facts: DriveFacts, source: SourceTime) -> None:
+        """Take the robots' states and the goal."""
         ...
 
 
@@ -168,7 +168,7 @@ class RobotManager:
                 self.checks.drive_said(self._facts.robots)
                 self._connecting.stopped = self._facts.stopped
                 if (keeper := self._run()) is not None:
-                    keeper.heard(self._facts.robots, self._source_time)
+                    keeper.heard(self._facts, self._source_time)
                 self._changed()
             case WheelSpeedEvent():
                 at, run = self._source_time.at(event.time), self._run()

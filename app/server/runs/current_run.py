@@ -9,7 +9,7 @@ from functools import partial
 from typing import Any, ClassVar
 
 from app.contract.events import ObservationEvent
-from app.contract.robots import Robots, StopMeasured
+from app.contract.robots import DriveFacts, StopMeasured
 from app.contract.runs import SpeedSource
 from app.contract.values import filled
 from app.server.robots.incidents import Incident
@@ -102,10 +102,10 @@ class CurrentRun:
         if self.frames:
             self._collect(wheel_rows(self.id, sample, self.time.offset_s))
 
-    def heard(self, robots: Robots, source: SourceTime) -> None:
-        """Record the robots' states; see ``RobotFeed.heard``."""
+    def heard(self, facts: DriveFacts, source: SourceTime) -> None:
+        """Record the robots' states and the goal; see ``RobotFeed.heard``."""
         if self.record.record is not None:
-            self.robots.heard(robots, source if self.frames else None)
+            self.robots.heard(facts, source if self.frames else None)
 
     def _collect(self, rows: Iterable[SpeedRow]) -> None:
         self._rows.add(rows)

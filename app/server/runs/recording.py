@@ -9,7 +9,8 @@ from collections import deque
 import structlog
 
 from app.contract.commands import RecordOrder, RecordRobots
-from app.contract.robots import RobotNow, Robots
+from app.contract.robots import DriveFacts, GoalNow, RobotNow
+from app.contract.values import plain
 from app.server.asking import ask
 from app.server.contracts import Engine
 from app.server.errors import Conflict, FieldError, NotAvailable
@@ -21,13 +22,15 @@ from observer.recording import payloads
 from observer.recording.payloads import RobotRow
 from observer.recording.run_folder import RECORDING
 from observer.recording.run_time import RunTime
-from observer.rig.rig import ROLES
+from observer.rig.rig import ROLES, Role
 
 log = structlog.get_logger(__name__)
 
 # Two robots, ten rows a second: half a minute without an engine.
 _MOST_ROWS = 600
 _MOST_INCIDENTS = 100
+# Role of the robot that is sent to goals.
+_OBSERVER: Role = "observer"
 
 
 def record_order(folder: DataFolder, run: RunRecord) -> RecordOrder | None:
@@ -52,15 +55,15 @@ class RobotFeed:
         self._newest: dict[str, float] = {}
         self._rising = RisingTimes()
 
-    def heard(self, robots: Robots, source: SourceTime | None) -> None:
-        """Store each robot's state if it is newer than the last one.
+    def heard(self, drive: DriveFacts, source: SourceTime | None) -> None:
+        """Store each robot's state if it is newer than the last one, and the observer's goal.
 
         Args:
-            robots: as in ``DriveState.facts``, by role.
+            drive: state of the drive process.
             source: the clock of the open source; None if it is not that of the run yet.
         """
         for role in ROLES:
-            robot = robots.get(role)
+            robot = drive.robots.get(role)
             if robot is None:
                 continue
             received = robot.report.received
@@ -68,7 +71,8 @@ class RobotFeed:
                 continue
             self._newest[role] = received
             at = None if source is None else self._rising.of(role, source.at(received))
-            self._rows.append(_row(role, robot, at))
+            goal = drive.goal if role == _OBSERVER else None
+            self._rows.append(_row(role, robot, goal, at))
 
     def happened(self, incident: Incident) -> None:
         """Store an incident that stopped a robot."""
@@ -131,7 +135,7 @@ def measure_run(storage: Storage, run_id: str) -> None:
         log.warning("run_not_measured", run=run_id, reason=str(error))
 
 
-def _row(role: str, robot: RobotNow, at: SourceInstant | None) -> RobotRow:
+def _row(role: Role, robot: RobotNow, goal: GoalNow | None, at: SourceInstant | None) -> RobotRow:
     report, sent = robot.report, robot.sent
     received, odometry = report.received, report.odometry
     assert received is not None
@@ -151,5 +155,6 @@ def _row(role: str, robot: RobotNow, at: SourceInstant | None) -> RobotRow:
             "operator": robot.operator,
             "why": robot.why,
             "battery_v": report.battery_v,
+            "goal": None if goal is None else plain(goal),
         },
     )

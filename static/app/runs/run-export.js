@@ -59,6 +59,7 @@ const TABLES = [
   ["matched_truth", "ground truth with matched estimates"],
   ["odometry", "robot odometry"],
   ["robots", "robot commands and telemetry"],
+  ["goal", "goal, planned path and reasons"],
   ["parameters", "parameters and changes"],
 ];
 

@@ -75,12 +75,24 @@ export class Later {
     await this.#loadInTurn([...inSight, ...names]);
   }
 
-  /** @param {Element} panel */
-  #loadWithin(panel) {
-    const names = Object.keys(this.#modules);
-    return this.#loadInTurn(
-      names.filter((name) => elements(name).some((each) => panel.contains(each))),
+  /**
+   * Load a panel's parts. Until they are there the panel itself takes the focus: who tabs into it by
+   * keyboard does not pass it by.
+   *
+   * @param {Element} panel
+   */
+  async #loadWithin(panel) {
+    const missing = Object.keys(this.#modules).filter(
+      (name) => !this.has(name) && elements(name).some((each) => panel.contains(each)),
     );
+    if (!missing.length || !(panel instanceof HTMLElement)) return;
+    panel.tabIndex = 0;
+    panel.setAttribute("aria-busy", "true");
+    await this.#loadInTurn(missing);
+    panel.removeAttribute("aria-busy");
+    const leave = () => panel.removeAttribute("tabindex");
+    if (document.activeElement === panel) panel.addEventListener("blur", leave, { once: true });
+    else leave();
   }
 
   /** Leave time for the page in between. @param {readonly string[]} names */

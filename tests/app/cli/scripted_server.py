@@ -57,6 +57,9 @@ class ScriptedServer:
         self.armed: set[str] = set()
         self.present: dict[str, float] = {}
         self.programme: tuple[MotionProfile, dict[str, Any], float] | None = None
+        # Sentences of the goal's facts, one for each look at them; the last one ends it.
+        self.way_to_goal = ["Driving to the goal, 1.0 m away.", "The goal is reached."]
+        self.goal: dict[str, Any] | None = None
         self.stopped: dict[str, Any] | None = None
         self.why: dict[str, str | None] = {"observer": None, "obstacle": None}
         self.way = {"observer": 0.0, "obstacle": 0.0}
@@ -122,7 +125,20 @@ class ScriptedServer:
             }
             for role, speed in velocity.items()
         }
-        return {"stopped": self.stopped, "programme": playing, "robots": robots}
+        return {
+            "stopped": self.stopped,
+            "programme": playing,
+            "goal": self._gone_on(),
+            "robots": robots,
+        }
+
+    def _gone_on(self) -> dict[str, Any] | None:
+        if self.goal is not None and self.goal["state"] == "driving":
+            sentence = self.way_to_goal.pop(0)
+            reached = "reached" in sentence
+            over = "reached" if reached else "driving" if self.way_to_goal else "ended"
+            self.goal = {**self.goal, "sentence": sentence, "state": over}
+        return self.goal
 
     def _routes(self) -> None:
         app = self.app
@@ -171,6 +187,15 @@ class ScriptedServer:
                 raise HTTPException(409, "no programme is running")
             self.end("ended")
             return {}
+
+        @app.post("/api/goal")
+        async def go(body: dict[str, Any]) -> Any:
+            assert body.pop("lease") == self.leases["observer"]
+            assert "observer" in self.armed
+            self.goal = {
+                "state": "driving", "sentence": "", "distance_m": 1.0, "elapsed_s": 0.5, **body,
+            }  # fmt: skip
+            return self.goal
 
         @app.post("/api/robots/{role}/arm")
         async def arm(role: str, body: dict[str, Any]) -> Any:

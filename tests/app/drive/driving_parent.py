@@ -1,6 +1,6 @@
 """A stand-in for the web process: connects, arms and drives robots until it is ended.
 
-Arguments: the descriptor of the slot of sight, that of the wheels, then ROLE=PORT for each robot.
+Arguments: the descriptors of the shared slots in order, then ROLE=PORT for each robot.
 Prints the time at which each round of commands was given, as soon as all robots drive.
 """
 
@@ -12,8 +12,7 @@ import time
 from contextlib import suppress
 
 from app.contract.drive import (
-    SIGHT_NAME,
-    WHEELS_NAME,
+    SHARED_NAMES,
     ArmRobot,
     ConnectRobot,
     DriveCommand,
@@ -85,10 +84,10 @@ async def main(slots: dict[str, int], ports: dict[str, str]) -> None:
 
 
 if __name__ == "__main__":
-    sight, wheels = int(sys.argv[1]), int(sys.argv[2])
+    slots = {name: int(fd) for name, fd in zip(SHARED_NAMES, sys.argv[1:4], strict=True)}
     asyncio.run(
         main(
-            {SIGHT_NAME: sight, WHEELS_NAME: wheels},
-            dict(text.split("=", 1) for text in sys.argv[3:]),
+            slots,
+            dict(text.split("=", 1) for text in sys.argv[4:]),
         )
     )

@@ -21,6 +21,7 @@ from app.runtime.errors import ProcessRefused
 from observer.guard.guard import Guard, Verdict
 from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
+from observer.navigation.plan import Plan
 from observer.rig.rig import ROLES, Role
 from observer.robots.contract import RobotPhase, RobotReport, Sent
 from observer.types import Odometry, Status
@@ -145,6 +146,7 @@ class Bench:
         self.sequence = 0
         self.frame = 0
         self.sight: Sight | None = None
+        self.plan: Plan | None = None
         # None: no new frame comes any more.
         self.seeing: dict[str, Any] | None = {}
         self.incidents: list[IncidentEvent] = []
@@ -165,7 +167,7 @@ class Bench:
             self.now += TICK_S
             if self.seeing is not None:
                 self.see(**self.seeing)
-            self.roles.step(self.now, self.sight)
+            self.roles.step(self.now, self.sight, self.plan)
             self.incidents += self.roles.incidents()
 
     def run(self, seconds: float) -> None:

@@ -42,6 +42,7 @@ class Turning:
             inbox=self.inbox,
             send=self.sent.append,
             newest_sight=lambda _: bench.sight,
+            newest_plan=lambda _: bench.plan,
             write_wheels=self.wheels.append,
             orphaned=lambda: self.orphaned,
             priority="normal",
@@ -160,7 +161,7 @@ def test_facts_are_plain_and_complete(turning: Turning) -> None:
         "port", "name", "world", "state", "operator", "present", "why", "commanded", "sent",
         "guard", "report",
     }  # fmt: skip
-    assert set(facts) == {"stopped", "sight", "loop", "programme", "robots"}
+    assert set(facts) == {"stopped", "sight", "loop", "programme", "goal", "robots"}
     assert facts["sight"] == {"age_s": 0.0, "status": "ok", "world": "real"}
 
 

@@ -18,10 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from app.contract.drive import (
-    SIGHT_NAME,
-    WHEELS_NAME,
-)
+from app.contract.drive import SHARED_NAMES
 from app.runtime.environment import program_environment
 
 from .driving import PROMISED_S, Drive, Eyes, Robots, report, stays_at_rest, until, zero_after
@@ -83,7 +80,7 @@ class Parent:
 
     def __init__(self, slots: dict[str, int], robots: Robots) -> None:
         words = [f"{role}={robot.port}" for role, robot in robots.items()]
-        fds = [slots[SIGHT_NAME], slots[WHEELS_NAME]]
+        fds = [slots[name] for name in SHARED_NAMES]
         self.process = subprocess.Popen(
             [sys.executable, str(HERE / "driving_parent.py"), *map(str, fds), *words],
             stdout=subprocess.PIPE,

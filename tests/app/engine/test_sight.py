@@ -17,6 +17,7 @@ from app.engine.observed import Observed
 from app.engine.recorders import Recorders
 from app.engine.session import Session, open_session
 from app.engine.sight import SightTeller
+from app.engine.wheel_feed import WheelFeed
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
 from observer.guard.parameters import AllParameters, GuardParameters
@@ -41,7 +42,8 @@ class Slots:
         for fd in fds:
             os.close(fd)
         self.now = 100.0
-        self.teller = SightTeller(self.ends[0], self.ends[1], lambda: self.now)  # type: ignore[arg-type]
+        self.feed = WheelFeed(self.ends[1])  # type: ignore[arg-type]
+        self.teller = SightTeller(self.ends[0], self.feed, lambda: self.now)  # type: ignore[arg-type]
 
     def drive(self, role: str = "observer", speed: float = 0.5) -> None:
         rows = [[self.now - 0.5 + 0.1 * k, speed * 0.1 * k, 0.0, 0.02 * k] for k in range(6)]
@@ -132,26 +134,26 @@ def test_a_covered_lens_is_told_with_its_first_frame(slots: Slots) -> None:
 
 
 def test_wheels_tell_where_the_robot_was_at_a_frame(slots: Slots) -> None:
-    assert slots.teller.odometry(99.8) is None
+    assert slots.feed.odometry(99.8) is None
     slots.drive()
-    told = slots.teller.odometry(99.75)
+    told = slots.feed.odometry(99.75)
     assert told is not None
     assert (told.x, told.y, told.yaw) == pytest.approx((0.125, 0.0, 0.05))
     # A frame is received before the report of its instant.
-    onward = slots.teller.odometry(100.1)
+    onward = slots.feed.odometry(100.1)
     assert onward is not None
     assert onward.x == pytest.approx(0.3)
-    assert slots.teller.odometry(100.3) is None
-    assert slots.teller.odometry(99.4) is None
+    assert slots.feed.odometry(100.3) is None
+    assert slots.feed.odometry(99.4) is None
     slots.drive("obstacle")
-    assert slots.teller.odometry(99.75) is None
+    assert slots.feed.odometry(99.75) is None
     slots.wheels.write({"observer": "nonsense"})
-    assert slots.teller.odometry(99.75) is None
+    assert slots.feed.odometry(99.75) is None
 
 
 def test_a_yaw_that_jumps_by_a_turn_is_the_same_yaw(slots: Slots) -> None:
     slots.wheels.write({"observer": [[99.8, 0, 0, math.pi - 0.1], [99.9, 0, 0, 0.1 - math.pi]]})
-    told = slots.teller.odometry(99.85)
+    told = slots.feed.odometry(99.85)
     assert told is not None
     assert math.remainder(told.yaw - math.pi, 2 * math.pi) == pytest.approx(0.0, abs=1e-9)
 

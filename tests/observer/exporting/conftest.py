@@ -6,6 +6,7 @@ import time
 from dataclasses import asdict, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -20,6 +21,11 @@ from observer.truth.csv_file import TruthSample
 from observer.types import StereoFrame
 
 FRAMES = 12
+GOAL = {
+    "state": "driving", "sentence": "Passing behind obstacle 3.", "place": [2.0, -0.5],
+    "distance_m": 2.06, "elapsed_s": 1.0, "path": [[0.1, 0.0]], "risk_per_metre": 0.001,
+    "planned_risk_per_metre": 2e-5, "waits_for": 3, "meets_s": 1.4,
+}  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -82,7 +88,8 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             writer.frame(frame)
             writer.observation(line, frame.received, truth=bodies)
             writer.truth(sample, frame.received)
-            writer.robot(RobotRow(role="observer", received=frame.received, encoder_speed=0.2))
+            row = RobotRow(role="observer", received=frame.received, encoder_speed=0.2)
+            writer.robot(msgspec.structs.replace(row, facts={"goal": GOAL}))
             if k == 5:
                 writer.cloud(points, np.full((5, 3), (9, 8, 7), np.uint8), frame.received)
                 writer.log("warning", "engine", "it is 3 ± 1", frame.received)

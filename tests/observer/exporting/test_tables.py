@@ -15,10 +15,13 @@ from observer.exporting.table_files import write_csv, write_parquet
 from observer.exporting.tables import TABLES, find_table
 from observer.recording.reader import Recording
 
+from .conftest import GOAL
+
 _UNITS = re.compile(r"_(m|mps|s|rad|radps|px|m2|m2ps2)$")
 _WITHOUT = {
     "frame", "segment", "status", "id", "state", "motion", "points", "significance", "why",
-    "reasons", "parameters_revision", "obstacles", "name", "role", "visible", "track_id",
+    "reasons", "parameters_revision", "obstacles", "name", "role", "visible", "track_id", "reason",
+    "waits_for",
     "revision", "from_position", "value", "qw", "qx", "qy", "qz",
 }  # fmt: skip
 
@@ -70,6 +73,11 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
             each.yaw for each in told
         ]
         assert {r["encoder_speed_mps"] for r in read_csv("robots", recording)} == {"0.2"}
+        goals = read_csv("goal", recording)
+        assert {(r["state"], r["ahead_m"], r["left_m"], r["waits_for"]) for r in goals} == {
+            ("driving", "2.0", "-0.5", "3")
+        }
+        assert {r["reason"] for r in goals} == {GOAL["sentence"]}
         assert len(read_csv("frames", recording)) == len(recording.frames)
         values = {r["name"]: r["value"] for r in read_csv("parameters", recording)}
         assert values["ego_motion.model"] == '"rigid"'

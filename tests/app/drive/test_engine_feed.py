@@ -1,4 +1,4 @@
-"""Sight as it comes out of shared memory: the newest, and nothing that cannot be right."""
+"""What the engine tells through shared memory: the newest, and nothing that cannot be right."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
-from app.drive.sight_feed import SightFeed
+from app.drive.engine_feed import EngineFeed
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
-from observer.guard.sight import FreeScan, SeenObstacle, Sight
+from observer.guard.sight import FreeScan, SeenObstacle, Sight, sight_of
 from observer.types import Status
 
 SIGHT = Sight(
@@ -21,16 +21,18 @@ SIGHT = Sight(
 
 
 @pytest.fixture
-def slot() -> Iterator[tuple[LatestWriter, SightFeed]]:
+def slot() -> Iterator[tuple[LatestWriter, EngineFeed[Sight]]]:
     fd = create_slot(64 * 1024)
     writer, reader = LatestWriter(fd), LatestReader(fd)
-    yield writer, SightFeed(reader)
+    yield writer, EngineFeed(reader, sight_of)
     writer.close()
     reader.close()
     os.close(fd)
 
 
-def test_the_newest_one_is_kept_until_the_next(slot: tuple[LatestWriter, SightFeed]) -> None:
+def test_the_newest_one_is_kept_until_the_next(
+    slot: tuple[LatestWriter, EngineFeed[Sight]],
+) -> None:
     writer, feed = slot
     assert feed.newest(100.0) is None
     writer.write(SIGHT.facts())
@@ -47,7 +49,7 @@ def test_the_newest_one_is_kept_until_the_next(slot: tuple[LatestWriter, SightFe
     "header", [{}, {**SIGHT.facts(), "status": "fine"}, {**SIGHT.facts(), "received": 101.0}]
 )
 def test_what_cannot_be_right_is_no_sight(
-    slot: tuple[LatestWriter, SightFeed], header: dict[str, object]
+    slot: tuple[LatestWriter, EngineFeed[Sight]], header: dict[str, object]
 ) -> None:
     writer, feed = slot
     writer.write(SIGHT.facts())

@@ -1,0 +1,94 @@
+"""``dynamic-observer go``: send the observer to a goal, on a running server."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from app.cli.progress import drawn_progress
+from app.cli.running_server import (
+    DEFAULT_SERVER,
+    ServerAddress,
+    Takeover,
+    Token,
+    TokenFile,
+    ended_by_signals,
+)
+from observer.errors import DynamicObserverError
+
+if TYPE_CHECKING:
+    from app.client.goal_drive import Watch
+
+
+def go(
+    ahead_m: Annotated[float, typer.Argument(help="Metres ahead of the robot as it stands now.")],
+    left_m: Annotated[
+        float, typer.Argument(help="Metres to its left; to its right below zero.")
+    ] = 0.0,
+    server: ServerAddress = DEFAULT_SERVER,
+    token: Token = None,
+    token_file: TokenFile = None,
+    risk: Annotated[
+        float, typer.Option(help="Accepted probability of touching somebody on each metre.")
+    ] = 0.001,
+    takeover: Takeover = False,
+    as_json: Annotated[
+        bool, typer.Option("--json", help="Print what was driven as one JSON object on stdout.")
+    ] = False,
+) -> None:
+    """Send the observer to a goal, as long as this command runs.
+
+    The robot drives around what moves, and the guard limits it as when it is driven by hand. The
+    command takes control of the observer, arms it, and confirms ten times a second that you are
+    present: Ctrl-C, a closed terminal or a lost connection stop the robot within 300 ms. This is a
+    help for attentive people and was tried in simulation only; keep the robot's own switch within
+    reach. A negative number is given after two dashes, as in: go -- 2.0 -0.5
+    """
+    from app.client.goal_drive import GoalDrive, GoalRequest
+    from app.client.server_api import ServerApi, read_token
+
+    api = ServerApi(server, read_token(token, token_file))
+    try:
+        with ended_by_signals(), _shown() as watch:
+            drive = GoalDrive(api, GoalRequest(ahead_m, left_m, risk, takeover), watch)
+            reason: str | None = "interrupted"
+            try:
+                drive.run()
+                reason = None
+            except DynamicObserverError as error:
+                reason = str(error)
+                raise
+            finally:
+                if as_json:
+                    ended = {"reached": reason is None, "reason": reason}
+                    typer.echo(json.dumps({**drive.summary(), **ended}, allow_nan=False))
+    finally:
+        api.close()
+    typer.echo("the goal is reached; the robot is disarmed", err=True)
+
+
+@contextmanager
+def _shown() -> Iterator[Watch]:
+    """Show the drive on stderr: the distance left on a terminal, and each new sentence."""
+    told: str | None = None
+    with drawn_progress() as progress:
+        task = progress.add_task("starting", total=None)
+
+        def watch(goal: dict[str, Any]) -> None:
+            nonlocal told
+            distance, sentence = goal["distance_m"], goal["sentence"]
+            if _without_numbers(sentence) != told:
+                told = _without_numbers(sentence)
+                progress.console.print(sentence, markup=False, highlight=False)
+            words = "place unknown" if distance is None else f"{distance:.1f} m left"
+            progress.update(task, description=words)
+
+        yield watch
+
+
+def _without_numbers(sentence: str) -> str:
+    return "".join(each for each in sentence if not each.isdigit())

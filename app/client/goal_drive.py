@@ -1,0 +1,109 @@
+"""Sending the observer to a goal through a running server, and staying present on its way."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from app.client.operator_socket import OperatorSocket
+from app.client.server_api import DrivingFailed, ServerApi
+from app.client.travelled import Travelled
+from observer.errors import DynamicObserverError
+from observer.rig.rig import Role
+
+_ROLE: Final[Role] = "observer"
+_POLL_S = 0.1
+
+
+@dataclass(frozen=True)
+class GoalRequest:
+    """Request to drive to a goal.
+
+    Attributes:
+        ahead_m, left_m: from the robot as it stands.
+        risk_per_metre: declared probability of touching somebody on each metre.
+        takeover: take control from whoever has it.
+    """
+
+    ahead_m: float
+    left_m: float
+    risk_per_metre: float
+    takeover: bool
+
+
+# Called with the server's facts of ``goal`` during the drive.
+Watch = Callable[[dict[str, Any]], None]
+
+
+class GoalDrive:
+    """One drive to a goal and its outcome."""
+
+    def __init__(self, api: ServerApi, request: GoalRequest, watch: Watch) -> None:
+        self._api = api
+        self._request = request
+        self._watch = watch
+        self._travelled = Travelled()
+        self._goal: dict[str, Any] = {}
+
+    def run(self) -> None:
+        """Drive until the goal is reached.
+
+        However the drive ends, the robot is disarmed, or left to stop.
+
+        Raises:
+            InputError, DrivingFailed: the drive did not begin or the goal was not reached; one
+                sentence says why.
+        """
+        with OperatorSocket(self._api) as socket:
+            try:
+                lease = socket.take(_ROLE, takeover=self._request.takeover)
+                self._api.post("robots", _ROLE, "arm", body={"lease": lease})
+                self._start(lease)
+                self._follow(socket)
+            finally:
+                # The quickest way first: it stops and disarms.
+                if socket.release():
+                    with contextlib.suppress(DynamicObserverError):
+                        self._api.post("robots", _ROLE, "disarm")
+
+    def summary(self) -> dict[str, Any]:
+        """Return how far the robot came; ready for JSON."""
+        return {
+            "ahead_m": self._request.ahead_m,
+            "left_m": self._request.left_m,
+            "risk_per_metre": self._request.risk_per_metre,
+            "elapsed_s": self._goal.get("elapsed_s"),
+            "distance_m": self._goal.get("distance_m"),
+            "robot": self._travelled.summary(),
+        }
+
+    def _start(self, lease: str) -> None:
+        request = self._request
+        self._goal = self._api.post(
+            "goal",
+            body={
+                "ahead_m": request.ahead_m,
+                "left_m": request.left_m,
+                "risk_per_metre": request.risk_per_metre,
+                "lease": lease,
+            },
+        )
+
+    def _follow(self, socket: OperatorSocket) -> None:
+        while True:
+            socket.check()
+            facts, now = self._api.get("robots"), time.monotonic()
+            self._travelled.add(facts["robots"].get(_ROLE) or {}, now)
+            goal = facts["goal"]
+            if goal is None:
+                raise DrivingFailed("the server has forgotten the goal: the robot was reconnected")
+            self._goal = goal
+            self._watch(goal)
+            if goal["state"] == "reached":
+                return
+            if goal["state"] != "driving":
+                raise DrivingFailed(goal["sentence"].rstrip("."))
+            time.sleep(max(0.0, now + _POLL_S - time.monotonic()))

@@ -1,0 +1,64 @@
+"""Plan of the observer's way to its goal, made of each frame and told to the drive process."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+import numpy as np
+
+from app.engine.wheel_feed import WheelFeed
+from app.runtime.latest import LatestWriter
+from observer.guard.parameters import GuardParameters
+from observer.guard.sight import Sight
+from observer.navigation.navigator import Navigator
+
+_log = logging.getLogger(__name__)
+
+
+class Wayfinder:
+    """Planner of the observer's way: idle until the robot is sent somewhere."""
+
+    def __init__(self, plan: LatestWriter, wheels: WheelFeed, clock: Callable[[], float]) -> None:
+        """Set the slots.
+
+        Args:
+            plan: the slot ``PLAN_NAME``.
+            wheels: tells the errand and where the robot was.
+            clock: the host's monotonic clock.
+        """
+        self._plan = plan
+        self._wheels = wheels
+        self._clock = clock
+        self._navigator: Navigator | None = None
+        self._failed = False
+
+    def look(self, sight: Sight, guard: GuardParameters) -> None:
+        """Plan by a frame; without a plan the drive process lets the robot stand.
+
+        Args:
+            guard: the parameters in force.
+        """
+        now = self._clock()
+        errand = self._wheels.errand(now)
+        if errand is None:
+            # What it knows of the surroundings is of no use later.
+            self._navigator = None
+            return
+        place = self._wheels.odometry(sight.received)
+        if place is None:
+            return
+        try:
+            if self._navigator is None:
+                self._navigator = Navigator(guard)
+            self._navigator.use(guard)
+            self._navigator.see(sight, np.array([place.x, place.y, place.yaw]))
+            plan = self._navigator.plan(errand, now)
+        except Exception:  # noqa: BLE001
+            # The robot stands without a plan; observing continues.
+            if not self._failed:
+                _log.exception("planning the way to the goal failed")
+            self._failed = True
+            return
+        self._failed = False
+        self._plan.write(plan.facts())

@@ -1,0 +1,59 @@
+"""Goal of the observer: it drives there by itself, around what moves."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from fastapi import APIRouter
+from fastapi.responses import Response
+from pydantic import Field
+
+from app.contract.drive import StartGoal, StopGoal
+from app.contract.robots import GoalNow, RobotsNow
+from app.http.api.common import TheServer
+from app.http.api.refusals import refusals
+from app.http.api.values import Finite, Identifier, In
+from app.http.errors import answer
+
+router = APIRouter(prefix="/goal", tags=["robots"])
+
+_MAX_M = 20.0
+
+
+class GoalChoice(In):
+    ahead_m: Annotated[Finite, Field(ge=-_MAX_M, le=_MAX_M)] = Field(
+        description="From the robot as it stands now, m."
+    )
+    left_m: Annotated[Finite, Field(ge=-_MAX_M, le=_MAX_M)] = Field(
+        0.0, description="To its left, m."
+    )
+    risk_per_metre: Annotated[Finite, Field(gt=0.0, le=1.0)] = Field(
+        0.001, description="Declared probability of touching somebody on each metre driven."
+    )
+    lease: Identifier = Field(description="Of the observer, which must be armed.")
+
+
+@router.post(
+    "",
+    responses={200: {"model": GoalNow}, **refusals(409, 422, 503)},
+    summary="Send the observer to a goal",
+)
+async def start_goal(wanted: GoalChoice, server: TheServer) -> Response:
+    """It drives while its operator stays present on the drive socket; replaces the goal before.
+
+    A help for attentive people, tried in simulation only; the guard limits what it drives.
+    """
+    command = StartGoal(wanted.lease, wanted.ahead_m, wanted.left_m, wanted.risk_per_metre)
+    goal = await server.driving.ask(command)
+    return answer(goal)
+
+
+@router.delete(
+    "",
+    responses={200: {"model": RobotsNow}, **refusals(409, 503)},
+    summary="Give up the goal",
+)
+async def stop_goal(server: TheServer) -> Response:
+    """At zero; the robot stays armed."""
+    await server.driving.ask(StopGoal())
+    return answer(server.driving.facts())

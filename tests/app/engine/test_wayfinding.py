@@ -1,0 +1,90 @@
+"""Plans as the engine tells them: one for each frame while the observer is sent somewhere."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+
+import pytest
+
+from app.engine.wayfinding import Wayfinder
+from app.engine.wheel_feed import WheelFeed
+from app.runtime.latest import LatestReader, LatestWriter, create_slot
+from observer.guard.parameters import GuardParameters
+from observer.guard.sight import FreeScan, Sight
+from observer.navigation.errand import Errand, Goal
+from observer.navigation.navigator import Navigator
+from observer.navigation.plan import Plan, plan_of
+from observer.types import Status
+
+NOW = 100.0
+GUARD = GuardParameters()
+FREE = FreeScan((-0.5, 0.0, 0.5), (None,) * 3, (0.3,) * 3, (5.0,) * 3)
+SIGHT = Sight(7, NOW - 0.1, NOW - 0.02, "real", Status.OK, (), True, (), FREE)
+ERRAND = Errand(Goal(3, 3.0, 0.0, 1e-3), NOW - 0.02, 0.0, 0.0, 0.0, 0.0, 0.0, 0.26, 0.38, 0.44)
+STANDING = [[NOW - 0.1 * k, 0.0, 0.0, 0.0] for k in range(9, -1, -1)]
+
+
+class Link:
+    """Both slots, and a wayfinder between them at a time that stands."""
+
+    def __init__(self) -> None:
+        fds = [create_slot(1 << 16) for _ in range(2)]
+        self.wheels = LatestWriter(fds[0])
+        self.plans = LatestReader(fds[1])
+        self._ends = (LatestReader(fds[0]), LatestWriter(fds[1]))
+        for fd in fds:
+            os.close(fd)
+        self.wayfinder = Wayfinder(self._ends[1], WheelFeed(self._ends[0]), lambda: NOW)
+
+    def look(self, sight: Sight = SIGHT, errand: Errand | None = ERRAND) -> Plan | None:
+        facts = {} if errand is None else {"errand": errand.facts()}
+        self.wheels.write({"observer": STANDING, **facts})
+        before = self.plans.read()
+        self.wayfinder.look(sight, GUARD)
+        value = self.plans.read(0 if before is None else before.sequence)
+        return None if value is None else plan_of(value.header)
+
+    def close(self) -> None:
+        for end in (self.wheels, self.plans, *self._ends):
+            end.close()
+
+
+@pytest.fixture
+def link() -> Iterator[Link]:
+    made = Link()
+    yield made
+    made.close()
+
+
+def test_nothing_is_planned_without_an_errand(link: Link) -> None:
+    assert link.look(errand=None) is None
+
+
+def test_a_plan_leads_to_the_goal(link: Link) -> None:
+    plan = link.look()
+    assert plan is not None
+    assert (plan.goal, plan.received) == (3, SIGHT.received)
+    assert plan.speed_mps == pytest.approx(GUARD.speed_max_mps)
+    assert plan.turn_rate_radps == pytest.approx(0.0, abs=0.01)
+    assert plan.path[-1][0] > 1.0
+    assert plan.reason == "Driving to the goal, 3.0 m away."
+
+
+def test_a_frame_of_an_unknown_place_is_not_planned_by(link: Link) -> None:
+    assert link.look(replace(SIGHT, received=NOW - 5.0)) is None
+
+
+def test_a_planner_that_fails_tells_nothing(
+    link: Link, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object) -> Plan:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr(Navigator, "plan", fail)
+    assert link.look() is None
+    assert link.look() is None
+    assert caplog.text.count("planning the way to the goal failed") == 1
+    monkeypatch.undo()
+    assert link.look() is not None

@@ -1,0 +1,55 @@
+"""The observer's goal by REST."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from pydantic import TypeAdapter
+
+from app.contract.drive import StartGoal, StopGoal, TakeLease
+from app.contract.robots import GoalNow
+
+
+@pytest.mark.usefixtures("served")
+async def test_a_goal_is_sent_told_and_given_up(http: Any, drive: Any) -> None:
+    lease = await drive.request(TakeLease("observer", "Ann"))
+    answer = await http.post("/api/goal", json={"ahead_m": 3, "left_m": -0.5, "lease": lease})
+    assert answer.status_code == 200, answer.text
+    goal = TypeAdapter(GoalNow).validate_python(answer.json())
+    assert (goal.state, goal.place, goal.risk_per_metre) == ("driving", (3.0, -0.5), 0.001)
+    assert drive.of(StartGoal)[-1] == StartGoal(lease, 3.0, -0.5, 0.001)
+    assert (await http.get("/api/robots")).json()["goal"]["place"] == [3.0, -0.5]
+    told = (await http.delete("/api/goal")).json()
+    assert told["goal"]["state"] == "ended"
+    assert drive.of(StopGoal)
+
+
+@pytest.mark.usefixtures("served")
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ({"ahead_m": 1.0}, "lease"),
+        ({"left_m": 1.0, "lease": "x"}, "ahead_m"),
+        ({"ahead_m": 21.0, "lease": "x"}, "ahead_m"),
+        ({"ahead_m": "1", "lease": "x"}, "ahead_m"),
+        ({"ahead_m": 1.0, "lease": "x", "risk_per_metre": 0.0}, "risk_per_metre"),
+        ({"ahead_m": 1.0, "lease": "x", "risk_per_metre": 2.0}, "risk_per_metre"),
+        ({"ahead_m": 1.0, "lease": "x", "y": 2.0}, "y"),
+    ],
+)
+async def test_what_is_no_goal_is_refused_by_name(
+    http: Any, drive: Any, body: dict[str, Any], field: str
+) -> None:
+    answer = await http.post("/api/goal", json=body)
+    assert answer.status_code == 422
+    assert answer.json()["detail"][0]["loc"][-1] == field
+    assert not drive.of(StartGoal)
+
+
+@pytest.mark.usefixtures("served")
+async def test_a_refusal_of_the_drive_process_is_passed_on(http: Any, drive: Any) -> None:
+    drive.refuse[StartGoal] = ("state", "the observer is not armed; arm it first")
+    answer = await http.post("/api/goal", json={"ahead_m": 1.0, "lease": "x"})
+    assert answer.status_code == 409
+    assert answer.json()["detail"] == "the observer is not armed; arm it first"
