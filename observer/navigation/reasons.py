@@ -73,7 +73,7 @@ def _decider(choice: Choice, people: Futures) -> Reason | None:
     if chance[who] < _LEAST_CHANCE and choice.permitted[straight]:
         return None
     track, meets = people.ids[who], float(risk.when_s[straight, who])
-    named = "somebody who starts to move" if track < 0 else f"obstacle {track}"
+    named = "an object that starts to move" if track < 0 else f"obstacle {track}"
     return Reason(f"Waiting for {named}: they would meet in {meets:.1f} s.", track, meets)
 
 
