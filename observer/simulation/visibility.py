@@ -138,7 +138,8 @@ def _visible_part(
 ) -> VisiblePart:
     """Cast rays at a body and at what may be in front of it, in the ``camera`` frame."""
     window = body.window()
-    if window is None:
+    # Of a body that reaches in front of the camera with an edge only, nothing is seen.
+    if window is None or not (window[1] > window[0]).all():
         return _NOTHING
     x, y = _axes(world, *window)
     rays = np.stack(np.meshgrid(x.middles, y.middles), axis=-1)
