@@ -117,6 +117,11 @@ GLOSSARY: tuple[Term, ...] = (
         "Position and orientation of one camera relative to the other, or to the robot.",
     ),
     Term(
+        "goal",
+        "Place on the ground to which the observer drives by itself, around what moves, while its "
+        "operator is present.",
+    ),
+    Term(
         "ground truth",
         "The true motion of a body, from the simulator or from motion capture.",
         "motion-capture.md",

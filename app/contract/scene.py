@@ -15,12 +15,13 @@ from app.contract.views import OBSTACLE_RGB
 
 Rgb = tuple[int, int, int]
 Vector = tuple[float, float, float]
-LayerName = Literal["cloud", "boxes", "arrows", "trails", "guard", "truth"]
+LayerName = Literal["cloud", "boxes", "arrows", "trails", "guard", "path", "truth"]
 
 # Level axes, z up, x ahead at the start; moved by whole steps to keep the robot in view.
 DISPLAY_NODE = "/display"
 WORLD_NODE = f"{DISPLAY_NODE}/world"
 CAMERA_NODE = f"{WORLD_NODE}/camera"
+BASE_NODE = f"{WORLD_NODE}/base"
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,10 @@ class SceneFacts:
     layers: Sequence[SceneLayer]
     display_node: Annotated[str, means("Level axes: ahead at the start, left, up.")]
     camera_node: Annotated[str, means("Left camera: x right, y down, z forward.")]
+    base_node: Annotated[
+        str,
+        means("The observer on the ground: ahead, left, up; hidden while its place is unknown."),
+    ]
     follow: Annotated[SceneView, means("Along the robot's heading.")]
     top_down: Annotated[SceneView, means("Along the first heading, whatever the robot's is.")]
 
@@ -74,6 +79,10 @@ _LAYERS = (
         ((226, 44, 44), (255, 160, 20), (36, 160, 148)),
     ),
     SceneLayer(
+        "path", "Path", "The goal of the observer, and the path that it plans for the next "
+        "seconds.", f"{WORLD_NODE}/path", ((150, 70, 220),),
+    ),
+    SceneLayer(
         "truth", "Ground truth", "True boxes, where ground truth is known.", f"{WORLD_NODE}/truth",
         ((112, 150, 150),),
     ),
@@ -84,6 +93,7 @@ SCENE = SceneFacts(
     layers=_LAYERS,
     display_node=DISPLAY_NODE,
     camera_node=CAMERA_NODE,
+    base_node=BASE_NODE,
     # Behind the robot, above it and somewhat to its left: the whole robot above the legend.
     follow=SceneView(eye=(-2.3, 1.1, 1.7), look_at=(2.0, -0.1, 0.1)),
     # A little behind what it looks at: exactly above, no direction would be up in the picture.

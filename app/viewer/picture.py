@@ -113,7 +113,10 @@ def make_picture(
         tags=tuple(_tag(o, up) for o in placed),
         positions={int(o["id"]): np.array(o["position"]) for o in placed},
         robot=robot_marks(
-            None if driving is None else driving.robots["observer"], mount, T_world_camera
+            None if driving is None else driving.robots["observer"],
+            mount,
+            T_world_camera,
+            None if driving is None else driving.goal,
         ),
         stale=_is_stale(event, state, now),
     )

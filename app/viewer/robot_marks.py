@@ -1,4 +1,5 @@
-"""Observing robot in the scene: its outline, the guard's zones, its sonar; pure geometry."""
+"""Observing robot in the scene: its outline, the guard's zones, its sonar, its goal and the path
+there; pure geometry."""
 
 from __future__ import annotations
 
@@ -8,10 +9,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from app.contract.robots import GuardVerdict, RobotNow
+from app.contract.robots import GoalNow, GuardVerdict, RobotNow
+from app.viewer.shapes import thinned
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
+from observer.navigation.errand import REACHED_M
 from observer.robots.contract import RobotReport, SonarReading
 
 Level = Literal["clear", "slow", "stop"]
@@ -20,9 +24,16 @@ MOST_ZONE_LINES = 48
 MOST_SONARS = 16
 LINES_OF_A_SONAR = 3
 MOST_SONAR_LINES = MOST_SONARS * LINES_OF_A_SONAR
+MOST_PATH_LINES = 60
+_RING_LINES = 32
+_FLAG_LINES = 3
+GOAL_LINES = _RING_LINES + _FLAG_LINES
 
 # Just above the floor, so that the floor's own lines do not cut through.
 _ZONE_HEIGHT_M = 0.012
+_PATH_HEIGHT_M = 0.016
+_FLAG_HEIGHT_M = 0.5
+_FLAG_M = 0.18
 _SONAR_HEIGHT_M = 0.16
 _BODY_HEIGHT_M = 0.02
 _TEXT_HEIGHT_M = 0.75
@@ -42,32 +53,44 @@ class RobotMarks:
         outline: of the robot, with its heading.
         stop_zone, slow_zone: on the floor.
         sonar: short arcs at echoes within the last second.
+        path: planned on the way to the goal, on the floor.
+        goal: a ring on the floor as wide as it counts as reached, and a flag; of a goal to which
+            the robot drives.
         level: of the guard; None where it reports nothing.
-        text: the reason why the guard limits the robot, None while it does not.
+        text: the reason why the guard limits the robot or why it waits on its way to the goal;
+            None while it does neither.
         place: (3,) of the text.
+        T_world_base: the robot itself.
     """
 
     outline: Float64Array
     stop_zone: Float64Array
     slow_zone: Float64Array
     sonar: Float64Array
+    path: Float64Array
+    goal: Float64Array
     level: Level | None
     text: str | None
     place: Float64Array
+    T_world_base: Pose
 
 
 def robot_marks(
-    robot: RobotNow | None, mount: CameraMount | None, T_world_camera: Pose | None
+    robot: RobotNow | None,
+    mount: CameraMount | None,
+    T_world_camera: Pose | None,
+    goal: GoalNow | None = None,
 ) -> RobotMarks | None:
     """Return the marks of the observing robot; None if nothing is known of it or its place.
 
     Args:
-        robot: the observer's.
+        robot: the observer's. goal: the one to which it drives, or drove last.
     """
     if robot is None or mount is None or T_world_camera is None:
         return None
     T_world_base = T_world_camera @ mount.T_base_camera.inverse()
     report, guard = robot.report, robot.guard
+    aim = goal if goal is not None and goal.state == "driving" else None
 
     def world(lines: Float64Array) -> Float64Array:
         return np.asarray(T_world_base.apply(lines.reshape(-1, 3)).reshape(-1, 2, 3))
@@ -77,16 +100,23 @@ def robot_marks(
         stop_zone=world(_zone(() if guard is None else guard.stop_zone)),
         slow_zone=world(_zone(() if guard is None else guard.slow_zone)),
         sonar=world(_sonar(report.sonars, report.received)),
+        path=world(_path(() if aim is None else aim.path)),
+        goal=world(_goal(None if aim is None else aim.place)),
         level=None if guard is None else guard.level,
-        text=None if guard is None else _text(guard),
+        text=_text(guard, aim),
         place=np.asarray(T_world_base.apply(np.array([0.0, 0.0, _TEXT_HEIGHT_M]))),
+        T_world_base=T_world_base,
     )
 
 
-def _text(guard: GuardVerdict) -> str | None:
-    if guard.level == "clear":
+def _text(guard: GuardVerdict | None, aim: GoalNow | None) -> str | None:
+    """Return the one reason to tell: who stops the robot comes before who slows it."""
+    level = "clear" if guard is None else guard.level
+    if level != "stop" and aim is not None and aim.waits_for is not None:
+        return aim.sentence
+    if guard is None or level == "clear":
         return None
-    word = "slowed" if guard.level == "slow" else "stopped"
+    word = "slowed" if level == "slow" else "stopped"
     return word if guard.reason is None else f"{word}: {guard.reason}"
 
 
@@ -112,6 +142,34 @@ def _zone(corners: Sequence[Sequence[float]]) -> Float64Array:
     return _raised(_closed(corners[::step]), _ZONE_HEIGHT_M)
 
 
+def _path(places: Sequence[Sequence[float]]) -> Float64Array:
+    """Return lines through the places; where there are too many, some of them and the last."""
+    if len(places) < 2:
+        return np.zeros((0, 2, 3))
+    points = np.array(places, dtype=np.float64)[:, :2]
+    kept = points[:-1][thinned(len(points) - 1, MOST_PATH_LINES)]
+    flat = np.concatenate([kept, points[-1:]])
+    return _raised(np.stack([flat[:-1], flat[1:]], axis=1), _PATH_HEIGHT_M)
+
+
+def _goal(place: Sequence[float] | None) -> Float64Array:
+    if place is None:
+        return np.zeros((0, 2, 3))
+    around = np.linspace(0, 2 * math.pi, _RING_LINES, endpoint=False)
+    ring = _closed(REACHED_M * np.stack([np.cos(around), np.sin(around)], axis=1))
+    top, low = _FLAG_HEIGHT_M, _FLAG_HEIGHT_M - _FLAG_M
+    tip = (0.0, -_FLAG_M, (top + low) / 2)
+    flag = np.array(
+        [
+            ((0.0, 0.0, _PATH_HEIGHT_M), (0.0, 0.0, top)),
+            ((0.0, 0.0, top), tip),
+            (tip, (0.0, 0.0, low)),
+        ]
+    )
+    lines = np.concatenate([_raised(ring, _PATH_HEIGHT_M), flag])
+    return np.asarray(lines + np.array([place[0], place[1], 0.0]))
+
+
 def _sonar(sonars: Sequence[SonarReading], received: float | None) -> Float64Array:
     """Return chords along the arc of each echo; the robot's newest report tells each echo's age."""
     newest = max([received or -math.inf, *(each.received for each in sonars)])
@@ -132,7 +190,7 @@ def _sonar(sonars: Sequence[SonarReading], received: float | None) -> Float64Arr
     return _raised(np.concatenate(lines), _SONAR_HEIGHT_M)
 
 
-def _closed(corners: Sequence[Sequence[float]]) -> Float64Array:
+def _closed(corners: ArrayLike) -> Float64Array:
     """Return (N, 2, 2) lines around N corners."""
     points = np.array(corners, dtype=np.float64)[:, :2]
     return np.stack([points, np.roll(points, -1, axis=0)], axis=1)

@@ -14,10 +14,20 @@ from typing import Any
 import numpy as np
 import viser
 
-from app.contract.scene import CAMERA_NODE, DISPLAY_NODE, LAYERS, WORLD_NODE, LayerName, Rgb
+from app.contract.scene import (
+    BASE_NODE,
+    CAMERA_NODE,
+    DISPLAY_NODE,
+    LAYERS,
+    WORLD_NODE,
+    LayerName,
+    Rgb,
+)
 from app.viewer.picture import Cloud, Picture, Tag
 from app.viewer.robot_marks import (
+    GOAL_LINES,
     MOST_OUTLINE_LINES,
+    MOST_PATH_LINES,
     MOST_SONAR_LINES,
     MOST_ZONE_LINES,
     Level,
@@ -34,7 +44,9 @@ _TRAIL_LINES = MOST_CAMERA_POINTS - 1
 _OBSTACLE_TRAIL_LINES = 200
 _FLOOR_HALF_WIDTH_M = 8
 _FLOOR = (150, 162, 158)
-(_BOX,), (_ARROW,), (_TRUTH,) = (LAYERS[name].colors for name in ("boxes", "arrows", "truth"))
+(_BOX,), (_ARROW,), (_PATH,), (_TRUTH,) = (
+    LAYERS[name].colors for name in ("boxes", "arrows", "path", "truth")
+)
 _TRAIL, _OBSTACLE_TRAIL = LAYERS["trails"].colors
 _STOP, _SLOW, _SONAR = LAYERS["guard"].colors
 # The robot and its camera have the colour of their trail.
@@ -113,6 +125,10 @@ class Scene:
         self._stop_zone = self._lines(guard("stop"), MOST_ZONE_LINES, _STOP, 3.0)
         self._slow_zone = self._lines(guard("slow"), MOST_ZONE_LINES, _SLOW, 2.0)
         self._sonar = self._lines(guard("sonar"), MOST_SONAR_LINES, _SONAR, 2.5)
+        self._path = self._lines(_in_layer("path", "planned"), MOST_PATH_LINES, _PATH, 3.5)
+        self._goal = self._lines(_in_layer("path", "goal"), GOAL_LINES, _PATH, 3.0)
+        # Nothing is drawn there: it tells the page where the robot is.
+        self._base = scene.add_frame(BASE_NODE, show_axes=False, visible=False)
         self._level: Level | None = None
         self._arrows = scene.add_arrows(
             _in_layer("arrows", "velocities"),
@@ -138,8 +154,8 @@ class Scene:
             scene.add_label(boxes(f"label_{k}"), "", anchor="bottom-center", visible=False)
             for k in range(_MOST_OBSTACLES)
         ]
-        # Of no layer: why the robot does not obey can be hidden from nobody.
-        self._guard_label = scene.add_label(
+        # Of no layer: why the robot stands or does not obey can be hidden from nobody.
+        self._reason = scene.add_label(
             f"{WORLD_NODE}/reason", "", anchor="bottom-center", visible=False
         )
 
@@ -179,25 +195,33 @@ class Scene:
             self._show_robot(picture.robot, picture.stale)
 
     def _show_robot(self, robot: RobotMarks | None, stale: bool) -> None:
-        """Draw the robot's place and the reason the guard limits it; hide both when old."""
-        nodes = (self._outline, self._stop_zone, self._slow_zone, self._sonar)
+        """Draw the robot's place, its goal, and why it is slowed or waits; hide all when old."""
+        nodes = (
+            *(self._outline, self._stop_zone, self._slow_zone, self._sonar),
+            *(self._path, self._goal),
+        )
         if robot is None or stale:
-            for node in (*nodes, self._guard_label):
+            for node in (*nodes, self._base, self._reason):
                 node.visible = False
             return
+        _move(self._base, robot.T_world_base)
+        self._base.visible = True
         if robot.level != self._level:
             self._level = robot.level
             for node, color in zip(
                 (self._stop_zone, self._slow_zone), _ZONES[robot.level], strict=True
             ):
                 node.colors = np.array(color, np.uint8)
-        parts = (robot.outline, robot.stop_zone, robot.slow_zone, robot.sonar)
+        parts = (
+            *(robot.outline, robot.stop_zone, robot.slow_zone, robot.sonar),
+            *(robot.path, robot.goal),
+        )
         for node, lines in zip(nodes, parts, strict=True):
             _show_lines(node, lines)
         if robot.text is not None:
-            self._guard_label.text = robot.text
-            self._guard_label.position = robot.place
-        self._guard_label.visible = robot.text is not None
+            self._reason.text = robot.text
+            self._reason.position = robot.place
+        self._reason.visible = robot.text is not None
 
     def show_cloud(self, cloud: Cloud) -> None:
         """Draw the cloud in the pose of its own instant."""

@@ -303,6 +303,30 @@ export interface components {
       sigma_s: number;
       sentence: string;
     };
+    /**
+     * @description Goal to which the observer drives, or drove last. Places are metres ahead of the robot and
+     *     to its left, as it stands now.
+     */
+    GoalNow: {
+      /** @enum {string} */
+      state: "driving" | "reached" | "ended";
+      /** @description What the robot does and why, or why it ended. */
+      sentence: string;
+      /** @description None: not known any more. */
+      place: [number, number] | null;
+      distance_m: number | null;
+      elapsed_s: number;
+      /** @description Planned for the next seconds. */
+      path: [number, number][];
+      /** @description Declared probability of a contact on each metre. */
+      risk_per_metre: number;
+      /** @description Of the path, until it could stand. */
+      planned_risk_per_metre: number | null;
+      /** @description Track for which it stands or turns aside. */
+      waits_for: number | null;
+      /** @description Until it would meet that track, s. */
+      meets_s: number | null;
+    };
     /** @description Velocity that the guard permits; zones are corners in the robot's base frame, metres. */
     GuardVerdict: {
       /** @enum {string} */
@@ -1231,6 +1255,22 @@ export interface components {
       obstacles: components["schemas"]["PlanObstacle"][];
       truth: components["schemas"]["PlanBody"][];
     };
+    GoalChoice: {
+      /** @description From the robot as it stands now, m. */
+      ahead_m: number;
+      /**
+       * @description To its left, m.
+       * @default 0
+       */
+      left_m: number;
+      /**
+       * @description Declared probability of touching somebody on each metre driven.
+       * @default 0.001
+       */
+      risk_per_metre: number;
+      /** @description Of the observer, which must be armed. */
+      lease: string;
+    };
     HTTPValidationError: {
       detail: components["schemas"]["ValidationError"][];
     };
@@ -1589,6 +1629,7 @@ export interface components {
       sight: components["schemas"]["SightNow"] | null;
       loop: components["schemas"]["DriveLoop"] | null;
       programme: components["schemas"]["ProgrammeNow"] | null;
+      goal: components["schemas"]["GoalNow"] | null;
       robots: {
         [key: string]: components["schemas"]["RobotNow"] | null;
       };
@@ -1722,6 +1763,8 @@ export interface components {
       display_node: string;
       /** @description Left camera: x right, y down, z forward. */
       camera_node: string;
+      /** @description The observer on the ground: ahead, left, up; hidden while its place is unknown. */
+      base_node: string;
       /** @description Along the robot's heading. */
       follow: components["schemas"]["SceneView"];
       /** @description Along the first heading, whatever the robot's is. */
@@ -1730,7 +1773,7 @@ export interface components {
     /** @description Part of the scene that can be hidden. */
     SceneLayer: {
       /** @enum {string} */
-      name: "cloud" | "boxes" | "arrows" | "trails" | "guard" | "truth";
+      name: "cloud" | "boxes" | "arrows" | "trails" | "guard" | "path" | "truth";
       title: string;
       help: string;
       /** @description Above everything of the layer; the server never hides it itself. */
@@ -2023,6 +2066,7 @@ export type Drops = components["schemas"]["Drops"];
 export type EgoMotionStatus = components["schemas"]["EgoMotionStatus"];
 export type EngineStatus = components["schemas"]["EngineStatus"];
 export type ExposureSkewStatus = components["schemas"]["ExposureSkewStatus"];
+export type GoalNow = components["schemas"]["GoalNow"];
 export type GuardVerdict = components["schemas"]["GuardVerdict"];
 export type HeartbeatMessage = components["schemas"]["HeartbeatMessage"];
 export type Latch = components["schemas"]["Latch"];
@@ -2107,6 +2151,7 @@ export type FrameCounts = components["schemas"]["FrameCounts"];
 export type FrameEntry = components["schemas"]["FrameEntry"];
 export type FrameObstacle = components["schemas"]["FrameObstacle"];
 export type FramePlan = components["schemas"]["FramePlan"];
+export type GoalChoice = components["schemas"]["GoalChoice"];
 export type HTTPValidationError = components["schemas"]["HTTPValidationError"];
 export type History = components["schemas"]["History"];
 export type IdentityChange = components["schemas"]["IdentityChange"];

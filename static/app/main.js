@@ -43,6 +43,7 @@ const later = new Later(hub, {
   "observer-live-truth": () => import("./sources/live-truth.js"),
   "observer-robots": () => import("./driving/robots-panel.js"),
   "observer-guard-check": () => import("./driving/guard-check.js"),
+  "observer-goal": () => import("./driving/goal-panel.js"),
   "observer-programmes": () => import("./driving/programmes.js"),
   "observer-calibration": () => import("./calibration/calibration-panel.js"),
   "observer-calibration-health": () => import("./calibration/calibration-health.js"),

@@ -1,6 +1,6 @@
 /** What the server would say, in short: each gives a whole message with what a test changes of it. */
 
-/** @import { AgeingStatus, LiveLine, ObstacleEntry, RobotNow, RobotReport, Run, TrueBodyEntry } from "../../static/app/contract" */
+/** @import { AgeingStatus, GoalNow, LiveLine, ObstacleEntry, RobotNow, RobotReport, RobotsMessage, Run, TrueBodyEntry } from "../../static/app/contract" */
 
 /** A moving one, 3 m ahead. @param {Partial<ObstacleEntry>} [changes] @returns {ObstacleEntry} */
 export function obstacle(changes) {
@@ -145,6 +145,47 @@ export function robot(changes) {
     sent: { speed_mps: 0, turn_rate_radps: 0 },
     guard: null,
     report: report(),
+    ...changes,
+  };
+}
+
+/** Nothing is connected. @param {Partial<RobotsMessage>} [changes] @returns {RobotsMessage} */
+export function robots(changes) {
+  return {
+    type: "robots",
+    stopped: null,
+    sight: null,
+    loop: null,
+    programme: null,
+    goal: null,
+    robots: { observer: null, obstacle: null },
+    process: { alive: true, pid: 1, restarts: 0, trouble: null },
+    world: "real",
+    ports: {},
+    trouble: {},
+    incidents: [],
+    check: null,
+    wheels: [],
+    ...changes,
+  };
+}
+
+/** On its way there. @param {Partial<GoalNow>} [changes] @returns {GoalNow} */
+export function goal(changes) {
+  return {
+    state: "driving",
+    sentence: "Driving to the goal.",
+    place: [2, 0],
+    distance_m: 2,
+    elapsed_s: 3,
+    path: [
+      [0, 0],
+      [0.5, 0],
+    ],
+    risk_per_metre: 0.001,
+    planned_risk_per_metre: 0.0002,
+    waits_for: null,
+    meets_s: null,
     ...changes,
   };
 }

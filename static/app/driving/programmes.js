@@ -161,6 +161,8 @@ class Programmes extends Part {
   #missing({ roles }) {
     const { driver, robots } = this.hub;
     if (robots?.stopped) return "All robots are stopped: reset the stop first.";
+    if (roles.includes("observer") && robots?.goal?.state === "driving")
+      return "The observer drives to a goal: give it up first.";
     const wanting = roles.flatMap((role) => {
       const robot = driver.robot(role);
       if (!robot) return [`connect the ${role}`];

@@ -38,6 +38,8 @@ export function standsBecause(role, robot, facts, ours) {
   if (["connecting", "waiting", "refused"].includes(robot.state)) {
     return sentence(trouble ?? robot.why ?? "connecting to the robot");
   }
+  if (role === "observer" && facts?.goal?.state === "driving")
+    return "Driving to a goal by itself.";
   // Why it moves slower than wanted stands beside what is sent.
   if (robot.state === "moving") return "The robot is moving.";
   if (robot.why) return sentence(robot.why);
@@ -142,12 +144,14 @@ export function figuresOf({ report, sent }) {
 }
 
 /** @param {RobotIncident} incident */
-export function incidentInWords({ at, role, sentence: words, speed_mps, stops }) {
+export function incidentInWords({ at, role, kind, sentence: words, speed_mps, stops }) {
   const date = new Date(at);
   const time = Number.isNaN(date.getTime()) ? at : date.toLocaleTimeString();
   const speed = speed_mps === null ? "" : ` (at ${fixed(speed_mps, 2)} m/s)`;
   const ends = Object.values(stops ?? {}).map((stop) => `; ${stopInWords(stop)}`);
-  return `${time} ${role ? ROLE_WORDS[role] : "Both robots"}${speed}: ${sentence(words)}${ends.join("")}`;
+  // Only the observer is sent to goals.
+  const who = role ?? (kind === "goal" ? "observer" : null);
+  return `${time} ${who ? ROLE_WORDS[who] : "Both robots"}${speed}: ${sentence(words)}${ends.join("")}`;
 }
 
 /** @param {StopMeasured} figures @returns {string} as in "stop command sent after 220 ms, stood still after 610 ms and 0.12 m" */

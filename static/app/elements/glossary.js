@@ -31,6 +31,8 @@ export const GLOSSARY = {
   "epipolar error":
     "Vertical distance between a point in the right image and the row on which the calibration expects it, in pixels.",
   "extrinsics": "Position and orientation of one camera relative to the other, or to the robot.",
+  "goal":
+    "Place on the ground to which the observer drives by itself, around what moves, while its operator is present.",
   "ground truth": "The true motion of a body, from the simulator or from motion capture.",
   "guard":
     "Part of the drive process that slows and stops the robots according to what the cameras and the sonar see. It is not a certified safety function.",

@@ -1,12 +1,16 @@
 /** The 3D scene: the viewer in a frame and its controls, without colours while it is old. */
 
-import { h, setAttribute } from "../elements/dom.js";
+import { button, h, setAttribute, setText } from "../elements/dom.js";
+import { declareKeys } from "../elements/keys.js";
 import { Part } from "../elements/part.js";
 import { request } from "../shell/api.js";
 import { SceneControls } from "./scene-controls.js";
 
 /** @import { SceneFacts } from "../contract" */
+/** @import { FloorPlace } from "../shell/floor-pick.js" */
 /** @import { FromFrame, ToFrame } from "../scene-frame/messages.js" */
+
+declareKeys("Picking a goal", ["Esc", "Cancel, unless a robot is armed"]);
 
 const ADDRESS = "/viewer/";
 // Without live data the viewer is loaded after this all the same.
@@ -21,6 +25,9 @@ class Scene extends Part {
     "settings, or use another browser. Everything else works without the 3D scene.",
   );
   #controls = new SceneControls();
+  #pickWords = h("span", { role: "status" });
+  #cancel = button("Cancel", () => this.hub.floorPick.cancel());
+  #pick = h("div.scene-pick", { hidden: true }, this.#pickWords, this.#cancel);
   /** @type {SceneFacts | null} */
   #facts = null;
 
@@ -28,7 +35,7 @@ class Scene extends Part {
     this.#trouble.hidden = true;
     // Until there is something to control.
     this.#controls.hidden = true;
-    this.append(this.#frame, this.#trouble, this.#controls);
+    this.append(this.#frame, this.#trouble, this.#controls, this.#pick);
     this.#controls.attach(this.hub);
     this.hear("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
     this.hear("changed", () => this.#choose(), this.#controls.choice);
@@ -38,6 +45,10 @@ class Scene extends Part {
     setTimeout(() => this.#load(), PATIENCE_MS);
     // The viewer does not reconnect by itself and would go on showing its last scene.
     this.hear("reconnected", () => this.#load({ again: true }));
+    const { floorPick, driver } = this.hub;
+    this.hear("change", () => this.#showPick(), floorPick);
+    this.hear("stopping", () => floorPick.cancel(), driver);
+    window.addEventListener("keydown", (event) => this.#cancelByKey(event), { capture: true });
     this.hear("freshness", () => this.#mark());
     this.hear("themechange", () => this.#paint(), window);
     this.#mark();
@@ -46,6 +57,7 @@ class Scene extends Part {
   #load({ again = false } = {}) {
     if (this.#frame.src && !again) return;
     this.#controls.hidden = true;
+    this.hub.floorPick.possible = false;
     if (again) {
       // Another frame: a second address in this one would be a step of the browser's "back".
       const frame = viewerFrame();
@@ -61,6 +73,7 @@ class Scene extends Part {
     const message = /** @type {FromFrame} */ (data);
     if (message.kind === "ready") void this.#start(message.draws);
     else if (message.kind === "taken") this.#controls.choice.camera = "free";
+    else if (message.kind === "picked") this.#picked(message);
     else this.#press(message);
   }
 
@@ -72,7 +85,40 @@ class Scene extends Part {
     if (!this.#facts || !draws) return;
     this.#controls.offer(this.#facts.layers);
     this.#controls.hidden = false;
+    this.hub.floorPick.possible = true;
     this.#choose();
+  }
+
+  /** @param {{place: FloorPlace | null, known: boolean}} answer */
+  #picked({ place, known }) {
+    const { floorPick } = this.hub;
+    if (!floorPick.asked) return;
+    if (place) floorPick.answer(place);
+    else if (known) floorPick.say("That is not on the floor: click again.");
+    else floorPick.say("Not picked: the place of the observer is unknown.", true);
+  }
+
+  #showPick() {
+    const { floorPick } = this.hub;
+    const base = (floorPick.asked && this.#facts?.base_node) || null;
+    this.#tell({ kind: "pick", base });
+    setText(this.#pickWords, floorPick.words);
+    setAttribute(this.#pick, "data-tone", floorPick.refused ? "bad" : null);
+    this.#pick.hidden = !floorPick.words;
+    this.#cancel.hidden = !floorPick.asked;
+  }
+
+  /**
+   * While a robot is armed Esc has stopped all robots already, and is not heard here.
+   *
+   * @param {KeyboardEvent} event
+   */
+  #cancelByKey(event) {
+    const { floorPick, driver } = this.hub;
+    if (event.key !== "Escape" || !floorPick.asked || driver.anyArmed) return;
+    event.preventDefault();
+    event.stopImmediatePropagation();
+    floorPick.cancel();
   }
 
   /**

@@ -1,5 +1,6 @@
 /** Runs in the viewer's page: shows what the page around it chooses, and tells it of hands and keys. */
 
+import { listenForClicks, onFloor } from "./floor-click.js";
 import { SceneCamera, listenForHand } from "./scene-camera.js";
 import { SceneClient } from "./scene-client.js";
 
@@ -9,6 +10,7 @@ import { SceneClient } from "./scene-client.js";
 // the page has its own. viser offers no setting for that.
 const HIDE_PANEL =
   "#root .mantine-Paper-root, .mantine-Notifications-root { display: none !important }";
+const AIM = "[data-pick] canvas { cursor: crosshair !important }";
 // Where the viewer draws nothing it shows its own ground, which follows the page's colours.
 const GROUND =
   '#root div[style*="background-color"]:has(canvas) { background-color: COLOUR !important }';
@@ -19,6 +21,8 @@ const style = document.head.appendChild(document.createElement("style"));
 let choice = null;
 /** @type {SceneCamera | null} */
 let camera = null;
+/** The robot's node, while a click on the floor is waited for. @type {string | null} */
+let base = null;
 
 /** @param {Choice} wanted */
 function choose(wanted) {
@@ -42,7 +46,21 @@ function drawn() {
 
 /** @param {string} colour */
 function paint(colour) {
-  style.textContent = `${HIDE_PANEL} ${GROUND.replace("COLOUR", colour)}`;
+  style.textContent = `${HIDE_PANEL} ${AIM} ${GROUND.replace("COLOUR", colour)}`;
+}
+
+/** @param {string | null} node */
+function pick(node) {
+  base = node;
+  document.documentElement.toggleAttribute("data-pick", node !== null);
+}
+
+/** @param {number} x @param {number} y px */
+function clicked(x, y) {
+  if (base === null) return;
+  const robot = client.shows(base) ? client.frame(base) : null;
+  const ray = client.ray(x, y);
+  tell({ kind: "picked", place: robot && ray && onFloor(ray, robot), known: robot !== null });
 }
 
 /** @param {FromFrame} message */
@@ -62,6 +80,7 @@ addEventListener("message", ({ source, data }) => {
   const message = /** @type {ToFrame} */ (data);
   if (message.kind === "choice") choose(message);
   else if (message.kind === "reset") camera?.reset();
+  else if (message.kind === "pick") pick(message.base);
   else paint(message.colour);
 });
 addEventListener("keydown", ({ key, code, ctrlKey, metaKey, altKey, repeat }) => {
@@ -69,5 +88,6 @@ addEventListener("keydown", ({ key, code, ctrlKey, metaKey, altKey, repeat }) =>
   if (meant && !repeat) tell({ kind: "key", key, code });
 });
 listenForHand(window, () => tell({ kind: "taken" }));
+listenForClicks(window, clicked);
 addEventListener("drawn", drawn);
 tell({ kind: "ready", draws: canDraw() });

@@ -4,6 +4,7 @@
  */
 
 /** @import { SceneFacts } from "../contract" */
+/** @import { FloorPlace } from "../shell/floor-pick.js" */
 /** @import { CameraChoice } from "../live/scene-choice.js" */
 
 /**
@@ -15,15 +16,19 @@
  */
 
 /**
- * @typedef {Choice | {kind: "reset"} | {kind: "ground", colour: string}} ToFrame
- *   `reset`: look at the robot again; `ground`: colour where nothing is drawn
+ * @typedef {Choice | {kind: "reset"} | {kind: "ground", colour: string} |
+ *   {kind: "pick", base: string | null}} ToFrame
+ *   `reset`: look at the robot again; `ground`: colour where nothing is drawn; `pick`: wait for
+ *   clicks on the floor, as seen from the robot's node; null: no more
  */
 
 /**
  * @typedef {{kind: "ready", draws: boolean} | {kind: "taken"} |
- *   {kind: "key", key: string, code: string}} FromFrame
+ *   {kind: "key", key: string, code: string} |
+ *   {kind: "picked", place: FloorPlace | null, known: boolean}} FromFrame
  *   `ready`: it can be told what to show (`draws`: this browser has what it draws with); `taken`: a
- *   hand moved the camera; `key`: Space or Esc, which mean something on the whole page
+ *   hand moved the camera; `key`: Space or Esc, which mean something on the whole page; `picked`: a
+ *   click that was waited for (`place`: null where no floor is; `known`: whether the robot's place is)
  */
 
 export {};

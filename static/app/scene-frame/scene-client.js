@@ -11,11 +11,25 @@
  */
 
 /**
+ * @typedef {object} Ray in the axes of the viewer's renderer
+ * @property {Vector} from
+ * @property {Vector} along not of unit length
+ */
+
+/**
+ * @typedef {object} ViewerCamera matrices column by column
+ * @property {{x: number, y: number, z: number}} position
+ * @property {{elements: number[]}} matrixWorld
+ * @property {{elements: number[]}} projectionMatrixInverse
+ */
+
+/**
  * @typedef {object} Viewer what viser's client opens to the page around it (meant for its tests)
  * @property {object[]} messageQueue what it does before its next drawing, as if the server had sent it
  * @property {() => void} requestRender
  * @property {Record<string, {matrixWorld: {elements: number[]}} | undefined>} nodeRefFromName
- * @property {{position: {x: number, y: number, z: number}} | null} camera
+ * @property {HTMLCanvasElement | null} canvas
+ * @property {ViewerCamera | null} camera
  * @property {{setLookAt: (...place: [number, number, number, number, number, number, boolean]) =>
  *   unknown} | null} cameraControl
  */
@@ -72,8 +86,42 @@ export class SceneClient {
     return x === undefined || y === undefined || z === undefined ? null : [x, y, z];
   }
 
+  /**
+   * What a place of the window shows, as it was last drawn.
+   *
+   * @param {number} x px of the window
+   * @param {number} y
+   * @returns {Ray | null}
+   */
+  ray(x, y) {
+    const { camera, canvas } = this.#inside.__viserMutable ?? {};
+    const box = canvas?.getBoundingClientRect();
+    if (!camera || !box?.width || !box.height) return null;
+    const right = (2 * (x - box.left)) / box.width - 1;
+    const up = 1 - (2 * (y - box.top)) / box.height;
+    const far = placed(camera.projectionMatrixInverse.elements, [right, up, 0.5]);
+    const from = placed(camera.matrixWorld.elements, [0, 0, 0]);
+    const to = placed(camera.matrixWorld.elements, far);
+    return { from, along: [to[0] - from[0], to[1] - from[1], to[2] - from[2]] };
+  }
+
   /** @param {Vector} eye @param {Vector} target */
   look(eye, target) {
     this.#inside.__viserMutable?.cameraControl?.setLookAt(...eye, ...target, false);
   }
+}
+
+/**
+ * @param {number[]} matrix 4 by 4, column by column
+ * @param {Vector} point
+ * @returns {Vector}
+ */
+function placed(matrix, [x, y, z]) {
+  const row = (/** @type {number} */ at) =>
+    (matrix[at] ?? 0) * x +
+    (matrix[at + 4] ?? 0) * y +
+    (matrix[at + 8] ?? 0) * z +
+    (matrix[at + 12] ?? 0);
+  const w = row(3);
+  return [row(0) / w, row(1) / w, row(2) / w];
 }

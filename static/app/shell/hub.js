@@ -1,6 +1,7 @@
 /** The page's knowledge of the server, and the events by which its parts hear of changes. */
 
 import { sentence } from "../elements/words.js";
+import { FloorPick } from "./floor-pick.js";
 import { LiveSocket } from "./live-socket.js";
 import { Teller } from "./teller.js";
 
@@ -44,6 +45,8 @@ export class Hub extends Teller {
   sources = [];
   /** @type {Connection} */
   connection = "connecting";
+  /** A click on the floor of the 3D scene, which a part may ask for. */
+  floorPick = new FloorPick();
   /** @type {Freshness} */
   freshness = { state: "none", reason: "Connecting to the server.", age_s: 0 };
 

@@ -18,6 +18,7 @@ from app.contract.events import EngineState
 from app.contract.robots import (
     DriveFacts,
     DriveProcess,
+    GoalNow,
     GuardVerdict,
     RobotNow,
     RobotsNow,
@@ -28,7 +29,7 @@ from app.server import Server
 from app.storage import Storage
 from app.viewer import ViserViewer
 from app.viewer.picture import make_picture, read_cloud
-from app.viewer.robot_marks import MOST_ZONE_LINES, robot_marks
+from app.viewer.robot_marks import GOAL_LINES, MOST_PATH_LINES, MOST_ZONE_LINES, robot_marks
 from app.viewer.shapes import (
     Follower,
     box_edges,
@@ -260,6 +261,18 @@ _REPORT = RobotReport(
         SonarReading(1, 0.0, 0.1, 1.5, 0.8, 8.0),
     ),
 )
+_GOAL = GoalNow(
+    state="driving",
+    sentence="Waiting for obstacle 3: it will cross in 1.4 s.",
+    place=(3.0, -0.5),
+    distance_m=3.04,
+    elapsed_s=2.0,
+    path=[(0.0, 0.0), (0.5, 0.1), (1.0, 0.1)],
+    risk_per_metre=0.001,
+    planned_risk_per_metre=0.0002,
+    waits_for=3,
+    meets_s=1.4,
+)
 _STILL = Velocity(0.0, 0.0)
 _ROBOT = RobotNow(
     "port", "name", "real", "armed", None, False, None, _STILL, _STILL, _GUARD, _REPORT
@@ -312,11 +325,67 @@ def test_a_robot_of_which_little_is_known_is_drawn_as_far_as_it_is() -> None:
     assert 30 < len(circle.stop_zone) <= MOST_ZONE_LINES
 
 
+def test_the_goal_and_the_path_there_lie_on_the_floor_while_it_is_driven_to() -> None:
+    T = Pose.from_rotvec([0.0, 0.4, 0.0], [1.0, 0.0, 2.0])
+    marks = robot_marks(_ROBOT, _MOUNT, T, _GOAL)
+    assert marks is not None
+    path = _in_base(marks.path, T)
+    np.testing.assert_allclose(path[:, 0, :2], _GOAL.path[:2], atol=1e-9)
+    np.testing.assert_allclose(path[:, 1, :2], _GOAL.path[1:], atol=1e-9)
+    assert (np.abs(path[..., 2]) < 0.03).all()
+    goal = _in_base(marks.goal, T)
+    assert len(goal) == GOAL_LINES
+    # Within the ring it counts as reached; the flag stands in its middle.
+    ring, pole = goal[:-3], goal[-3]
+    np.testing.assert_allclose(
+        np.linalg.norm(ring[..., :2] - np.array(_GOAL.place), axis=-1), 0.25, atol=1e-9
+    )
+    np.testing.assert_allclose(pole[:, :2], [_GOAL.place] * 2, atol=1e-9)
+    np.testing.assert_allclose(
+        _in_base([marks.T_world_base.translation] * 2, T)[0], np.zeros((2, 3)), atol=1e-9
+    )
+    for over in (None, replace(_GOAL, state="reached"), replace(_GOAL, place=None, path=[])):
+        nothing = robot_marks(_ROBOT, _MOUNT, T, over)
+        assert nothing is not None
+        assert len(nothing.path) == len(nothing.goal) == 0
+
+
+def test_of_a_long_path_its_end_is_kept() -> None:
+    places = [(0.01 * k, 0.0) for k in range(250)]
+    marks = robot_marks(_ROBOT, _MOUNT, Pose.identity(), replace(_GOAL, path=places))
+    assert marks is not None
+    path = _in_base(marks.path, Pose.identity())
+    assert MOST_PATH_LINES / 2 < len(path) <= MOST_PATH_LINES
+    np.testing.assert_allclose(path[-1, 1, 0], 2.49, atol=1e-9)
+    np.testing.assert_allclose(path[1:, 0], path[:-1, 1])
+
+
+@pytest.mark.parametrize(
+    ("level", "waits_for", "text"),
+    [
+        ("clear", 3, "Waiting for obstacle 3: it will cross in 1.4 s."),
+        ("slow", 3, "Waiting for obstacle 3: it will cross in 1.4 s."),
+        ("stop", 3, "stopped: obstacle 3 is 1.2 m ahead"),
+        ("slow", None, "slowed: obstacle 3 is 1.2 m ahead"),
+        ("clear", None, None),
+    ],
+)
+def test_one_reason_is_told_in_the_scene(level: Any, waits_for: Any, text: str | None) -> None:
+    robot = replace(_ROBOT, guard=replace(_GUARD, level=level))
+    goal = replace(_GOAL, waits_for=waits_for)
+    marks = robot_marks(robot, _MOUNT, Pose.identity(), goal)
+    assert marks is not None
+    assert marks.text == text
+    unguarded = robot_marks(replace(robot, guard=None), _MOUNT, Pose.identity(), goal)
+    assert unguarded is not None
+    assert unguarded.text == (None if waits_for is None else goal.sentence)
+
+
 def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> None:
     event, state = observed.observe(), observed.state()
     robots: Any = {"observer": _ROBOT, "obstacle": None}
     told = RobotsNow(
-        *(None, None, None, None, robots),
+        *(None, None, None, None, _GOAL, robots),
         process=DriveProcess(True, 1, 0, None),
         world=None,
         ports={},
@@ -324,7 +393,9 @@ def test_the_robot_comes_from_what_the_drive_process_tells(observed: Any) -> Non
         incidents=[],
         check=None,
     )
-    assert make_picture(event, state, 1, event.received, told).robot is not None
+    drawn = make_picture(event, state, 1, event.received, told).robot
+    assert drawn is not None
+    assert len(drawn.goal) == GOAL_LINES
     for nothing in (None, replace(told, robots={"observer": None, "obstacle": None})):
         assert make_picture(event, state, 1, event.received, nothing).robot is None
 
@@ -354,18 +425,31 @@ async def test_the_scene_reuses_its_nodes_and_hides_the_place_of_a_robot_that_is
             assert scene._camera._image_data == peer.views["plain"].read(0).payload
             assert not scene._outline.visible
             robots: Any = {"observer": _ROBOT, "obstacle": None}
-            drive.publish(DriveState(DriveFacts(None, None, None, None, robots), 0.0))
+            drive.publish(DriveState(DriveFacts(None, None, None, None, None, robots), 0.0))
             while not scene._outline.visible:
+                peer.observe()
+                await asyncio.sleep(0.03)
+            assert scene._base.visible
+            assert not scene._path.visible
+            drive.publish(DriveState(DriveFacts(None, None, None, None, _GOAL, robots), 0.0))
+            while not scene._goal.visible:
+                peer.observe()
+                await asyncio.sleep(0.03)
+            assert scene._path.points.shape == (MOST_PATH_LINES, 2, 3)
+            assert scene._reason.text == _GOAL.sentence
+            drive.publish(DriveState(DriveFacts(None, None, None, None, None, robots), 0.0))
+            while scene._goal.visible:
                 peer.observe()
                 await asyncio.sleep(0.03)
             assert scene._stop_zone.points.shape == (MOST_ZONE_LINES, 2, 3)
             assert scene._slow_zone.visible
             assert scene._sonar.visible
-            assert scene._guard_label.text == "slowed: obstacle 3 is 1.2 m ahead"
+            assert scene._reason.text == "slowed: obstacle 3 is 1.2 m ahead"
             peer.lose()
             while scene._outline.visible:
                 await asyncio.sleep(0.01)
-            assert not scene._guard_label.visible
+            assert not scene._reason.visible
+            assert not scene._base.visible
             # What says that it is old is the page.
             assert scene._cloud.visible
             peer.start_process()

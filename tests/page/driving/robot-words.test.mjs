@@ -3,29 +3,9 @@ import { test } from "node:test";
 
 import * as words from "../../../static/app/driving/robot-words.js";
 import { sonarInWords } from "../../../static/app/driving/sonar-ring.js";
-import { report, robot } from "../made.mjs";
+import { goal, report, robot, robots as facts } from "../made.mjs";
 
 /** @import { RobotsMessage } from "../../../static/app/contract" */
-
-/** @param {Partial<RobotsMessage>} [changes] @returns {RobotsMessage} */
-function facts(changes) {
-  return {
-    type: "robots",
-    stopped: null,
-    sight: null,
-    loop: null,
-    programme: null,
-    robots: { observer: null, obstacle: null },
-    process: { alive: true, pid: 1, restarts: 0, trouble: null },
-    world: "real",
-    ports: {},
-    trouble: {},
-    incidents: [],
-    check: null,
-    wheels: [],
-    ...changes,
-  };
-}
 
 test("a stop comes before every other reason for which a robot stands", () => {
   const faulty = robot({ why: "it is far", report: report({ fault: "a wheel stalls" }) });
@@ -55,6 +35,21 @@ test("who is armed waits for whoever drives it", () => {
     words.standsBecause("observer", armed, facts(), false),
     /another operator has control/i,
   );
+});
+
+test("an observer on its way to a goal says so", () => {
+  const because = (/** @type {"observer" | "obstacle"} */ role, /** @type {any} */ state) =>
+    words.standsBecause(role, robot({ state: "armed" }), facts({ goal: goal({ state }) }), true);
+  assert.equal(because("observer", "driving"), "Driving to a goal by itself.");
+  assert.match(because("obstacle", "driving"), /^Armed\./);
+  assert.match(because("observer", "reached"), /^Armed\./);
+});
+
+test("who is concerned by an incident is named", () => {
+  const incident = { at: "?", role: null, sentence: "it ended", speed_mps: null, stops: {} };
+  const told = (/** @type {string} */ kind) => words.incidentInWords({ ...incident, kind });
+  assert.equal(told("goal"), "? Observer: It ended.");
+  assert.equal(told("stop"), "? Both robots: It ended.");
 });
 
 test("where there is no robot the reason is told", () => {

@@ -16,7 +16,15 @@ function viewer() {
           },
         },
       },
-      camera: { position: { x: 1, y: 2, z: 3 } },
+      canvas: { getBoundingClientRect: () => ({ left: 100, top: 50, width: 400, height: 200 }) },
+      // 90 degrees high, twice as wide; turned by a quarter to its left, 2 m up.
+      camera: {
+        position: { x: 1, y: 2, z: 3 },
+        matrixWorld: { elements: [0, 0, -1, 0, 0, 1, 0, 0, 1, 0, 0, 0, 1, 2, 3, 1] },
+        projectionMatrixInverse: {
+          elements: [2, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, -4.995, 0, 0, -1, 5.005],
+        },
+      },
       cameraControl: null,
     },
     __viserSceneTree: {
@@ -64,11 +72,28 @@ test("places are read by columns", () => {
   assert.deepEqual(client.eye(), [1, 2, 3]);
 });
 
+test("what a place of the window shows is a ray from the eye", () => {
+  const { client } = viewer();
+  /** @param {number} x @param {number} y */
+  const direction = (x, y) => {
+    const ray = client.ray(x, y);
+    assert.ok(ray);
+    assert.deepEqual(ray.from, [1, 2, 3]);
+    const longest = Math.max(...ray.along.map(Math.abs));
+    return ray.along.map((value) => Math.round((1000 * value) / longest) / 1000 + 0);
+  };
+  assert.deepEqual(direction(300, 150), [-1, 0, 0]);
+  // The lower edge, and the right one.
+  assert.deepEqual(direction(300, 250), [-1, -1, 0]);
+  assert.deepEqual(direction(500, 150), [-0.5, 0, -1]);
+});
+
 test("a viewer that has not started, or is another one, is left alone", () => {
   const client = new SceneClient(/** @type {any} */ ({}));
   assert.equal(client.shows("/display"), null);
   assert.equal(client.frame("/display"), null);
   assert.equal(client.eye(), null);
+  assert.equal(client.ray(1, 1), null);
   client.show("/display", false);
   client.look([0, 0, 0], [1, 1, 1]);
 });

@@ -1,0 +1,289 @@
+/** The goal of the observer: where it is to go by itself, how it gets on, and why it ended. */
+
+import {
+  button,
+  details,
+  field,
+  h,
+  icon,
+  input,
+  onSubmit,
+  select,
+  setAttribute,
+  setText,
+} from "../elements/dom.js";
+import { passFocus } from "../elements/focus-place.js";
+import { GLOSSARY } from "../elements/glossary.js";
+import { Part } from "../elements/part.js";
+import { fixed } from "../elements/words.js";
+import { ApiError, request } from "../shell/api.js";
+import { oneAtATime, refuse } from "../shell/notice.js";
+import { openPane } from "../shell/splitter.js";
+import {
+  FARTHEST_M,
+  decidedByInWords,
+  goalOf,
+  missingForGoal,
+  notDone,
+  placeInWords,
+  RISKS,
+  tooFar,
+  USUAL_RISK,
+  withoutNumbers,
+} from "./goal-words.js";
+import { clock } from "./robot-words.js";
+
+/** @import { GoalNow, ProgrammeDetail } from "../contract" */
+/** @import { FloorPlace } from "../shell/floor-pick.js" */
+
+const ROLE = "observer";
+const FIELDS = { min: -FARTHEST_M, max: FARTHEST_M, step: "any", "aria-describedby": "goal-error" };
+// What became of a click is read in the scene for this long.
+const TOLD_MS = 6000;
+
+class GoalPanel extends Part {
+  #ahead = input("number", "goal-ahead", { ...FIELDS, value: "2" });
+  #left = input("number", "goal-left", { ...FIELDS, value: "0" });
+  #error = h("p.field-error", { id: "goal-error", role: "alert" });
+  #risk = select({ id: "goal-risk" }, RISKS);
+  #send = h("button.button.primary", { type: "submit" }, icon("play"), "Drive there");
+  #pick = button("Pick a goal", () => this.#togglePick(), {
+    title: "Click the floor in the 3D scene; an armed observer drives there at once",
+  });
+  #missing = h("p.missing", { id: "goal-missing" });
+  #refusal = h("p.field-error", { role: "alert" });
+  #sentence = h("p.goal-sentence");
+  /** The same for who hears the page, but not each time that a number changes. */
+  #spoken = h("p.visually-hidden", { role: "status" });
+  #way = h("p.figure");
+  #decider = h("p.figure.goal-decider");
+  #risks = h("p.hint.figure");
+  #kept = h("p.field-error", { role: "alert" });
+  #leave = oneAtATime(undefined, this.#kept);
+  #giveUp = button([icon("stop"), "Give up goal"], () =>
+    this.#leave(() => named("Not given up", () => request("DELETE", "/goal"))),
+  );
+  #driving = h(
+    "div.goal-driving",
+    { hidden: true },
+    // Where it stays, however many lines the sentence has.
+    h("div.goal-head", this.#way, this.#giveUp),
+    this.#kept,
+    this.#sentence,
+    this.#decider,
+    this.#risks,
+  );
+  #ended = h("p.goal-ended", { role: "status", hidden: true });
+  #do = oneAtATime(undefined, this.#refusal);
+  /** Whether the click that was asked for last is sent at once. */
+  #sends = false;
+  /** The newest programme that was seen to run. @type {ProgrammeDetail | null} */
+  #programme = null;
+  #asked = "";
+
+  build() {
+    const { floorPick, driver } = this.hub;
+    this.#risk.value = USUAL_RISK;
+    this.#send.setAttribute("aria-describedby", "goal-missing");
+    const form = h(
+      "form.stack",
+      { novalidate: true },
+      h(
+        "div.goal-fields",
+        field("Ahead (m)", this.#ahead),
+        field("Left (m)", this.#left),
+        h("p.hint", "From the robot as it stands. Negative: behind it, to its right."),
+      ),
+      this.#error,
+      details(
+        "Advanced",
+        field(
+          "Risk per metre",
+          this.#risk,
+          "Accepted probability of touching somebody on each metre driven. The lower it is, the longer the observer waits and the wider it passes.",
+        ),
+      ),
+      h("div.row", this.#send, this.#pick),
+      this.#missing,
+      this.#refusal,
+    );
+    this.append(
+      h("h3", { title: GLOSSARY["goal"] }, "Drive to a goal"),
+      h(
+        "p.hint",
+        "The observer drives there by itself, around what moves, only while this page is open and visible. Driving by hand ends it. Tried in simulation only.",
+      ),
+      this.#driving,
+      this.#spoken,
+      this.#ended,
+      form,
+    );
+    onSubmit(form, () => this.#do(() => this.#sendTyped()));
+    this.hear("robots connection", () => this.#render());
+    this.hear("change", () => this.#render(), driver);
+    this.hear("change", () => this.#render(), floorPick);
+    this.hear("picked", () => this.#do(() => this.#sendPicked()), floorPick);
+    this.whenShown(() => this.#render());
+    this.#render();
+  }
+
+  /** Whether something is missing, and what. */
+  get #lack() {
+    const { driver, robots, connection } = this.hub;
+    const running = robots?.programme && this.#programme;
+    const moves = running && running.roles.includes(ROLE) ? running.title : "";
+    const ours = driver.link.leases.has(ROLE);
+    return missingForGoal(robots, driver.robot(ROLE), ours, connection === "open", moves);
+  }
+
+  async #sendTyped() {
+    refuse(this.#error, "");
+    const place = goalOf(this.#ahead.value, this.#left.value);
+    if (typeof place === "string") {
+      refuse(this.#error, notDone("Not sent", place));
+      this.#ahead.focus();
+      return;
+    }
+    await this.#post(place);
+  }
+
+  /** A click in the scene was asked for as a goal: with all that is needed it is one at once. */
+  async #sendPicked() {
+    const { place } = this.hub.floorPick;
+    if (!place) return;
+    refuse(this.#error, "");
+    this.#ahead.value = place.ahead.toFixed(2);
+    this.#left.value = place.left.toFixed(2);
+    if (!this.#sends) {
+      this.#tell(`Entered, not sent: ${placeInWords(place)}.`);
+      return;
+    }
+    try {
+      await this.#post(place);
+      this.#tell(`Goal sent: ${placeInWords(place)}.`);
+    } catch (error) {
+      if (error instanceof ApiError) this.#tell(error.message, true);
+      throw error;
+    }
+  }
+
+  /** @param {FloorPlace} place */
+  async #post(place) {
+    const lease = this.hub.driver.link.leases.get(ROLE);
+    const why = tooFar(place) || this.#lack;
+    if (why || !lease) throw new ApiError(notDone("Not sent", why), 409);
+    const { ahead, left } = place;
+    await named("Not sent", () =>
+      request("POST", "/goal", {
+        ahead_m: ahead,
+        left_m: left,
+        risk_per_metre: Number(this.#risk.value),
+        lease,
+      }),
+    );
+  }
+
+  #togglePick() {
+    const { floorPick } = this.hub;
+    if (floorPick.asked) {
+      floorPick.cancel();
+      return;
+    }
+    openPane("main");
+    const seen = document.querySelector("observer-scene")?.checkVisibility();
+    refuse(this.#refusal, seen ? "" : "Not picked: the 3D scene is not in view.");
+    if (!seen) return;
+    // It holds until the click: what was read before it is what happens.
+    this.#sends = this.#lack === "";
+    floorPick.ask(
+      this.#sends
+        ? "Click the floor: the observer drives there at once."
+        : "Click the floor: the place is entered, but not sent.",
+    );
+  }
+
+  /** Say in the scene, too, what became of the click. @param {string} words @param {boolean} [bad] */
+  #tell(words, bad = false) {
+    const { floorPick } = this.hub;
+    floorPick.say(words, bad);
+    setTimeout(() => floorPick.words === words && floorPick.say(""), TOLD_MS);
+  }
+
+  #render() {
+    if (this.offsetParent === null) return;
+    const { robots, floorPick, connection } = this.hub;
+    void this.#askProgramme();
+    const lost = connection !== "open" || robots?.process?.alive === false;
+    setAttribute(this, "data-old", lost ? "" : null);
+    const goal = robots?.goal ?? null;
+    const drives = goal?.state === "driving";
+    if (!drives) passFocus(this.#giveUp, this.#ahead);
+    this.#driving.hidden = !drives;
+    if (goal && drives) this.#renderDriving(goal);
+    else setText(this.#spoken, "");
+    const told = goal && !drives ? goal.sentence : "";
+    setText(this.#ended, told);
+    this.#ended.hidden = !told;
+    const lack = this.#lack;
+    setText(this.#missing, lack);
+    this.#send.disabled = lack !== "";
+    setText(this.#pick, floorPick.asked ? "Cancel picking" : "Pick a goal");
+    this.#pick.hidden = !floorPick.possible;
+  }
+
+  /** @param {GoalNow} goal */
+  #renderDriving(goal) {
+    setText(this.#sentence, goal.sentence);
+    if (withoutNumbers(this.#spoken.textContent ?? "") !== withoutNumbers(goal.sentence))
+      setText(this.#spoken, goal.sentence);
+    const left =
+      goal.distance_m === null ? "Distance unknown" : `${fixed(goal.distance_m, 2)} m left`;
+    setText(this.#way, `${left} · ${clock(goal.elapsed_s)}`);
+    const words = decidedByInWords(goal);
+    setText(this.#decider, words);
+    this.#decider.hidden = !words;
+    const planned = goal.planned_risk_per_metre;
+    setText(
+      this.#risks,
+      `Risk per metre: ${goal.risk_per_metre} accepted${planned === null ? "" : `, ${shortRisk(planned)} planned`}`,
+    );
+  }
+
+  /** Learn which robots the running programme moves. */
+  async #askProgramme() {
+    const name = this.hub.robots?.programme?.name ?? "";
+    if (name === this.#asked) return;
+    this.#asked = name;
+    this.#programme = null;
+    if (!name) return;
+    /** @type {ProgrammeDetail | null} */
+    const answer = await request("GET", `/programmes/${encodeURIComponent(name)}`).catch(
+      () => null,
+    );
+    if (name !== this.#asked) return;
+    this.#programme = answer;
+    this.#render();
+  }
+}
+
+/** @param {number} risk @returns {string} as in "0.0002" */
+function shortRisk(risk) {
+  return risk < 0.00001 ? "below 0.00001" : String(Number(risk.toPrecision(1)));
+}
+
+/**
+ * Ask the server; a refusal begins with what did not happen.
+ *
+ * @param {string} what
+ * @param {() => Promise<unknown>} ask
+ */
+async function named(what, ask) {
+  try {
+    await ask();
+  } catch (error) {
+    if (!(error instanceof ApiError)) throw error;
+    throw new ApiError(notDone(what, error.message), error.status, error.fields);
+  }
+}
+
+customElements.define("observer-goal", GoalPanel);

@@ -1,0 +1,104 @@
+/** The observer's goal in words. Pure functions. */
+
+import { fixed, sentence } from "../elements/words.js";
+import { isArmed } from "./roles.js";
+
+/** @import { GoalNow, RobotNow, RobotsMessage } from "../contract" */
+/** @import { FloorPlace } from "../shell/floor-pick.js" */
+
+/** A goal beyond is one of another room; the server takes none. */
+export const FARTHEST_M = 20;
+
+export const USUAL_RISK = "0.001";
+/** Declared probability of a contact on each metre, as sent and as told. @type {string[][]} */
+export const RISKS = [
+  ["0.0001", "0.0001 – waits longest"],
+  [USUAL_RISK, `${USUAL_RISK} – default`],
+  ["0.01", "0.01 – waits least"],
+];
+
+/**
+ * Say what must be done before the observer can be sent anywhere.
+ *
+ * @param {RobotsMessage | null} facts
+ * @param {RobotNow | null} robot the observer
+ * @param {boolean} ours whether this page holds its lease
+ * @param {boolean} connected whether the server is heard
+ * @param {string} programme title of the programme that moves the observer; empty for none
+ * @returns {string} a sentence; empty where nothing is missing
+ */
+export function missingForGoal(facts, robot, ours, connected, programme) {
+  if (!connected) return "No connection to the server.";
+  if (!facts) return "Waiting for robot status.";
+  if (facts.stopped) return "All robots are stopped: reset the stop first.";
+  if (!robot) return "First connect the observer.";
+  if (robot.operator && !ours) return "First take control of the observer.";
+  if (!ours || !isArmed(robot)) return "First arm the observer.";
+  if (programme) return `The programme ${programme} is running: stop it first.`;
+  return "";
+}
+
+/**
+ * Read a place that was typed.
+ *
+ * @param {string} ahead
+ * @param {string} left
+ * @returns {FloorPlace | string} a sentence where it is none
+ */
+export function goalOf(ahead, left) {
+  const [x, y] = [ahead, left].map((text) => (text.trim() === "" ? NaN : Number(text)));
+  if (x === undefined || y === undefined || !Number.isFinite(x) || !Number.isFinite(y))
+    return "Enter both distances in metres, as in 2.5.";
+  return tooFar({ ahead: x, left: y }) || { ahead: x, left: y };
+}
+
+/** Say why a place is too far away; empty where it is not. @param {FloorPlace} place */
+export function tooFar({ ahead, left }) {
+  const distance = Math.hypot(ahead, left);
+  return distance > FARTHEST_M
+    ? `The place is ${fixed(distance, 1)} m away. A goal must be within ${FARTHEST_M} m.`
+    : "";
+}
+
+/** @param {FloorPlace} place @returns {string} as in "2.00 m ahead, 0.50 m to the right" */
+export function placeInWords({ ahead, left }) {
+  const parts = [
+    [ahead, "ahead", "behind"],
+    [left, "to the left", "to the right"],
+  ].flatMap(([value, plus, minus]) => {
+    const size = fixed(Math.abs(Number(value)), 2);
+    return Number(size) === 0 ? [] : [`${size} m ${Number(value) > 0 ? plus : minus}`];
+  });
+  return parts.join(", ") || "where the robot stands";
+}
+
+/**
+ * Say for whom it stands or turns aside, unless its sentence says it all.
+ *
+ * @param {GoalNow} goal
+ * @returns {string} as in "Decided by obstacle 3: on the straight path they would meet in 1.4 s"; empty for nobody
+ */
+export function decidedByInWords({ sentence: told, waits_for, meets_s }) {
+  if (waits_for === null) return "";
+  // What begins to move has no track yet.
+  const who = waits_for < 0 ? "an object that starts to move" : `obstacle ${waits_for}`;
+  const when =
+    meets_s === null ? "" : `: on the straight path they would meet in ${fixed(meets_s, 1)} s`;
+  if (told.includes(who) && told.includes(when.replace(/\D*/, ""))) return "";
+  return `Decided by ${who}${when}`;
+}
+
+/** Begin a refusal with what did not happen. @param {string} what @param {string} why */
+export function notDone(what, why) {
+  return sentence(`${what}: ${why.charAt(0).toLowerCase()}${why.slice(1)}`);
+}
+
+/**
+ * A sentence without its numbers: another one is news to who hears the page read, another number
+ * is not.
+ *
+ * @param {string} words
+ */
+export function withoutNumbers(words) {
+  return words.replace(/\d+(\.\d+)?/g, "");
+}

@@ -1,0 +1,378 @@
+"""Sending the observer to a goal on the page: typed, and by a click on the floor of the scene.
+
+The observer is that of a simulated room, driven by the very way of a real one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from playwright.sync_api import Error, Frame, Locator, Page, ViewportSize, expect
+
+from .axe import findings
+from .conftest import TOO_WIDE, Eventually, KeepPicture, OpenPanel, Server
+from .witness import Witness
+
+# Drawn and looked at in time on slow machines too, where frames would come late and end the drive.
+_ROOM = """\
+based_on: drive
+title: A room to send the observer through
+help: The observer stands in a room; the obstacle stands far away in it.
+camera: {width: 320, height: 160}
+robots:
+  - name: P3-DX
+    x: 5.5
+    y: 2.6
+    heading_deg: -90
+    size: [0.455, 0.381, 0.33]
+texture: {robot: red}
+"""
+_RATE = 0.6
+_DRIVEN_S = 90.0
+# So small that the processor draws several times a second, with the panel beside the scene.
+_SMALL: ViewportSize = {"width": 980, "height": 620}
+_PHONE: ViewportSize = {"width": 390, "height": 844}
+_NARROWEST = 360
+_BASE = "/display/world/base"
+# Have the page hear of this goal, as if the server had told of it.
+_TELL = """{
+  const { parse } = JSON;
+  JSON.parse = (text, ...more) => {
+    const message = parse(text, ...more);
+    if (message?.type === "robots" && window.toldGoal) message.goal = window.toldGoal;
+    return message;
+  };
+}"""
+_TOLD = {
+    "state": "driving",
+    "sentence": "Passing behind obstacle 3.",
+    "place": [2.3, -0.4],
+    "distance_m": 2.33,
+    "elapsed_s": 67.9,
+    "path": [],
+    "risk_per_metre": 0.001,
+    "planned_risk_per_metre": 0.0002,
+    "waits_for": 3,
+    "meets_s": 1.4,
+}
+# Where a place seen from the robot is in the frame's window, px, by the viewer's own camera.
+_PLACE = """([node, ahead, left]) => {
+  const { camera, canvas, nodeRefFromName } = window.__viserMutable;
+  const base = nodeRefFromName[node];
+  const at = camera.position.clone().set(ahead, left, 0).applyMatrix4(base.matrixWorld);
+  at.project(camera);
+  const box = canvas.getBoundingClientRect();
+  return [box.left + (0.5 + at.x / 2) * box.width, box.top + (0.5 - at.y / 2) * box.height];
+}"""
+_READY = """(node) => window.__viserSceneTree?.getState()[node]?.visibility === true"""
+
+
+@pytest.fixture(scope="module")
+def room(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+    scenario = tmp_path_factory.mktemp("room") / "room.yaml"
+    scenario.write_text(_ROOM)
+    _open(server, f"simulated:{scenario}")
+    server.api.post("/api/playback", json={"rate": _RATE}).raise_for_status()
+    yield server
+    server.api.delete("/api/goal")
+    server.api.post("/api/robots/stop").raise_for_status()
+    server.api.post("/api/robots/reset").raise_for_status()
+    _open(server, "simulated:lab")
+    server.api.post("/api/playback", json={"rate": 1.0}).raise_for_status()
+
+
+@pytest.fixture(autouse=True)
+def _begin_at_rest(room: Server) -> None:
+    room.api.post("/api/robots/stop").raise_for_status()
+    room.api.post("/api/robots/reset").raise_for_status()
+
+
+def _open(server: Server, source: str) -> None:
+    """Open it; the engine may be starting."""
+    deadline = time.monotonic() + 60.0
+    while not server.api.put("/api/source", json={"source": source}).is_success:
+        assert time.monotonic() < deadline, source
+        time.sleep(1.0)
+
+
+def _section(page: Page) -> Locator:
+    return page.locator("observer-goal")
+
+
+def _on_robots_tab(page: Page) -> Page:
+    page.get_by_role("tab", name="Robots").click()
+    page.locator("input[name=drive-role][value=observer]").check(force=True)
+    expect(_section(page).get_by_role("heading", name="Drive to a goal")).to_be_visible()
+    return page
+
+
+def _arm(page: Page) -> bool:
+    """Arm the observer if it is not; return whether a goal can be sent."""
+    arm = page.get_by_role("button", name="Arm", exact=True)
+    if arm.is_visible() and arm.is_enabled():
+        arm.click()
+        page.wait_for_timeout(300)
+    return _section(page).get_by_role("button", name="Drive there").is_enabled()
+
+
+def _until_driving(page: Page, send: Callable[[], object]) -> None:
+    """Send it until it drives to the goal.
+
+    A busy machine shows a frame too late now and then: that ends the drive, and it is sent again.
+    """
+    deadline = time.monotonic() + _DRIVEN_S
+    giving_up = _section(page).get_by_role("button", name="Give up goal")
+    while time.monotonic() < deadline:
+        if not giving_up.is_visible() and _arm(page):
+            send()
+            page.wait_for_timeout(300)
+        if giving_up.is_visible():
+            return
+    pytest.fail(f"it was not sent: {_section(page).inner_text()}")
+
+
+def test_the_observer_drives_to_a_typed_goal_until_it_is_given_up(
+    room: Server, open_panel: OpenPanel, eventually: Eventually, keep_picture: KeepPicture
+) -> None:
+    page = _on_robots_tab(open_panel(refusals=True))
+    section = _section(page)
+    send = section.get_by_role("button", name="Drive there")
+    expect(send).to_be_disabled()
+    expect(section.locator(".missing")).to_have_text("First arm the observer.")
+    keep_picture(page, "goal-unarmed")
+    # By keyboard: Enter in a field sends.
+    ahead, error = section.get_by_label("Ahead (m)"), section.locator("#goal-error")
+    ahead.fill("")
+
+    def refused() -> str:
+        if _arm(page):
+            ahead.press("Enter")
+        return error.inner_text()
+
+    eventually(refused, 30)
+    expect(error).to_contain_text("Not sent: enter both distances")
+    expect(ahead).to_have_attribute("aria-invalid", "true")
+    ahead.fill("3")
+
+    driving, ended = section.locator(".goal-driving"), section.locator(".goal-ended")
+    deadline = time.monotonic() + _DRIVEN_S
+    told = ""
+    with Witness(room, "observer") as witness:
+        while ended.inner_text() != "The goal was given up.":
+            assert time.monotonic() < deadline, section.inner_text()
+            _until_driving(page, lambda: ahead.press("Enter"))
+            if witness.first(True, time.monotonic(), 3.0) is None:
+                continue
+            told = f"{driving.inner_text()}\n{page.locator('.robot-why').inner_text()}"
+            keep_picture(page, "goal-driving")
+            start = time.monotonic()
+            # Unless it ended by itself meanwhile.
+            with contextlib.suppress(Error):
+                driving.get_by_role("button", name="Give up goal").click(timeout=2000)
+            witness.zero_after(start)
+            page.wait_for_timeout(300)
+    expect(driving).to_be_hidden()
+    # The keyboard's place is not lost with the button.
+    expect(ahead).to_be_focused()
+    assert re.search(r"\d m left · \d:\d\d", told)
+    assert "Driving to a goal by itself." in told
+    goal = room.get("/robots")["goal"]
+    assert goal["state"] == "ended"
+    assert goal["risk_per_metre"] == pytest.approx(0.001)
+
+
+def test_a_page_that_is_left_ends_the_drive(
+    room: Server,
+    open_panel: OpenPanel,
+    hide_page: Callable[[Page, bool], None],
+    eventually: Eventually,
+) -> None:
+    page = _on_robots_tab(open_panel(refusals=True))
+    _until_driving(page, _section(page).get_by_role("button", name="Drive there").click)
+    hide_page(page, True)
+    eventually(lambda: room.get("/robots")["goal"]["state"] == "ended", 3)
+    hide_page(page, False)
+    expect(_section(page).locator(".goal-ended")).to_contain_text("given up: ")
+
+
+@pytest.mark.parametrize("look", ["light", "dark", "phone"])
+def test_every_state_of_a_goal_is_told_to_everybody(
+    open_panel: OpenPanel, keep_picture: KeepPicture, look: str
+) -> None:
+    options: Any = (
+        {"viewport": _PHONE, "has_touch": True} if look == "phone" else {"color_scheme": look}
+    )
+    page = _on_robots_tab(open_panel(script=_TELL, **options))
+    section = _section(page)
+    section.get_by_text("Advanced").click()
+    driving, ended = section.locator(".goal-driving"), section.locator(".goal-ended")
+
+    def check(state: str, **changes: Any) -> None:
+        page.evaluate("(goal) => { window.toldGoal = goal; }", {**_TOLD, "state": state, **changes})
+        expect(driving).to_be_visible(visible=state == "driving")
+        expect(ended).to_be_visible(visible=state != "driving")
+        section.locator("h3").scroll_into_view_if_needed()
+        assert findings(page) == []
+        keep_picture(page, f"goal-{state}-{look}")
+        if look == "phone":
+            page.set_viewport_size({**_PHONE, "width": _NARROWEST})
+            assert page.evaluate(TOO_WIDE) == []
+            page.set_viewport_size(_PHONE)
+
+    check("driving")
+    expect(driving).to_contain_text("Passing behind obstacle 3.")
+    expect(driving).to_contain_text("2.33 m left · 1:08")
+    expect(driving).to_contain_text(
+        "Decided by obstacle 3: on the straight path they would meet in 1.4 s"
+    )
+    expect(driving).to_contain_text("Risk per metre: 0.001 accepted, 0.0002 planned")
+    expect(section.locator("[role=status].visually-hidden")).to_have_text(
+        "Passing behind obstacle 3."
+    )
+    check("driving", sentence="Waiting for obstacle 3: they would meet in 1.4 s.")
+    expect(driving).not_to_contain_text("Decided by")
+    check("ended", sentence="The goal was given up: the robot reports no odometry any more.")
+    expect(ended).to_contain_text("no odometry any more")
+    check("reached", sentence="The goal is reached.")
+
+
+@pytest.fixture
+def scene(
+    room: Server, open_panel: OpenPanel, wait_for_scene: Callable[[Page], None]
+) -> Iterator[Callable[..., Page]]:
+    def open_one(**options: Any) -> Page:
+        page = open_panel(viewer=True, refusals=True, **{"viewport": _SMALL, **options})
+        wait_for_scene(page)
+        return page
+
+    yield open_one
+    room.api.post("/api/playback", json={"paused": False}).raise_for_status()
+
+
+def _viewer(page: Page) -> Frame:
+    # Playwright hears of frames only while it is asked something.
+    page.evaluate("0")
+    frame = page.frame(url=re.compile("/viewer/"))
+    assert frame is not None
+    return frame
+
+
+def _place(page: Page, ahead: float, left: float) -> tuple[float, float]:
+    """Where a place seen from the robot is drawn in the page, px."""
+    x, y = _viewer(page).evaluate(_PLACE, [_BASE, ahead, left])
+    box = page.locator("observer-scene iframe").bounding_box()
+    assert box is not None
+    assert 0 < x < box["width"]
+    assert 0 < y < box["height"]
+    return box["x"] + x, box["y"] + y
+
+
+def _click_floor(page: Page, ahead: float, left: float) -> None:
+    page.mouse.click(*_place(page, ahead, left))
+
+
+def _entered(page: Page) -> tuple[float, float]:
+    section = _section(page)
+    return (
+        float(section.get_by_label("Ahead (m)").input_value()),
+        float(section.get_by_label("Left (m)").input_value()),
+    )
+
+
+def test_a_click_on_the_floor_is_the_goal_from_every_camera(
+    scene: Callable[..., Page], room: Server, eventually: Eventually, keep_picture: KeepPicture
+) -> None:
+    page = _on_robots_tab(scene())
+    eventually(lambda: _viewer(page).evaluate(_READY, _BASE), 20)
+    # What moves the robot here is nobody: clicks are compared with where it stands.
+    room.api.post("/api/playback", json={"paused": True}).raise_for_status()
+    page.wait_for_selector('html[data-freshness="held"]')
+    section, words = _section(page), page.locator(".scene-pick")
+    pick = section.get_by_role("button", name="Pick a goal")
+    places = {"Free": (1.6, 0.3), "Follow": (2.0, -0.4), "Top-down": (1.2, 0.5)}
+    for camera, place in places.items():
+        page.get_by_role("radio", name=camera, exact=True).check(force=True)
+        page.wait_for_timeout(1500)
+        # Without "Pick a goal" a click is none.
+        before = _entered(page)
+        _click_floor(page, *place)
+        page.wait_for_timeout(200)
+        assert _entered(page) == before
+        pick.click()
+        expect(words).to_contain_text("Click the floor: the place is entered, but not sent.")
+        if camera == "Follow":
+            keep_picture(page, "goal-picking")
+            assert findings(page) == []
+        _click_floor(page, *place)
+        eventually(lambda place=place: math.dist(_entered(page), place) < 0.06, 5)
+        expect(words).to_contain_text("Entered, not sent: ")
+        expect(pick).to_be_visible()
+        expect(page.get_by_role("radio", name=camera, exact=True)).to_be_checked()
+    # A press that turns the scene picks nothing; Esc ends it, and stops nobody where none is armed.
+    pick.click()
+    box = page.locator("observer-scene iframe").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 200, box["y"] + 150)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 240, box["y"] + 160, steps=4)
+    page.mouse.up()
+    expect(section.get_by_role("button", name="Cancel picking")).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(pick).to_be_visible()
+    expect(words).to_be_hidden()
+    assert room.get("/robots")["stopped"] is None
+
+
+def test_on_a_phone_the_scene_comes_up_for_the_click(
+    scene: Callable[..., Page], eventually: Eventually, keep_picture: KeepPicture
+) -> None:
+    page = scene(viewport=_PHONE, has_touch=True)
+    eventually(lambda: _viewer(page).evaluate(_READY, _BASE), 20)
+    _on_robots_tab(page)
+    _section(page).get_by_role("button", name="Pick a goal").click()
+    words = page.locator(".scene-pick")
+    expect(words).to_contain_text("Click the floor")
+    expect(page.locator("#stop-robots")).to_be_in_viewport()
+    page.wait_for_timeout(1500)
+    x, y = _place(page, 1.8, 0.2)
+    page.touchscreen.tap(x, y)
+    expect(words).to_contain_text(re.compile(r"Entered, not sent: 1\.\d\d m ahead"))
+    expect(words.get_by_role("button", name="Cancel")).to_be_hidden()
+    assert page.evaluate(TOO_WIDE) == []
+    keep_picture(page, "phone-goal-picked")
+
+
+def test_an_armed_observer_is_sent_by_the_click_at_once(
+    scene: Callable[..., Page], room: Server, eventually: Eventually, keep_picture: KeepPicture
+) -> None:
+    page = _on_robots_tab(scene())
+    page.get_by_role("radio", name="Top-down").check(force=True)
+    eventually(lambda: _viewer(page).evaluate(_READY, _BASE), 20)
+    page.wait_for_timeout(1500)
+
+    def send() -> None:
+        _section(page).get_by_role("button", name="Pick a goal").click()
+        _click_floor(page, 1.5, 0.4)
+
+    _until_driving(page, send)
+    # The robot that moves meanwhile is seen a little later than it is.
+    assert math.dist(_entered(page), (1.5, 0.4)) < 0.25
+    eventually(lambda: (room.get("/robots")["goal"] or {}).get("place"), 5)
+    page.wait_for_timeout(1500)
+    keep_picture(page, "goal-scene")
+    # While a robot is armed, Esc stops also where a goal is being picked.
+    deadline = time.monotonic() + _DRIVEN_S
+    while room.get("/robots")["stopped"] is None:
+        assert time.monotonic() < deadline
+        if _arm(page):
+            _section(page).get_by_role("button", name="Pick a goal").click()
+            page.keyboard.press("Escape")
+            page.wait_for_timeout(500)
+    expect(page.locator(".scene-pick")).to_be_hidden()
+    expect(_section(page).locator(".missing")).to_contain_text("reset the stop first")

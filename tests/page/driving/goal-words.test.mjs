@@ -1,0 +1,94 @@
+import assert from "node:assert/strict";
+import { test } from "node:test";
+
+import * as words from "../../../static/app/driving/goal-words.js";
+import { goal, robot, robots } from "../made.mjs";
+
+/** @import { RobotNow, RobotsMessage } from "../../../static/app/contract" */
+
+/** @typedef {{facts?: RobotsMessage | null, observer?: RobotNow | null, ours?: boolean, connected?: boolean, programme?: string}} Known */
+
+/** Everything is there but what a test takes away. @param {Known} changes */
+function missing(changes) {
+  const known = {
+    facts: robots(),
+    observer: robot({ state: "armed", operator: "Ann" }),
+    ours: true,
+    connected: true,
+    programme: "",
+    ...changes,
+  };
+  const { facts, observer, ours, connected, programme } = known;
+  return words.missingForGoal(facts, observer, ours, connected, programme);
+}
+
+test("with an armed observer in one's own hands nothing is missing", () => {
+  assert.equal(missing({}), "");
+  assert.equal(missing({ observer: robot({ state: "moving", operator: "Ann" }) }), "");
+});
+
+test("what must be done first is told, the most urgent alone", () => {
+  assert.match(missing({ connected: false }), /^No connection/);
+  assert.match(missing({ facts: null }), /^Waiting for robot status/);
+  const stopped = robots({ stopped: { by: "Ann", since: 0 } });
+  assert.match(missing({ facts: stopped, observer: null }), /reset the stop first/);
+  assert.match(missing({ observer: null }), /^First connect/);
+  assert.match(missing({ ours: false }), /^First take control/);
+  const free = robot({ state: "armed" });
+  assert.match(missing({ observer: free, ours: false }), /^First arm/);
+  assert.match(missing({ observer: robot() }), /^First arm/);
+  assert.match(missing({ programme: "Figure 17" }), /^The programme Figure 17 is running/);
+});
+
+test("a place that was typed is read, or refused in a sentence", () => {
+  assert.deepEqual(words.goalOf("2.5", "-0.5"), { ahead: 2.5, left: -0.5 });
+  assert.deepEqual(words.goalOf("0", "0"), { ahead: 0, left: 0 });
+  for (const [ahead, left] of [
+    ["", "0"],
+    ["1", " "],
+    ["a", "0"],
+    ["Infinity", "0"],
+  ])
+    assert.match(String(words.goalOf(ahead ?? "", left ?? "")), /^Enter both distances/);
+  assert.match(String(words.goalOf("15", "15")), /^The place is 21\.2 m away/);
+  assert.equal(words.tooFar({ ahead: 20, left: 0 }), "");
+});
+
+test("a place is told by its sides", () => {
+  assert.equal(words.placeInWords({ ahead: 2, left: -0.5 }), "2.00 m ahead, 0.50 m to the right");
+  assert.equal(words.placeInWords({ ahead: -1, left: 0.251 }), "1.00 m behind, 0.25 m to the left");
+  assert.equal(words.placeInWords({ ahead: 0.001, left: 0 }), "where the robot stands");
+});
+
+test("who decides is told as far as it is known", () => {
+  assert.equal(words.decidedByInWords(goal()), "");
+  assert.equal(words.decidedByInWords(goal({ waits_for: 3 })), "Decided by obstacle 3");
+  const met = goal({ waits_for: -2, meets_s: 1.42 });
+  assert.equal(
+    words.decidedByInWords(met),
+    "Decided by an object that starts to move: on the straight path they would meet in 1.4 s",
+  );
+  // Once is enough.
+  const told = { ...met, sentence: "Waiting for an object that starts to move: 1.4 s." };
+  assert.equal(words.decidedByInWords(told), "");
+});
+
+test("a refusal begins with what did not happen", () => {
+  assert.equal(
+    words.notDone("Not sent", "First arm the observer."),
+    "Not sent: first arm the observer.",
+  );
+});
+
+test("another number alone is no news", () => {
+  const [one, two] = ["it will cross in 1.4 s", "it will cross in 12 s"].map(words.withoutNumbers);
+  assert.equal(one, two);
+});
+
+test("the usual risk can be chosen", () => {
+  assert.ok(words.RISKS.some(([value]) => value === words.USUAL_RISK));
+  assert.deepEqual(
+    words.RISKS.map(([value]) => Number(value)),
+    [0.0001, 0.001, 0.01],
+  );
+});
