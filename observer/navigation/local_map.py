@@ -18,9 +18,14 @@ CELL_M: Final = 0.1
 # Cells on each side of the robot.
 _HALF: Final = 50
 _SIZE: Final = 2 * _HALF + 1
-# A surface is remembered for so long where nothing newer is seen. Sonar does not tell whether its
-# echo was a person.
+# A surface stands if it was seen in one place for so long, with gaps no longer than this. Others
+# count for nothing: people who walk past would make the robot go round where they were, and what is
+# new ahead is the guard's affair for so short a time.
+_STANDS_S: Final = 0.6
+_GAP_S: Final = 0.5
+# It is remembered for so long where nothing newer is seen.
 _REMEMBERED_S: Final = 10.0
+# Sonar does not tell whether its echo was a person.
 _ECHO_S: Final = 1.0
 _ECHO_M: Final = 1.5
 # Two neighbouring bearings whose surfaces lie closer together show one surface.
@@ -33,13 +38,15 @@ _NEVER: Final = -math.inf
 class LocalMap:
     """Square grid around the robot in the frame of its odometry; it reads no clock.
 
-    A cell is blocked where a surface was seen and nothing newer says that it is free. Unknown
-    cells are not blocked: the guard asks for ground that is known to be free.
+    A cell is blocked where a surface was seen to stand and nothing newer says that it is free.
+    Unknown cells are not blocked: the guard asks for ground that is known to be free.
     """
 
     def __init__(self) -> None:
         self._corner = np.full(2, -_HALF, np.int64)
-        self._blocked_until = np.full((_SIZE, _SIZE), _NEVER)
+        # Of each cell: since when and when last a surface was seen there without a gap, and until
+        # when it counts as blocked.
+        self._since, self._last, self._until = (np.full((_SIZE, _SIZE), _NEVER) for _ in range(3))
 
     def move_to(self, x: float, y: float) -> None:
         """Centre the grid on a place, metres; cells that leave it are forgotten."""
@@ -48,11 +55,9 @@ class LocalMap:
         self._corner = corner
         if not shift.any():
             return
-        moved = np.full_like(self._blocked_until, _NEVER)
-        if (np.abs(shift) < _SIZE).all():
-            (to_x, from_x), (to_y, from_y) = (_overlap(int(each)) for each in shift)
-            moved[to_x, to_y] = self._blocked_until[from_x, from_y]
-        self._blocked_until = moved
+        self._since, self._last, self._until = (
+            _shifted(grid, shift) for grid in (self._since, self._last, self._until)
+        )
 
     def see(
         self, scan: FreeScan, tracks: Sequence[SeenObstacle], pose: Float64Array, time: float
@@ -66,7 +71,7 @@ class LocalMap:
         bearings = np.array(scan.bearings)
         blocked = np.array([math.inf if far is None else far for far in scan.blocked_m])
         self._clear(_rays(bearings, np.array(scan.known_from_m), np.array(scan.known_to_m)), pose)
-        self._block(_without(_surfaces(bearings, blocked), tracks), pose, time + _REMEMBERED_S)
+        self._block(_without(_surfaces(bearings, blocked), tracks), pose, time, _REMEMBERED_S)
 
     def hear(self, sonars: Sequence[SonarReading], pose: Float64Array) -> None:
         """Take in near echoes; they are forgotten soon."""
@@ -80,7 +85,7 @@ class LocalMap:
             if each.range_m is not None and each.range_m < _ECHO_M
         ]
         for x, y, received in heard:
-            self._block(np.array([[x, y]]), pose, received + _ECHO_S)
+            self._block(np.array([[x, y]]), pose, received, _ECHO_S)
 
     def stand(self, track: SeenObstacle, until: float) -> None:
         """Block the circle of a track that stands, given in the frame of the map."""
@@ -88,11 +93,12 @@ class LocalMap:
         rings = [share * track.radius_m for share in (0.0, 0.35, 0.7, 1.0)]
         x = np.concatenate([track.x + ring * np.cos(angles) for ring in rings])
         y = np.concatenate([track.y + ring * np.sin(angles) for ring in rings])
-        self._block(np.stack([x, y], axis=1), np.zeros(3), until)
+        at = self._cells(np.stack([x, y], axis=1), np.zeros(3))
+        self._until[at] = np.maximum(self._until[at], until)
 
     def blocked(self, time: float) -> NDArray[np.bool_]:
         """(S, S) which cells are blocked, by x and y."""
-        return np.asarray(self._blocked_until > time)
+        return np.asarray(self._until > time)
 
     def cell(self, places: Float64Array) -> Float64Array:
         """(..., 2) places in metres, in cells of ``blocked``; not clipped to the grid."""
@@ -111,13 +117,22 @@ class LocalMap:
         at = np.clip(np.round(self.cell(places)), 0, _SIZE - 1).astype(np.intp)
         return np.minimum(far[at[..., 0], at[..., 1]].astype(np.float64), 2.0)
 
-    def _block(self, points: Float64Array, pose: Float64Array, until: float) -> None:
+    def _block(
+        self, points: Float64Array, pose: Float64Array, time: float, remembered_s: float
+    ) -> None:
+        """Take in surfaces seen at a time; those that stand are remembered for so long."""
         x, y = self._cells(points, pose)
-        self._blocked_until[x, y] = np.maximum(self._blocked_until[x, y], until)
+        begins = time - self._last[x, y] > _GAP_S
+        self._since[x, y] = np.where(begins, time, self._since[x, y])
+        self._last[x, y] = np.maximum(self._last[x, y], time)
+        stands = time - self._since[x, y] >= _STANDS_S
+        x, y = x[stands], y[stands]
+        self._until[x, y] = np.maximum(self._until[x, y], time + remembered_s)
 
     def _clear(self, points: Float64Array, pose: Float64Array) -> None:
         x, y = self._cells(points, pose)
-        self._blocked_until[x, y] = _NEVER
+        for grid in (self._since, self._last, self._until):
+            grid[x, y] = _NEVER
 
     def _cells(self, points: Float64Array, pose: Float64Array) -> tuple[NDArray[np.intp], ...]:
         """Indices of the cells in which points (N, 2) of the base frame lie, within the grid."""
@@ -127,6 +142,14 @@ class LocalMap:
         at = np.floor(np.stack([x, y], axis=1) / CELL_M).astype(np.int64) - self._corner
         inside = ((at >= 0) & (at < _SIZE)).all(axis=1)
         return at[inside, 0], at[inside, 1]
+
+
+def _shifted(grid: Float64Array, shift: NDArray[np.int64]) -> Float64Array:
+    moved = np.full_like(grid, _NEVER)
+    if (np.abs(shift) < _SIZE).all():
+        (to_x, from_x), (to_y, from_y) = (_overlap(int(each)) for each in shift)
+        moved[to_x, to_y] = grid[from_x, from_y]
+    return moved
 
 
 def _overlap(shift: int) -> tuple[slice, slice]:

@@ -6,6 +6,7 @@ All places are in one frame that stands, that of the robot's odometry. It reads 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -26,14 +27,20 @@ from observer.navigation.planner import TIMES, Choice, Permits, choose
 from observer.navigation.reasons import Reason, reason_of
 from observer.navigation.rollouts import Motion
 from observer.navigation.surroundings import Surroundings
+from observer.robots.contract import SonarReading
 from observer.types import Status
 
 # Whoever left the view is remembered for so long, and may have changed velocity by so much each
 # second.
 _REMEMBERED_S: Final = 2.5
 _CHANGED_MPS: Final = 0.3
+# Whoever was not seen for so long may have gone elsewhere; a body echoes from so much nearer.
+_UNSEEN_S: Final = 0.35
+_BODY_M: Final = 0.2
 # Where the tracker states no uncertainty.
 _UNKNOWN_M, _UNKNOWN_MPS = 0.2, 0.3
+# Larger values of metres, m/s or radians are errors, as are what is no number.
+_IMPOSSIBLE: Final = 1e6
 # Of a robot that does not report its outline.
 _RADIUS_M: Final = 0.3
 # Whoever is slower stands in the way as a thing does, until seen to move.
@@ -62,6 +69,8 @@ class Navigator:
         # What the guard knows by the same sights, sonar and wheels.
         self._side = Side()
         self._sight: Sight | None = None
+        # Whether the newest frame tells impossible values.
+        self._odd = False
 
     def use(self, limits: GuardParameters) -> None:
         """Go by these parameters from now on."""
@@ -75,7 +84,8 @@ class Navigator:
                 reception, metres and radians.
         """
         self._sight = sight
-        if sight.status is not Status.OK:
+        self._odd = not (_usable(*pose.tolist()) and all(map(_usable_track, sight.obstacles)))
+        if sight.status is not Status.OK or self._odd:
             return
         for one in sight.obstacles:
             if not one.coasting or one.id not in self._known:
@@ -90,6 +100,8 @@ class Navigator:
         Args:
             now: the host's monotonic clock.
         """
+        if not _usable_errand(errand, now):
+            return self._standing(errand, now, "Waiting: the robot reports impossible values.")
         motion = _motion(errand, now)
         self._map.hear(errand.sonars, np.array([motion.x, motion.y, motion.yaw]))
         self._follow_guard(errand, now)
@@ -100,6 +112,7 @@ class Navigator:
         if trouble is not None:
             return self._standing(errand, now, trouble)
         radius = _RADIUS_M if errand.radius_m is None else errand.radius_m
+        self._forget_where_clear(errand.sonars, motion, now)
         seen = self._people(motion, now)
         people = futures(seen, self._habits.weights(seen, now), TIMES)
         for one in seen:
@@ -145,7 +158,31 @@ class Navigator:
         if sight.status is not Status.OK:
             why = f": {sight.reasons[0]}" if sight.reasons else ""
             return f"Waiting: vision is {sight.status.value}{why}."
+        if self._odd:
+            return "Waiting: the camera frame tells impossible values."
         return None
+
+    def _forget_where_clear(
+        self, sonars: Sequence[SonarReading], motion: Motion, now: float
+    ) -> None:
+        """Forget who is seen no more and does not echo either from where it should be by now."""
+        p = self._limits
+        fresh = [one for one in sonars if now - one.received <= p.sonar_fresh_s]
+        half = math.radians(p.sonar_half_angle_deg)
+        gone = []
+        for number, known in self._known.items():
+            if now - known.seen < _UNSEEN_S:
+                continue
+            x, y = _in_base(_aged(known, now), motion)
+            for sonar in fresh:
+                away = math.hypot(x - sonar.x, y - sonar.y)
+                off = math.atan2(y - sonar.y, x - sonar.x) - sonar.heading
+                echo = math.inf if sonar.range_m is None else sonar.range_m
+                if math.cos(off) > math.cos(half) and away < min(echo - _BODY_M, p.sonar_reach_m):
+                    gone.append(number)
+                    break
+        for number in gone:
+            del self._known[number]
 
     def _people(self, motion: Motion, now: float) -> list[SeenObstacle]:
         """Return everybody who matters, where they are by now as far as is known."""
@@ -182,6 +219,29 @@ class Navigator:
         return permits
 
 
+def _usable(*values: float | None) -> bool:
+    """Return whether numbers may be reckoned with; an unknown one may."""
+    return all(value is None or abs(value) < _IMPOSSIBLE for value in values)
+
+
+def _usable_track(one: SeenObstacle) -> bool:
+    sigmas = one.position_sigma_m, one.velocity_sigma_mps
+    least = one.radius_m, *(sigma or 0.0 for sigma in sigmas)
+    return _usable(one.x, one.y, one.vx, one.vy, *least) and min(least) >= 0
+
+
+def _usable_errand(errand: Errand, now: float) -> bool:
+    goal = errand.goal
+    moves = errand.speed_mps, errand.turn_rate_radps
+    sizes = errand.radius_m, errand.width_m, errand.length_m
+    return (
+        _usable(goal.x, goal.y, goal.risk_per_metre, errand.x, errand.y, errand.yaw)
+        and _usable(*moves, *sizes)
+        and math.isfinite(errand.time)
+        and math.isfinite(now)
+    )
+
+
 def _motion(errand: Errand, now: float) -> Motion:
     """Return where the robot is by now if it drives on as it reported."""
     dt = min(max(now - errand.time, 0.0), SIGHT_FRESH_S)
@@ -205,6 +265,13 @@ def _standing(one: SeenObstacle, pose: Float64Array) -> SeenObstacle:
         vx=c * one.vx - s * one.vy,
         vy=s * one.vx + c * one.vy,
     )
+
+
+def _in_base(one: SeenObstacle, motion: Motion) -> tuple[float, float]:
+    """Return where a track is from the robot: metres ahead and to the left."""
+    c, s = math.cos(motion.yaw), math.sin(motion.yaw)
+    dx, dy = one.x - motion.x, one.y - motion.y
+    return c * dx + s * dy, c * dy - s * dx
 
 
 def _aged(known: _Known, now: float) -> SeenObstacle:

@@ -25,20 +25,24 @@ from observer.geometry import Float64Array
 from observer.guard.parameters import GuardParameters
 from observer.navigation.errand import REACHED_M
 from observer.navigation.futures import Futures
-from observer.navigation.risk import Risk, risk_of
+from observer.navigation.risk import Risk, risk_of, seconds_near
 from observer.navigation.rollouts import STANDING, Motion, Rollouts, braked, rollouts, wrapped
 from observer.navigation.surroundings import Surroundings
 
 STEP_S: Final = 0.2
 TIMES: Final = np.asarray(np.arange(1, 21) * STEP_S, np.float64)
-# Metres that a certain collision at the end of the horizon, and now, is worth going round.
-_DETOUR_M: Final = 3.0
+# Metres that a certain contact now is worth going round: later it costs the time to let somebody
+# pass. So much wider than the robot that counts. The same for what stands.
+_DETOUR_M, _BERTH_M = 3.0, 0.2
+_WALL_M: Final = 8.0
+# Metres that a second near somebody costs, and how near: there the guard lets it drive slowly only.
+_NEAR_MPS, _NEAR_M = 0.4, 0.8
 # Later instants count less, for choices that are made until then.
 _FORESIGHT_S: Final = 1.5
 # Metres that a radian of heading missed at the end, and a change of turn rate by 1 rad/s, cost.
 _HEADING_M, _SMOOTH_M = 0.15, 0.04
 # Metres that a velocity costs of which the guard permits nothing.
-_REFUSED_M: Final = 1.5
+_REFUSED_M: Final = 1.0
 # Questions to the guard; each takes 0.2 ms.
 _MOST_QUESTIONS: Final = 25
 # The robot does not begin what the guard would all but stop.
@@ -103,8 +107,13 @@ def choose(
     permitted = per_metre <= risk_per_metre
     # To stand is always permitted.
     permitted[STANDING] = True
-    far = _risk_ahead(ways, people, around.radius_m)
-    cost = _cost(ways, now, around) + _DETOUR_M * far.total
+    foresight = np.exp(-ways.times / _FORESIGHT_S)
+    counts = np.broadcast_to(foresight, ways.speed.shape)
+    far = risk_of(ways, people, around.radius_m + _BERTH_M, counts)
+    # Standing near somebody costs no more than the time.
+    moving = counts * np.abs(ways.speed) / limits.speed_max_mps
+    slowed = seconds_near(ways, people, around.radius_m + _NEAR_M, moving)
+    cost = _cost(ways, now, around) + _DETOUR_M * far.total + _NEAR_MPS * slowed
     wished = int(np.argmin(cost))
     best = _cheapest(ways, np.where(permitted, cost, np.inf), permits)
     _, refusal = permits(_asked(ways, wished)) if wished != STANDING else (1.0, None)
@@ -139,18 +148,20 @@ def _asked(ways: Rollouts, way: int) -> tuple[float, float]:
 def _risk_until_standing(
     ways: Rollouts, people: Futures, radius_m: float, limits: GuardParameters
 ) -> tuple[Risk, Float64Array]:
-    """Return the risk of each path until the robot stands, by person and (C,) per metre."""
+    """Return the risk of each path until the robot stands, by person and (C,) per metre.
+
+    It is what driving adds: whoever would walk into the robot if it braked at once is not its
+    doing, and a path away from him is no worse.
+    """
     reaction = max(1, math.ceil(limits.reaction_s / STEP_S))
     stopped = braked(ways, reaction, limits)
     # Whoever it stands beside may walk into it: that is not its doing.
     moves = np.asarray(stopped.speed > 1e-3, np.float64)
     near = risk_of(stopped, people, radius_m, moves)
+    still = stopped.only(STANDING)
+    anyway = risk_of(still, people, radius_m, np.ones_like(still.speed)).each
+    near = Risk(np.maximum(near.each - anyway, 0.0), near.when_s)
     return near, near.total / np.maximum(stopped.way_m(), _LEAST_WAY_M)
-
-
-def _risk_ahead(ways: Rollouts, people: Futures, radius_m: float) -> Risk:
-    foresight = np.exp(-ways.times / _FORESIGHT_S)
-    return risk_of(ways, people, radius_m, np.broadcast_to(foresight, ways.speed.shape))
 
 
 def _cost(ways: Rollouts, now: Motion, around: Surroundings) -> Float64Array:
@@ -164,4 +175,4 @@ def _cost(ways: Rollouts, now: Motion, around: Surroundings) -> Float64Array:
     cost += _HEADING_M * np.where(np.hypot(dx, dy) > REACHED_M, missed, 0.0)
     cost += _SMOOTH_M * np.abs(ways.turn[:, 0] - now.turn_rate_radps) / STEP_S
     foresight = np.exp(-ways.times / _FORESIGHT_S)
-    return np.asarray(cost + _DETOUR_M * (around.hits(ways) * foresight).max(axis=1))
+    return np.asarray(cost + _WALL_M * (around.hits(ways) * foresight).max(axis=1))

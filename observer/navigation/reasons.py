@@ -11,8 +11,12 @@ import numpy as np
 from observer.navigation.futures import Futures
 from observer.navigation.planner import Choice
 
-# Less probable contacts decide nothing.
+# Less probable contacts decide nothing; a path that is by so much safer than straight ahead was
+# chosen for that.
 _LEAST_CHANCE: Final = 0.02
+_LESS_CHANCE: Final = 0.01
+# Number of the path that leads straight ahead.
+_STRAIGHT: Final = 1
 # More turn than this is not straight ahead, and less speed is a turn on the spot.
 _TURNS_RADPS, _ON_THE_SPOT_MPS = 0.2, 0.03
 
@@ -41,7 +45,7 @@ def reason_of(choice: Choice, people: Futures, left_m: float) -> Reason:
     decider = _decider(choice, people)
     if choice.stands:
         return _standing(choice, decider)
-    if decider is not None and choice.best != choice.wished:
+    if decider is not None and _turns_aside(choice, people, decider):
         return replace_words(decider, _passing(choice, people, decider))
     speed, turn = choice.velocity
     if speed < _ON_THE_SPOT_MPS and abs(turn) > _TURNS_RADPS:
@@ -55,31 +59,41 @@ def replace_words(reason: Reason, sentence: str) -> Reason:
 
 
 def _standing(choice: Choice, decider: Reason | None) -> Reason:
+    guards = None if choice.refusal is None else f"Waiting: {choice.refusal}."
+    if guards is not None and (decider is None or choice.permitted[choice.wished]):
+        # Nothing but the guard's rules keeps it; perhaps because of the same obstacle.
+        same = decider is not None and f"obstacle {decider.track} " in guards
+        return replace_words(decider, guards) if decider is not None and same else Reason(guards)
     if decider is not None:
         return decider
-    if choice.refusal is not None:
-        return Reason(f"Waiting: {choice.refusal}.")
     return Reason("Waiting: no path leads on.")
+
+
+def _turns_aside(choice: Choice, people: Futures, decider: Reason) -> bool:
+    """Return whether the path is another than would be driven without somebody."""
+    if choice.best != choice.wished:
+        return True
+    chance = choice.far.each[:, _index(people, decider)]
+    return bool(chance[_STRAIGHT] > chance[choice.best] + _LESS_CHANCE)
 
 
 def _decider(choice: Choice, people: Futures) -> Reason | None:
     """Return who keeps the robot from the straight path: by the risk now, or over the horizon."""
     if not len(people):
         return None
-    straight = 1
-    risk = choice.far if choice.permitted[straight] else choice.near
-    chance = risk.each[straight]
+    risk = choice.far if choice.permitted[_STRAIGHT] else choice.near
+    chance = risk.each[_STRAIGHT]
     who = int(np.argmax(chance))
-    if chance[who] < _LEAST_CHANCE and choice.permitted[straight]:
+    if chance[who] < _LEAST_CHANCE and choice.permitted[_STRAIGHT]:
         return None
-    track, meets = people.ids[who], float(risk.when_s[straight, who])
+    track, meets = people.ids[who], float(risk.when_s[_STRAIGHT, who])
     named = "an object that starts to move" if track < 0 else f"obstacle {track}"
     return Reason(f"Waiting for {named}: they would meet in {meets:.1f} s.", track, meets)
 
 
 def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
     """Return on which side of an obstacle the path leads past."""
-    who = people.ids.index(decider.track)
+    who = _index(people, decider)
     # As it most probably goes on.
     way = people.mean[who, int(np.argmax(people.weight[who]))]
     moves = way[-1] - way[0]
@@ -91,3 +105,8 @@ def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
     nearest = int(np.argmin(np.hypot(away[:, 0], away[:, 1])))
     behind = float(away[nearest] @ moves) < 0
     return f"Passing {'behind' if behind else 'in front of'} {named}."
+
+
+def _index(people: Futures, decider: Reason) -> int:
+    assert decider.track is not None
+    return people.ids.index(decider.track)

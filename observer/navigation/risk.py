@@ -36,10 +36,7 @@ class Risk:
 def risk_of(ways: Rollouts, people: Futures, radius_m: float, counts: Float64Array) -> Risk:
     """Return the risk of ways, each instant counted by a share.
 
-    The probability of being within the two radii is taken as that of being beyond a straight
-    border at their distance, which is never less (as in Zhu and Alonso-Mora, Chance-constrained
-    collision avoidance for MAVs in dynamic environments, RA-L 4, 2019). From instant to instant it
-    is the same uncertainty, so that the worst one counts, not their sum.
+    From instant to instant it is the same uncertainty, so that the worst one counts, not their sum.
 
     Args:
         radius_m: of a circle that holds the robot.
@@ -48,6 +45,34 @@ def risk_of(ways: Rollouts, people: Futures, radius_m: float, counts: Float64Arr
     if not len(people):
         nothing = np.zeros((len(ways.poses), 0))
         return Risk(nothing, nothing)
+    chance = _chances(ways, people, radius_m, counts)
+    instant = chance.sum(axis=3).argmax(axis=0)
+    return Risk(chance.max(axis=0).sum(axis=2), ways.times[instant])
+
+
+def seconds_near(
+    ways: Rollouts, people: Futures, radius_m: float, counts: Float64Array
+) -> Float64Array:
+    """(C,) expected seconds of each way with somebody within a radius; arguments as of ``risk_of``.
+
+    At each instant it is at most certain.
+    """
+    if not len(people):
+        return np.zeros(len(ways.poses))
+    near = _chances(ways, people, radius_m, counts).sum(axis=(2, 3))
+    return np.asarray(np.minimum(near, 1.0).sum(axis=0) * (ways.times[1] - ways.times[0]))
+
+
+def _chances(
+    ways: Rollouts, people: Futures, radius_m: float, counts: Float64Array
+) -> Float64Array:
+    """(K, C, N, M) probability of being within the two radii at each instant.
+
+    It is taken as that of being in the square around the circle, two sides of which look at the
+    other, and so is never less; and never more than that of being beyond a straight border, which
+    is the usual bound (as in Zhu and Alonso-Mora, Chance-constrained collision avoidance for MAVs
+    in dynamic environments, RA-L 4, 2019).
+    """
     count, manoeuvres, instants = people.sigma.shape
     # Instants first: then all distances are one product of matrices for each.
     at = ways.poses[:, :, :2].transpose(1, 0, 2)
@@ -55,10 +80,11 @@ def risk_of(ways: Rollouts, people: Futures, radius_m: float, counts: Float64Arr
     squared = (at**2).sum(axis=2)[:, :, None] + (mean**2).sum(axis=1)[:, None, :] - 2 * at @ mean
     gap = np.sqrt(np.maximum(squared, 0.0)).reshape(instants, -1, count, manoeuvres)
     sigma = people.sigma.transpose(2, 0, 1)[:, None]
-    within = (radius_m + people.radius[:, None] - gap) / sigma
+    reach = radius_m + people.radius[:, None]
+    within = (reach - gap) / sigma
     chance = np.zeros_like(within)
     likely = within > -_NEVER_SIGMAS
-    chance[likely] = ndtr(within[likely])
-    chance *= counts.T[:, :, None, None] * people.weight
-    instant = chance.sum(axis=3).argmax(axis=0)
-    return Risk(chance.max(axis=0).sum(axis=2), ways.times[instant])
+    beyond = (-reach - gap) / sigma
+    chance[likely] = ndtr(within[likely]) - ndtr(beyond[likely])
+    across = 2 * ndtr(reach / sigma) - 1
+    return np.asarray(chance * counts.T[:, :, None, None] * (across * people.weight))

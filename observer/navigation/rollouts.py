@@ -14,11 +14,11 @@ from observer.guard.parameters import GuardParameters
 # Number of the way on which the robot stops.
 STANDING: Final = 0
 # Turn rate asked for each radian of heading that is missing, 1/s.
-_STEERING: Final = 2.0
+_STEERING: Final = 1.0
 # Directions tried beside that to the goal, radians; and how long each is held before the goal is
 # headed for again, seconds.
-_ASIDE: Final = np.radians([0, 20, -20, 45, -45, 80, -80])
-_HELD_S: Final = (1.0, 2.4)
+_ASIDE: Final = np.radians([0, 12, -12, 25, -25, 45, -45, 70, -70])
+_HELD_S: Final = (1.2, 2.8)
 # Share of the deceleration with which a way ends at the goal.
 _GENTLY: Final = 0.5
 # Of the highest speed.
@@ -50,6 +50,17 @@ class Rollouts:
     speed: Float64Array
     turn: Float64Array
     asked: Float64Array
+
+    def only(self, way: int) -> Rollouts:
+        """Return one of the ways."""
+        one = slice(way, way + 1)
+        return replace(
+            self,
+            poses=self.poses[one],
+            speed=self.speed[one],
+            turn=self.turn[one],
+            asked=self.asked[one],
+        )
 
     def way_m(self) -> Float64Array:
         """(C,) metres driven."""

@@ -123,7 +123,10 @@ def test_a_box_in_the_way_is_driven_around() -> None:
     scan = FreeScan(
         BEARINGS, blocked, (0.3,) * 21, tuple(5.0 if far is None else far for far in blocked)
     )
-    made = plan(scan=scan)
+    navigator = Navigator(LIMITS)
+    for k in range(-7, 1):
+        navigator.see(sight(time=10.0 + 0.1 * k, scan=scan), np.zeros(3))
+    made = navigator.plan(ERRAND, 10.05)
     assert made.path
     gaps = [math.hypot(x - 2.0, max(abs(y) - 0.3, 0.0)) for x, y in made.path]
     assert min(gaps) > 0.26
@@ -177,3 +180,39 @@ def test_whatever_is_seen_the_plan_is_within_the_limits(
     assert abs(made.turn_rate_radps) <= LIMITS.turn_rate_max_radps + 1e-9
     assert made.reason.endswith(".")
     assert np.isfinite(np.array(made.path)).all()
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e300])
+def test_impossible_values_let_it_stand(value: float) -> None:
+    errands = [
+        *(replace(ERRAND, **{name: value}) for name in ("x", "y", "yaw", "speed_mps")),  # type: ignore[arg-type]
+        replace(ERRAND, turn_rate_radps=value),
+        replace(ERRAND, goal=replace(ERRAND.goal, x=value)),
+    ]
+    for errand in errands:
+        navigator = Navigator(LIMITS)
+        navigator.see(sight(person(2.0, 0.0)), np.zeros(3))
+        made = navigator.plan(errand, 10.05)
+        assert (made.speed_mps, made.turn_rate_radps, made.path) == (0.0, 0.0, ())
+        assert made.reason == "Waiting: the robot reports impossible values."
+    track = person(2.0, 0.0)
+    tracks = [replace(track, **{name: value}) for name in ("x", "y", "vx", "vy", "radius_m")]  # type: ignore[arg-type]
+    for one, pose in [*((each, 0.0) for each in tracks), (track, value)]:
+        navigator = Navigator(LIMITS)
+        navigator.see(sight(one), np.array([0.0, 0.0, pose]))
+        made = navigator.plan(ERRAND, 10.05)
+        assert (made.speed_mps, made.path) == (0.0, ())
+        assert made.reason == "Waiting: the camera frame tells impossible values."
+
+
+def test_whoever_is_unseen_where_sonar_hears_nothing_is_forgotten() -> None:
+    navigator = Navigator(LIMITS)
+    # Where it should be by now, a sonar would hear it.
+    navigator.see(sight(person(1.2, 0.0, -0.1)), np.zeros(3))
+    navigator.see(sight(time=10.5), np.zeros(3))
+    quiet = tuple(replace(one, received=10.45) for one in QUIET)
+    heard = tuple(replace(one, range_m=0.7) for one in quiet)
+    there = navigator.plan(replace(ERRAND, time=10.5, sonars=heard), 10.5)
+    assert there.waits_for == 3
+    gone = navigator.plan(replace(ERRAND, time=10.5, sonars=quiet), 10.5)
+    assert gone.waits_for is None

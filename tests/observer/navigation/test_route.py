@@ -21,7 +21,8 @@ def with_wall(half_width_m: float, ahead_m: float = 2.0) -> LocalMap:
     bearings = np.linspace(-widest, widest, 61)
     far = tuple((ahead_m / np.cos(bearings)).tolist())
     scan = FreeScan(tuple(bearings.tolist()), far, (0.5,) * len(far), far)
-    local.see(scan, (), np.zeros(3), 0.0)
+    for k in range(-7, 1):
+        local.see(scan, (), np.zeros(3), 0.1 * k)
     return local
 
 
@@ -52,7 +53,8 @@ def test_a_wall_far_beside_the_path_changes_nothing() -> None:
     local = LocalMap()
     far = (2.0,) * 9
     bearings = tuple(np.linspace(1.2, 1.6, 9).tolist())
-    local.see(FreeScan(bearings, far, (0.5,) * 9, far), (), np.zeros(3), 0.0)
+    for k in range(-7, 1):
+        local.see(FreeScan(bearings, far, (0.5,) * 9, far), (), np.zeros(3), 0.1 * k)
     assert route(local, (3.0, 0.0), RADIUS_M, 0.1).heading(0.0, 0.0, 0.8) == pytest.approx(0.0)
 
 

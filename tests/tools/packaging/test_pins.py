@@ -59,7 +59,10 @@ def test_the_oldest_python_can_install_every_pin(
 
 def test_the_tools_for_tests_bring_every_extra(project: dict[str, Any]) -> None:
     # Otherwise what an extra adds would never be tested.
-    extras = project["optional-dependencies"]
+    extras = dict(project["optional-dependencies"])
+    # But this one brings 1.2 GB of graphical toolkits that nothing here uses; where it is missing,
+    # its tests are skipped and say why.
+    del extras["crowd"]
     assert set(itertools.chain(*extras.values())) == set(extras["dev"])
 
 

@@ -1,0 +1,99 @@
+"""``dynamic-observer navigate-benchmark``: measure driving to a goal among people."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.cli.benchmark import FIGURE_SUFFIXES
+from app.cli.progress import progress_bar
+from app.cli.results import JsonOption, tell
+from observer.errors import InputError
+
+# Seeds below were used while the planner was made.
+_FIRST_SEED = 1000
+_DENSITIES = (0.1, 0.2)
+_RISK_PER_M = 1e-3
+
+
+def navigate_benchmark(
+    runs: Annotated[
+        int, typer.Option(min=1, max=10_000, help="Runs of every combination, each of a seed.")
+    ] = 20,
+    density: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=0.0, max=1.0, help="People per m²; give it several times to compare; 0.1 and 0.2."
+        ),
+    ] = None,
+    kind: Annotated[
+        bool | None,
+        typer.Option(
+            "--kind/--hard",
+            help="Only people who avoid the robot, or only such as do not; default: both.",
+        ),
+    ] = None,
+    risk: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=1e-6,
+            max=1.0,
+            help="Declared probability of a contact on each metre; give it several times to "
+            f"compare; {_RISK_PER_M:g}.",
+        ),
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = _FIRST_SEED,
+    jobs: Annotated[
+        int | None,
+        typer.Option(min=1, max=1024, help="Number of processes; default: one per core."),
+    ] = None,
+    as_json: JsonOption = False,
+    figure: Annotated[
+        Path | None,
+        typer.Option(help="Plot contacts over declared risk to this .png, .svg or .pdf file."),
+    ] = None,
+) -> None:
+    """Measure driving to a goal among people: the planner beside the guard alone.
+
+    The robot drives 10 m through a room of 14 by 10 m. A third-party crowd model, JuPedSim, moves
+    the people. The robot perceives them with the measured errors of the observer, not from images.
+    """
+    if figure is not None:
+        _refuse_bad(figure)
+    # They bring OpenCV and the methods with them, which take seconds.
+    from observer.evaluation.navigation.benchmark import Choice, measure
+    from observer.evaluation.navigation.tables import navigation_markdown
+
+    choice = Choice(
+        runs=runs,
+        densities=_each_once(density, _DENSITIES),
+        kinds=(False, True) if kind is None else (kind,),
+        risks=_each_once(risk, (_RISK_PER_M,)),
+        seed=seed,
+    )
+    with progress_bar("driving") as progress:
+        result = measure(choice, jobs or os.cpu_count() or 1, progress)
+    if figure is not None:
+        # Imported here because matplotlib would slow down the start of every command.
+        from observer.evaluation.figure import save_figure
+        from observer.evaluation.navigation.figure import navigation_figure
+
+        save_figure(navigation_figure(result), figure)
+    tell(navigation_markdown(result).rstrip(), result.as_dict(), None, as_json=as_json)
+
+
+def _each_once(given: list[float] | None, default: tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(dict.fromkeys(given)) if given else default
+
+
+def _refuse_bad(figure: Path) -> None:
+    """Refuse what cannot be written before the work, not after."""
+    if figure.suffix.lower() not in FIGURE_SUFFIXES:
+        raise InputError(
+            f"the name of a figure must end in {', '.join(FIGURE_SUFFIXES)}, unlike {figure.name}"
+        )
+    if not figure.parent.is_dir():
+        raise InputError(f"cannot write {figure}: the folder {figure.parent} does not exist")

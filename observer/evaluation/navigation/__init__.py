@@ -1,0 +1,1 @@
+"""Benchmark of driving to a goal among people."""

@@ -1,0 +1,108 @@
+"""Benchmark of driving to a goal among people: which runs there are, and how they are made."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass
+
+import cv2
+
+from observer.errors import InputError
+from observer.evaluation.jobs import WorkerLost
+from observer.evaluation.navigation.coverage import Walk, WalkResult, follow
+from observer.evaluation.navigation.crowd import crowd_missing
+from observer.evaluation.navigation.results import NavigationBenchmark, coverages, summarize
+from observer.evaluation.navigation.run import DRIVERS, Case, RunResult, run
+from observer.guard.parameters import GuardParameters
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What is to be measured.
+
+    Attributes:
+        runs: of every setting, with the seeds ``seed`` and following. kinds: True for people who
+            avoid the robot. risks: declared per metre.
+    """
+
+    runs: int
+    densities: tuple[float, ...]
+    kinds: tuple[bool, ...]
+    risks: tuple[float, ...]
+    seed: int
+
+    def cases(self) -> tuple[Case, ...]:
+        """Return all runs; the guard alone runs once, as it knows no risk."""
+        return tuple(
+            Case(driver, density, kind, risk, seed)
+            for kind in self.kinds
+            for density in self.densities
+            for driver in DRIVERS
+            for risk in (self.risks if driver == "planner" else self.risks[:1])
+            for seed in range(self.seed, self.seed + self.runs)
+        )
+
+    def walks(self) -> tuple[Walk, ...]:
+        """Return the walks over which predictions are judged."""
+        seeds = range(self.seed, self.seed + self.runs)
+        return tuple(Walk(density, seed) for density in self.densities for seed in seeds)
+
+
+def measure(
+    choice: Choice, jobs: int, progress: Callable[[int, int | None], None]
+) -> NavigationBenchmark:
+    """Make all runs; the results do not depend on the number of processes.
+
+    Args:
+        jobs: number of processes. progress: called with runs done and all.
+
+    Raises:
+        InputError: JuPedSim is not installed.
+        WorkerLost: a process was ended, by the system for want of memory for example.
+    """
+    missing = crowd_missing()
+    if missing is not None:
+        raise InputError(missing)
+    cases, walks = choice.cases(), choice.walks()
+    done = _in_processes([*cases, *walks], jobs, progress)
+    runs = [each for each in done if isinstance(each, RunResult)]
+    walked = [each for each in done if isinstance(each, WalkResult)]
+    return NavigationBenchmark(choice.seed, summarize(runs), coverages(walked))
+
+
+def _in_processes(
+    tasks: Sequence[Case | Walk], jobs: int, progress: Callable[[int, int | None], None]
+) -> list[RunResult | WalkResult]:
+    progress(0, len(tasks))
+    results: list[RunResult | WalkResult] = []
+    if jobs == 1:
+        for task in tasks:
+            results.append(_done(task))
+            progress(len(results), len(tasks))
+        return results
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context, initializer=_begin)
+    try:
+        futures: list[Future[RunResult | WalkResult]] = [pool.submit(_done, t) for t in tasks]
+        for number, each in enumerate(as_completed(futures), 1):
+            each.result()
+            progress(number, len(tasks))
+        return [each.result() for each in futures]
+    except BrokenProcessPool:
+        raise WorkerLost(
+            "a benchmark process was killed by the operating system; run with fewer jobs"
+        ) from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _begin() -> None:
+    # One core for each process: OpenCV's own threads would only compete with the others.
+    cv2.setNumThreads(1)
+
+
+def _done(task: Case | Walk) -> RunResult | WalkResult:
+    return run(task, GuardParameters()) if isinstance(task, Case) else follow(task)

@@ -1,0 +1,77 @@
+"""Coverage of the predictions on walks that nothing was tuned to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from observer.evaluation.navigation.crowd import Crowd
+from observer.evaluation.navigation.perceived import FRAME_S, Eye, turned
+from observer.evaluation.navigation.robot import SPEC
+from observer.evaluation.navigation.run import ROOM, START
+from observer.geometry import Float64Array
+from observer.navigation.calibration import ranks
+from observer.navigation.futures import Futures, futures
+from observer.navigation.habits import Habits
+
+# Predicted so far ahead.
+AHEAD_S: Final = (1.0, 2.0)
+_WALK_S: Final = 20.0
+_EVERY: Final = 2
+
+
+@dataclass(frozen=True)
+class Walk:
+    """People whom a robot watches, standing.
+
+    Attributes:
+        density_per_m2: of the crowd.
+    """
+
+    density_per_m2: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class WalkResult:
+    """Ranks of true places within the predictions of a walk, as of ``ranks``.
+
+    Attributes:
+        ranked: by ``AHEAD_S``.
+    """
+
+    walk: Walk
+    ranked: tuple[tuple[float, ...], ...]
+
+
+def follow(walk: Walk) -> WalkResult:
+    """Watch people for 20 s, predict everybody in view, and look where they come to."""
+    crowd = Crowd(ROOM, walk.density_per_m2, walk.seed, kind=False, keep_clear=(*START, 1.0))
+    eye, habits, rng = Eye(walk.seed), Habits(), np.random.default_rng([walk.seed, 2])
+    pose = np.array([*START, 0.0])
+    times = np.array(AHEAD_S)
+    ranked: list[list[float]] = [[] for _ in AHEAD_S]
+    # Predictions that wait: for which step, and the number of the instant that it is.
+    predicted: list[tuple[int, int, Futures]] = []
+    for step in range(math.ceil(_WALK_S / FRAME_S)):
+        time = step * FRAME_S
+        people = crowd.people
+        for instant, future in [each[1:] for each in predicted if each[0] == step]:
+            places = _in_base(people.position[list(future.ids)], pose)
+            ranked[instant] += ranks(future, instant, places, rng).tolist()
+        predicted = [each for each in predicted if each[0] > step]
+        seen = [one for one in eye.look(people, pose, ROOM, time).obstacles if not one.coasting]
+        weights = habits.weights(seen, time)
+        if seen and step % _EVERY == 0:
+            future = futures(seen, weights, times)
+            for instant, ahead in enumerate(AHEAD_S):
+                predicted.append((step + round(ahead / FRAME_S), instant, future))
+        crowd.step(FRAME_S, (*START, 0.0, 0.0, SPEC.radius_m))
+    return WalkResult(walk, tuple(tuple(each) for each in ranked))
+
+
+def _in_base(places: Float64Array, pose: Float64Array) -> Float64Array:
+    return np.array([turned(place - pose[:2], -pose[2]) for place in places]).reshape(-1, 2)

@@ -1,0 +1,151 @@
+"""Results of the navigation benchmark: runs summed up by setting."""
+
+from __future__ import annotations
+
+import statistics
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from scipy.special import gammaincinv
+
+from observer.evaluation.navigation.coverage import AHEAD_S, WalkResult
+from observer.evaluation.navigation.run import Driver, RunResult
+from observer.navigation.calibration import coverage
+
+
+@dataclass(frozen=True)
+class Setting:
+    """Settings that a group of runs shares.
+
+    Attributes:
+        risk_per_metre: declared; None for the driver ``guard``, who declares none.
+    """
+
+    driver: Driver
+    density_per_m2: float
+    kind: bool
+    risk_per_metre: float | None
+
+
+@dataclass(frozen=True)
+class Summary:
+    """Runs of one setting.
+
+    Attributes:
+        reached: how many reached the goal within three times the free time.
+        time_ratio: median of the time to the goal as a multiple of the free time, where a run that
+            did not reach it counts as longer than any other; None where the median is of such.
+        way_m: driven by all.
+        contacts: persons touched while the robot moved. ahead: those of them to whom the robot
+            drove up. avoidable: those who could have been seen a second before.
+        run_ins: persons who ran into the standing robot.
+        stops: times that the guard stopped the robot, by reason. stopped_s, waited_s: time for
+            which the guard had it stand, and the driver.
+    """
+
+    setting: Setting
+    runs: int
+    reached: int
+    time_ratio: float | None
+    way_m: float
+    contacts: int
+    ahead: int
+    avoidable: int
+    run_ins: int
+    stops: dict[str, int]
+    stopped_s: float
+    waited_s: float
+    total_s: float
+
+    @property
+    def contacts_per_m(self) -> float | None:
+        """Return contacts on each metre driven; None where none was driven."""
+        return self.contacts / self.way_m if self.way_m > 0 else None
+
+    @property
+    def ahead_per_m(self) -> tuple[float, float, float] | None:
+        """Return contacts to which the robot drove up, per metre, and the 95 % interval."""
+        return rate(self.ahead, self.way_m) if self.way_m > 0 else None
+
+
+@dataclass(frozen=True)
+class Coverage:
+    """Coverage of predictions.
+
+    Attributes:
+        share: of true places within the predicted 95 % region; None for no predictions.
+    """
+
+    ahead_s: float
+    predictions: int
+    share: float | None
+
+
+@dataclass(frozen=True)
+class NavigationBenchmark:
+    """All results, and the coverage of the predictions over other walks of the same crowds."""
+
+    first_seed: int
+    summaries: tuple[Summary, ...]
+    coverage: tuple[Coverage, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return plain values, for JSON."""
+        return asdict(self)
+
+
+def summarize(runs: Sequence[RunResult]) -> tuple[Summary, ...]:
+    """Return a summary of each setting, in the order in which they first come."""
+    groups: dict[Setting, list[RunResult]] = {}
+    for run in runs:
+        case = run.case
+        risk = case.risk_per_metre if case.driver == "planner" else None
+        setting = Setting(case.driver, case.density_per_m2, case.kind, risk)
+        groups.setdefault(setting, []).append(run)
+    return tuple(_summary(setting, each) for setting, each in groups.items())
+
+
+def _summary(setting: Setting, runs: Sequence[RunResult]) -> Summary:
+    ratios = [run.time_s / run.free_s if run.reached else float("inf") for run in runs]
+    # With an even number of runs the greater of the two in the middle: half of the runs reach it.
+    ratio = statistics.median_high(ratios)
+    stops: Counter[str] = Counter()
+    for run in runs:
+        stops.update(run.stops)
+    return Summary(
+        setting=setting,
+        runs=len(runs),
+        reached=sum(run.reached for run in runs),
+        time_ratio=None if ratio == float("inf") else ratio,
+        way_m=sum(run.way_m for run in runs),
+        contacts=sum(run.contacts for run in runs),
+        ahead=sum(run.ahead for run in runs),
+        avoidable=sum(run.avoidable for run in runs),
+        run_ins=sum(run.run_ins for run in runs),
+        stops=dict(stops.most_common()),
+        stopped_s=sum(run.stopped_s for run in runs),
+        waited_s=sum(run.waited_s for run in runs),
+        total_s=sum(run.time_s for run in runs),
+    )
+
+
+def coverages(walks: Sequence[WalkResult]) -> tuple[Coverage, ...]:
+    """Return the coverage over all walks, by how far ahead was predicted."""
+    ranked = [[rank for walk in walks for rank in walk.ranked[k]] for k in range(len(AHEAD_S))]
+    return tuple(
+        Coverage(ahead, len(each), coverage(each))
+        for ahead, each in zip(AHEAD_S, ranked, strict=True)
+    )
+
+
+def rate(count: int, way_m: float) -> tuple[float, float, float]:
+    """Return events per metre and its 95 % interval.
+
+    Exact interval of a Poisson process (Garwood, Fiducial limits for the Poisson distribution,
+    Biometrika 28, 1936).
+    """
+    low = float(gammaincinv(count, 0.025)) if count else 0.0
+    high = float(gammaincinv(count + 1, 0.975))
+    return count / way_m, low / way_m, high / way_m

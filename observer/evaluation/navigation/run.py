@@ -1,0 +1,243 @@
+"""One run of a robot through a crowd to a goal, by the real guard."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter, deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+
+from observer.evaluation.navigation.crowd import Crowd, People, Room
+from observer.evaluation.navigation.perceived import (
+    FRAME_S,
+    LATENCY_S,
+    WORLD,
+    Eye,
+    in_view,
+    sonars,
+    turned,
+)
+from observer.evaluation.navigation.robot import SPEC, Robot
+from observer.geometry import Float64Array
+from observer.guard.guard import Guard, Verdict
+from observer.guard.parameters import GuardParameters
+from observer.guard.sight import Sight
+from observer.navigation.errand import REACHED_M, Errand, Goal
+from observer.navigation.navigator import Navigator
+from observer.navigation.plan import Plan
+
+Driver = Literal["planner", "guard"]
+DRIVERS: Final[tuple[Driver, ...]] = ("planner", "guard")
+ROOM: Final = Room(14.0, 10.0)
+START, GOAL = (2.0, 5.0), (12.0, 5.0)
+_CLEAR_M: Final = 1.5
+# A goal counts as reached within so many times the free time; later nothing is looked at.
+IN_TIME: Final = 3.0
+# Slower than this it stands.
+_STANDS_MPS: Final = 0.02
+_SEEN_BEFORE_S: Final = 1.0
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run that is to be made; equal ones have equal results.
+
+    Attributes:
+        driver: ``planner``, or ``guard`` for one who drives straight and leaves all to the guard.
+        kind: True for people who avoid the robot.
+        risk_per_metre: declared; of no effect on the driver ``guard``.
+    """
+
+    driver: Driver
+    density_per_m2: float
+    kind: bool
+    risk_per_metre: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class RunResult:
+    """Result of one run.
+
+    Attributes:
+        reached: the goal within ``IN_TIME`` times the free time. time_s: until then, or until it
+            was given up. free_s: that of the same way without people.
+        way_m: driven.
+        contacts: persons touched while the robot moved. ahead: those of them towards whom it
+            drove. avoidable: those who could have been seen a second before. run_ins: persons who
+            ran into the robot while it stood.
+        stops: times that the guard stopped the robot, by the reason.
+        stopped_s: time for which the guard had it stand. waited_s: for which the driver had.
+    """
+
+    case: Case
+    reached: bool
+    time_s: float
+    free_s: float
+    way_m: float
+    contacts: int
+    ahead: int
+    avoidable: int
+    run_ins: int
+    stops: dict[str, int]
+    stopped_s: float
+    waited_s: float
+
+
+@dataclass(frozen=True, eq=False)
+class Moment:
+    """One step of a run, for whoever watches."""
+
+    time: float
+    pose: Float64Array
+    people: People
+    wanted: tuple[float, float]
+    verdict: Verdict
+    plan: Plan | None
+
+
+Watch = Callable[[Moment], None]
+
+
+@dataclass
+class _Tally:
+    """What is counted during a run; see ``RunResult``."""
+
+    way_m: float = 0.0
+    contacts: int = 0
+    ahead: int = 0
+    avoidable: int = 0
+    run_ins: int = 0
+    stops: Counter[str] = field(default_factory=Counter)
+    stopped_s: float = 0.0
+    waited_s: float = 0.0
+    stopped: bool = False
+    touching: frozenset[int] = frozenset()
+
+    def verdict(self, verdict: Verdict, wanted: tuple[float, float]) -> None:
+        """Count what the guard said to a wanted velocity."""
+        stopped = verdict.level == "stop"
+        if stopped and not self.stopped:
+            self.stops[general(verdict.reason or "")] += 1
+        self.stopped = stopped
+        self.stopped_s += FRAME_S * stopped
+        self.waited_s += FRAME_S * (wanted == (0.0, 0.0))
+
+    def touch(self, robot: Robot, people: People, before: frozenset[int]) -> None:
+        """Count new contacts. ``before``: who could be seen a second before."""
+        touched = robot.touched(people)
+        new = touched - self.touching
+        self.touching = touched
+        if abs(robot.speed_mps) < _STANDS_MPS:
+            self.run_ins += len(new)
+        else:
+            self.contacts += len(new)
+            self.ahead += len(new & robot.drives_up_to(people))
+            self.avoidable += len(new & before)
+
+
+def run(case: Case, limits: GuardParameters, watch: Watch | None = None) -> RunResult:
+    """Drive 10 m through a crowd.
+
+    Args:
+        limits: of the robot, and the guard's parameters. watch: called with every step.
+    """
+    crowd = Crowd(
+        ROOM, case.density_per_m2, case.seed, kind=case.kind, keep_clear=(*START, _CLEAR_M)
+    )
+    robot, guard, eye = Robot((*START, 0.0), limits), Guard(limits), Eye(case.seed)
+    navigator = Navigator(limits)
+    goal = Goal(1, *GOAL, case.risk_per_metre)
+    free_s = free_time_s(limits)
+    frames: deque[tuple[Sight, Float64Array]] = deque()
+    visible: deque[frozenset[int]] = deque(maxlen=round(_SEEN_BEFORE_S / FRAME_S))
+    tally = _Tally()
+    for step in range(math.floor(IN_TIME * free_s / FRAME_S)):
+        time = step * FRAME_S
+        people = crowd.people
+        frames.append((eye.look(people, robot.pose, ROOM, time), robot.pose.copy()))
+        while len(frames) > 1 and time - frames[1][0].received >= LATENCY_S - 1e-9:
+            frames.popleft()
+        sight, then = frames[0]
+        heard = sonars(people, ROOM, robot.pose, SPEC.sonars, time)
+        errand = robot.errand(goal, heard, time)
+        plan = None
+        if case.driver == "planner":
+            navigator.see(sight, then)
+            plan = navigator.plan(errand, time)
+            wanted = (plan.speed_mps, plan.turn_rate_radps)
+        else:
+            wanted = straight(errand, limits)
+        verdict = guard.limit(
+            "observer",
+            wanted,
+            (robot.speed_mps, robot.turn_rate_radps),
+            sight,
+            WORLD,
+            heard,
+            SPEC.radius_m,
+            SPEC.width_m,
+            SPEC.length_m,
+            time,
+        )
+        tally.verdict(verdict, wanted)
+        if watch is not None:
+            watch(Moment(time, robot.pose.copy(), people, wanted, verdict, plan))
+        visible.append(frozenset(people.number[in_view(people, robot.pose)].tolist()))
+        robot.drive(verdict.speed_mps, verdict.turn_rate_radps, FRAME_S)
+        _walk(crowd, robot)
+        tally.way_m += abs(robot.speed_mps) * FRAME_S
+        tally.touch(robot, crowd.people, visible[0])
+        if math.dist(robot.pose[:2], GOAL) < REACHED_M:
+            return _result(case, tally, True, time + FRAME_S, free_s)
+    return _result(case, tally, False, IN_TIME * free_s, free_s)
+
+
+def _walk(crowd: Crowd, robot: Robot) -> None:
+    vx, vy = turned(np.array([robot.speed_mps, 0.0]), float(robot.pose[2])).tolist()
+    x, y, _ = robot.pose.tolist()
+    crowd.step(FRAME_S, (x, y, vx, vy, SPEC.radius_m))
+
+
+def _result(case: Case, tally: _Tally, reached: bool, time_s: float, free_s: float) -> RunResult:
+    return RunResult(
+        case=case,
+        reached=reached,
+        time_s=time_s,
+        free_s=free_s,
+        way_m=tally.way_m,
+        contacts=tally.contacts,
+        ahead=tally.ahead,
+        avoidable=tally.avoidable,
+        run_ins=tally.run_ins,
+        stops=dict(tally.stops),
+        stopped_s=tally.stopped_s,
+        waited_s=tally.waited_s,
+    )
+
+
+def straight(errand: Errand, limits: GuardParameters) -> tuple[float, float]:
+    """Return the velocity straight to the goal, as somebody drives who leaves all to the guard."""
+    bearing = math.atan2(errand.goal.y - errand.y, errand.goal.x - errand.x)
+    error = (bearing - errand.yaw + math.pi) % (2 * math.pi) - math.pi
+    turn = float(np.clip(2 * error, -limits.turn_rate_max_radps, limits.turn_rate_max_radps))
+    return limits.speed_max_mps * max(0.0, math.cos(error)), turn
+
+
+def free_time_s(limits: GuardParameters) -> float:
+    """Return the time to the goal without people, seconds."""
+    way, speed = math.dist(START, GOAL) - REACHED_M, limits.speed_max_mps
+    return way / speed + speed / (2 * limits.acceleration_mps2)
+
+
+def general(reason: str) -> str:
+    """Return a reason without the numbers of obstacles and sonars."""
+    words = reason.split()
+    return " ".join(
+        word
+        for before, word in zip(["", *words], words, strict=False)
+        if not (before in {"obstacle", "sonar"} and word.isdigit())
+    )

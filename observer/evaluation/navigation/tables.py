@@ -1,0 +1,89 @@
+"""Markdown tables of the navigation benchmark."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from observer.evaluation.navigation.results import NavigationBenchmark, Summary
+from observer.evaluation.navigation.run import IN_TIME
+
+_HEAD = (
+    "driver", "people", "per m²", "declared risk / m", "runs", f"reached in {IN_TIME:g}x",
+    "time ratio", "contacts moving", "driven up to", "avoidable", "run-ins standing",
+    "guard stops / run", "stopped by guard", "waited",
+)  # fmt: skip
+
+
+def navigation_markdown(result: NavigationBenchmark) -> str:
+    """Return the tables of results, of the guard's stops and of the predictions."""
+    parts = [_table(_HEAD, [_row(each) for each in result.summaries]), _NOTE]
+    parts += ["## Stops by the guard", _stops(result.summaries)]
+    rows = [
+        (f"{each.ahead_s:g} s", str(each.predictions), _percent(each.share))
+        for each in result.coverage
+    ]
+    parts += [
+        "## Predictions",
+        _table(("ahead", "predictions", "within the 95 % region"), rows),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+_NOTE = (
+    "Time ratio: median time to the goal over that without people, a goal not reached counted as "
+    "longest. Contacts: persons touched while the robot moved; *driven up to*: those towards whom "
+    "it drove, the others walked into its side or back; *avoidable*: those who could have been "
+    "seen a second before. Run-ins: persons who walked into the standing robot. Stopped, waited: "
+    "share of the time for which the guard had the robot stand, and the driver itself."
+)
+
+
+def _row(one: Summary) -> tuple[str, ...]:
+    setting = one.setting
+    risk = "–" if setting.risk_per_metre is None else f"{setting.risk_per_metre:g}"
+    per_m = one.contacts_per_m
+    ahead = one.ahead_per_m
+    return (
+        setting.driver,
+        people_word(setting.kind),
+        f"{setting.density_per_m2:g}",
+        risk,
+        str(one.runs),
+        _percent(one.reached / one.runs),
+        f"> {IN_TIME:g}" if one.time_ratio is None else f"{one.time_ratio:.2f}",
+        f"{one.contacts}" + ("" if per_m is None else f" ({per_m:.4f} / m)"),
+        f"{one.ahead}"
+        + ("" if ahead is None else f" ({ahead[0]:.4f} / m, {ahead[1]:.4f} to {ahead[2]:.4f})"),
+        str(one.avoidable),
+        str(one.run_ins),
+        f"{sum(one.stops.values()) / one.runs:.1f}",
+        _percent(one.stopped_s / one.total_s),
+        _percent(one.waited_s / one.total_s),
+    )
+
+
+def _stops(summaries: Sequence[Summary]) -> str:
+    """Table of reasons by driver and people, all densities and risks together."""
+    kinds = list(dict.fromkeys((one.setting.driver, one.setting.kind) for one in summaries))
+    counts: dict[str, Counter[tuple[str, bool]]] = {}
+    for one in summaries:
+        for reason, count in one.stops.items():
+            counts.setdefault(reason, Counter())[one.setting.driver, one.setting.kind] += count
+    head = ("reason", *(f"{driver}, {people_word(kind)}" for driver, kind in kinds))
+    ordered = sorted(counts.items(), key=lambda item: -item[1].total())
+    return _table(head, [(reason, *(str(by[k]) for k in kinds)) for reason, by in ordered])
+
+
+def people_word(kind: bool) -> str:
+    """Return how people are called who avoid the robot, or do not."""
+    return "kind" if kind else "hard"
+
+
+def _percent(share: float | None) -> str:
+    return "–" if share is None else f"{100 * share:.0f} %"
+
+
+def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)

@@ -1,0 +1,83 @@
+"""The replaced observer errs as it was told to, and sees nothing through bodies."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from observer.evaluation.navigation.crowd import People, Room
+from observer.evaluation.navigation.perceived import Eye, in_view, ranges, sonars
+from observer.robots.models import robot_spec
+
+ROOM = Room(14.0, 10.0)
+POSE = np.array([2.0, 5.0, 0.0])
+
+
+def people(*rows: tuple[float, float, float, float]) -> People:
+    values = np.array(rows).reshape(-1, 4)
+    return People(np.arange(len(values)), values[:, :2], values[:, 2:], np.full(len(values), 0.25))
+
+
+def test_only_what_is_ahead_near_and_not_hidden_is_in_view() -> None:
+    crowd = people(
+        (5.0, 5.0, 0, 0),
+        (6.0, 5.05, 0, 0),  # behind the first
+        (5.0, 7.5, 0, 0),  # beside the view
+        (9.0, 5.0, 0, 0),  # too far
+        (4.0, 4.0, 0, 0),
+    )
+    assert in_view(crowd, POSE).tolist() == [True, False, False, False, True]
+    assert not in_view(crowd, np.array([2.0, 5.0, math.pi])).any()
+    assert not in_view(people((2.6, 5.0, 0, 0)), POSE).any()  # too near
+
+
+def test_a_person_becomes_a_track_after_a_while_and_coasts_when_lost() -> None:
+    eye = Eye(1)
+    seen = [eye.look(people((5.0, 5.0, 0, 0)), POSE, ROOM, 0.1 * k) for k in range(8)]
+    assert [len(each.obstacles) for each in seen] == [0, 0, 0, 0, 1, 1, 1, 1]
+    lost = [eye.look(people((5.0, 9.5, 0, 0)), POSE, ROOM, 0.8 + 0.1 * k) for k in range(9)]
+    assert all(one.coasting for each in lost for one in each.obstacles)
+    assert len(lost[0].obstacles) == 1
+    assert len(lost[-1].obstacles) == 0
+
+
+def test_errors_are_as_large_as_they_are_told() -> None:
+    eye, walker = Eye(2), people((5.0, 5.0, 0.5, -0.5))
+    errors, coasting = [], 0
+    for k in range(3000):
+        for one in eye.look(walker, POSE, ROOM, 0.1 * k).obstacles:
+            coasting += one.coasting
+            if not one.coasting:
+                errors.append([one.x - 3.0, one.y, one.vx - 0.5, one.vy + 0.5])
+                assert (one.position_sigma_m, one.velocity_sigma_mps) == (0.06, 0.1)
+    assert np.std(errors, axis=0) == pytest.approx([0.06, 0.06, 0.1, 0.1], rel=0.12)
+    assert np.mean(errors, axis=0) == pytest.approx([0, 0, 0, 0], abs=0.02)
+    assert coasting / 3000 == pytest.approx(0.04, abs=0.012)
+
+
+def test_rays_end_at_bodies_and_walls() -> None:
+    far = ranges(people((5.0, 5.0, 0, 0)), ROOM, POSE[:2], np.radians([0.0, 90.0, 180.0, 20.0]))
+    assert far == pytest.approx([2.75, 5.0, 2.0, 12.0 / math.cos(math.radians(20))])
+
+
+def test_equal_seeds_see_the_same() -> None:
+    walkers = people((5.0, 5.0, 0.5, 0.0), (6.0, 6.0, -0.5, 0.3))
+    one, other = Eye(3), Eye(3)
+    for k in range(10):
+        seen = [eye.look(walkers, POSE, ROOM, 0.1 * k) for eye in (one, other)]
+        assert seen[0] == seen[1]
+
+
+def test_sonar_hears_whoever_stands_beside_the_camera() -> None:
+    ring = robot_spec("p3dx-sh").sonars
+    quiet = sonars(people(), ROOM, POSE, ring, 1.0)
+    near = sonars(people((2.0, 6.0, 0, 0)), ROOM, POSE, ring, 1.0)
+    assert len(near) == 16
+    changed = [a.index for a, b in zip(quiet, near, strict=True) if a.range_m != b.range_m]
+    assert {0, 15} <= set(changed)
+    heard = near[0].range_m
+    assert heard is not None
+    assert heard == pytest.approx(1.0 - 0.25 - ring[0].y, abs=0.02)
+    assert all(each.received == 1.0 for each in near)

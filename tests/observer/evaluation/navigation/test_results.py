@@ -1,0 +1,110 @@
+"""Sums, table and figure of the navigation benchmark, from runs made up."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+import pytest
+
+from observer.errors import InputError
+from observer.evaluation.figure import save_figure
+from observer.evaluation.navigation import benchmark
+from observer.evaluation.navigation.benchmark import Choice, measure
+from observer.evaluation.navigation.coverage import Walk, WalkResult
+from observer.evaluation.navigation.figure import navigation_figure
+from observer.evaluation.navigation.results import (
+    NavigationBenchmark,
+    coverages,
+    rate,
+    summarize,
+)
+from observer.evaluation.navigation.run import Case, RunResult
+from observer.evaluation.navigation.tables import navigation_markdown
+
+FAST = RunResult(
+    Case("planner", 0.1, False, 1e-3, 1000), True, 30.0, 20.0, 10.0, 1, 1, 0, 2,
+    {"sonar detects something approaching": 3}, 5.0, 2.0,
+)  # fmt: skip
+SLOW = dataclasses.replace(FAST, reached=False, time_s=60.0, contacts=0, ahead=0)
+BESIDE = dataclasses.replace(
+    FAST, case=Case("guard", 0.1, False, 1e-3, 1000), stops={"an obstruction": 1}
+)
+WALK = WalkResult(Walk(0.1, 1000), ((0.1, 0.5, 0.96, 0.2), ()))
+
+
+def result(*runs: RunResult) -> NavigationBenchmark:
+    return NavigationBenchmark(1000, summarize(runs), coverages([WALK]))
+
+
+def test_runs_of_a_setting_are_summed_up() -> None:
+    planner, guard = summarize([FAST, SLOW, BESIDE, FAST])
+    assert (planner.runs, planner.reached, planner.contacts, planner.ahead) == (3, 2, 2, 2)
+    assert planner.time_ratio == pytest.approx(1.5)
+    assert planner.stops == {"sonar detects something approaching": 9}
+    assert planner.setting.risk_per_metre == 1e-3
+    assert guard.setting.risk_per_metre is None
+    assert planner.ahead_per_m == pytest.approx(rate(2, 30.0))
+
+
+def test_a_goal_that_most_runs_do_not_reach_has_no_time() -> None:
+    (one,) = summarize([FAST, SLOW])
+    assert one.time_ratio is None
+    assert "> 3" in navigation_markdown(result(FAST, SLOW))
+
+
+def test_rates_have_exact_poisson_intervals() -> None:
+    assert rate(0, 100.0) == pytest.approx((0.0, 0.0, 0.03689), abs=1e-5)
+    # Garwood's table: 3 events, 0.619 to 8.767.
+    assert rate(3, 1.0) == pytest.approx((3.0, 0.6187, 8.7673), abs=1e-4)
+
+
+def test_coverage_is_told_by_time_and_unknown_for_nobody() -> None:
+    one, two = coverages([WALK])
+    assert (one.ahead_s, one.predictions, one.share) == (1.0, 4, 0.75)
+    assert (two.ahead_s, two.predictions, two.share) == (2.0, 0, None)
+
+
+def test_the_table_shows_both_drivers_and_every_reason() -> None:
+    text = navigation_markdown(result(FAST, SLOW, BESIDE))
+    assert "| planner | hard | 0.1 | 0.001 | 2 | 50 % |" in text
+    assert "| guard | hard | 0.1 | – | 1 | 100 % | 1.50 |" in text
+    assert "| sonar detects something approaching | 6 | 0 |" in text
+    assert "| an obstruction | 0 | 1 |" in text
+    assert "| 1 s | 4 | 75 % |" in text
+    rows = [line for line in text.splitlines() if line.startswith("|")]
+    assert all(line.count("|") == 15 for line in rows[:4])
+    json.dumps(result(FAST, BESIDE).as_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("runs", [[FAST, BESIDE], [SLOW], [BESIDE]])
+def test_a_figure_is_drawn_of_any_number_of_contacts(runs: list[RunResult], tmp_path: Path) -> None:
+    path = tmp_path / "figure.svg"
+    save_figure(navigation_figure(result(*runs)), path)
+    assert path.stat().st_size > 5000
+
+
+def test_the_guard_alone_runs_once_for_all_risks() -> None:
+    choice = Choice(3, (0.1, 0.2), (False, True), (1e-3, 1e-2), 1000)
+    cases = choice.cases()
+    assert len(cases) == len(set(cases)) == 3 * 2 * 2 * (2 + 1)
+    assert {case.seed for case in cases} == {1000, 1001, 1002}
+    assert len(choice.walks()) == 6
+
+
+def test_without_jupedsim_one_sentence_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(benchmark, "crowd_missing", lambda: "a crowd needs the package jupedsim")
+    with pytest.raises(InputError, match="needs the package jupedsim"):
+        measure(Choice(1, (0.1,), (True,), (1e-3,), 1000), 1, lambda *_: None)
+
+
+def test_processes_give_what_one_gives() -> None:
+    pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
+    choice = Choice(1, (0.02,), (False,), (1e-3,), 7)
+    seen: list[tuple[int, int | None]] = []
+    alone = measure(choice, 1, lambda done, total: seen.append((done, total)))
+    assert seen == [(k, 3) for k in range(4)]
+    assert measure(choice, 2, lambda *_: None) == alone

@@ -1,0 +1,91 @@
+"""Runs through crowds: equal seeds, equal runs; an empty room takes the free time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from observer.evaluation.navigation.coverage import AHEAD_S, Walk, follow
+from observer.evaluation.navigation.crowd import People
+from observer.evaluation.navigation.robot import SPEC, Robot
+from observer.evaluation.navigation.run import (
+    DRIVERS,
+    GOAL,
+    Case,
+    Driver,
+    Moment,
+    free_time_s,
+    general,
+    run,
+)
+from observer.guard.parameters import GuardParameters
+
+pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
+
+LIMITS = GuardParameters()
+
+
+@pytest.mark.parametrize("driver", DRIVERS)
+def test_an_empty_room_takes_the_free_time(driver: Driver) -> None:
+    moments: list[Moment] = []
+    result = run(Case(driver, 0.0, False, 1e-3, 1), LIMITS, moments.append)
+    assert result.reached
+    assert result.time_s < 1.2 * free_time_s(LIMITS)
+    assert result.way_m == pytest.approx(9.75, abs=0.2)
+    assert (result.contacts, result.run_ins, result.stops) == (0, 0, {})
+    assert math.dist(moments[-1].pose[:2], GOAL) < 0.4
+    assert (moments[0].plan is None) == (driver == "guard")
+
+
+def test_equal_seeds_give_equal_runs() -> None:
+    case = Case("guard", 0.1, False, 1e-3, 3)
+    assert run(case, LIMITS) == run(case, LIMITS)
+
+
+def test_what_is_counted_is_what_was_watched() -> None:
+    moments: list[Moment] = []
+    result = run(Case("guard", 0.1, False, 1e-3, 2), LIMITS, moments.append)
+    stopped = [each.verdict.level == "stop" for each in moments]
+    begun = sum(now and not before for before, now in zip([False, *stopped], stopped, strict=False))
+    assert sum(result.stops.values()) == begun
+    assert result.stopped_s == pytest.approx(0.1 * sum(stopped))
+    assert not any(any(c.isdigit() for c in reason.split()[1]) for reason in result.stops)
+
+
+def test_reasons_are_counted_without_numbers() -> None:
+    assert general("sonar 12 detects something approaching") == (
+        "sonar detects something approaching"
+    )
+    assert general("the time to contact with obstacle 3 is short") == (
+        "the time to contact with obstacle is short"
+    )
+    assert general("sonar 3 has an echo within 0.20 m") == "sonar has an echo within 0.20 m"
+
+
+def test_the_robot_keeps_to_its_limits_and_touches_whom_it_reaches() -> None:
+    robot = Robot((0.0, 0.0, 0.0), LIMITS)
+    for _ in range(10):
+        robot.drive(0.5, 0.0, 0.1)
+    assert robot.speed_mps == pytest.approx(0.3)
+    robot.drive(0.0, 1.0, 0.1)
+    assert robot.speed_mps == pytest.approx(0.25)
+    assert robot.turn_rate_radps == pytest.approx(0.15)
+    x, y, _ = robot.pose
+    before = SPEC.length_m / 2 + 0.2
+    people = People(
+        np.arange(3),
+        np.array([[x + before, y], [x - before, y], [x + before + 0.2, y]]),
+        np.zeros((3, 2)),
+        np.full(3, 0.25),
+    )
+    assert robot.touched(people) == {0, 1}
+    assert robot.drives_up_to(people) == {0, 2}
+
+
+def test_a_walk_ranks_every_prediction_that_came_due() -> None:
+    result = follow(Walk(0.1, 4))
+    assert len(result.ranked) == len(AHEAD_S)
+    assert len(result.ranked[0]) > len(result.ranked[1]) > 50
+    assert all(0 <= rank <= 1 for each in result.ranked for rank in each)
