@@ -22,7 +22,8 @@ class Plan:
         risk_per_metre: probability of touching somebody on each metre until the robot could stand
             again.
         reason: why the robot does what it does, one sentence.
-        waits_for: number of the track for which it stands or turns aside; None for none.
+        waits_for: number of the track for which it stands or turns aside, below zero while that is
+            tentative; None for none.
         meets_s: seconds until it would meet that one on the straight path; None for none.
     """
 

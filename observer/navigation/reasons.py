@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -46,16 +46,11 @@ def reason_of(choice: Choice, people: Futures, left_m: float) -> Reason:
     if choice.stands:
         return _standing(choice, decider)
     if decider is not None and _turns_aside(choice, people, decider):
-        return replace_words(decider, _passing(choice, people, decider))
+        return replace(decider, sentence=_passing(choice, people, decider))
     speed, turn = choice.velocity
     if speed < _ON_THE_SPOT_MPS and abs(turn) > _TURNS_RADPS:
         return Reason("Turning towards the goal.")
     return Reason(f"Driving to the goal, {left_m:.1f} m away.")
-
-
-def replace_words(reason: Reason, sentence: str) -> Reason:
-    """Return the same reason in other words."""
-    return Reason(sentence, reason.track, reason.meets_s)
 
 
 def _standing(choice: Choice, decider: Reason | None) -> Reason:
@@ -63,7 +58,7 @@ def _standing(choice: Choice, decider: Reason | None) -> Reason:
     if guards is not None and (decider is None or choice.permitted[choice.wished]):
         # Nothing but the guard's rules keeps it; perhaps because of the same obstacle.
         same = decider is not None and f"obstacle {decider.track} " in guards
-        return replace_words(decider, guards) if decider is not None and same else Reason(guards)
+        return replace(decider, sentence=guards) if decider is not None and same else Reason(guards)
     if decider is not None:
         return decider
     return Reason("Waiting: no path leads on.")
@@ -87,8 +82,7 @@ def _decider(choice: Choice, people: Futures) -> Reason | None:
     if chance[who] < _LEAST_CHANCE and choice.permitted[_STRAIGHT]:
         return None
     track, meets = people.ids[who], float(risk.when_s[_STRAIGHT, who])
-    named = "an object that starts to move" if track < 0 else f"obstacle {track}"
-    return Reason(f"Waiting for {named}: they would meet in {meets:.1f} s.", track, meets)
+    return Reason(f"Waiting for {_named(track)}: it would cross in {meets:.1f} s.", track, meets)
 
 
 def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
@@ -97,7 +91,7 @@ def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
     # As it most probably goes on.
     way = people.mean[who, int(np.argmax(people.weight[who]))]
     moves = way[-1] - way[0]
-    named = decider.sentence.removeprefix("Waiting for ").partition(":")[0]
+    named = _named(people.ids[who])
     if math.hypot(*moves) < 0.2:
         return f"Driving around {named}."
     path = choice.ways.poses[choice.best, :, :2]
@@ -110,3 +104,8 @@ def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
 def _index(people: Futures, decider: Reason) -> int:
     assert decider.track is not None
     return people.ids.index(decider.track)
+
+
+def _named(track: int) -> str:
+    # A track has no lasting number yet while it is tentative.
+    return "an object that starts to move" if track < 0 else f"obstacle {track}"

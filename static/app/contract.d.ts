@@ -322,7 +322,7 @@ export interface components {
       risk_per_metre: number;
       /** @description Of the path, until it could stand. */
       planned_risk_per_metre: number | null;
-      /** @description Track for which it stands or turns aside. */
+      /** @description Track for which it stands or turns aside; below zero: not numbered yet. */
       waits_for: number | null;
       /** @description Until it would meet that track, s. */
       meets_s: number | null;

@@ -235,7 +235,7 @@ def test_every_state_of_a_goal_is_told_to_everybody(
     expect(section.locator("[role=status].visually-hidden")).to_have_text(
         "Passing behind obstacle 3."
     )
-    check("driving", sentence="Waiting for obstacle 3: they would meet in 1.4 s.")
+    check("driving", sentence="Waiting for obstacle 3: it would cross in 1.4 s.")
     expect(driving).not_to_contain_text("Decided by")
     check("ended", sentence="The goal was given up: the robot reports no odometry any more.")
     expect(ended).to_contain_text("no odometry any more")
