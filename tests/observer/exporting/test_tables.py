@@ -86,7 +86,7 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
 def test_parquet_holds_the_same_with_types_and_help(recorded: dict[str, Path]) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow, of the extra parquet")
     with Recording(recorded["none"]) as recording:
-        for name in ("obstacles", "truth", "parameters"):
+        for name in ("obstacles", "truth", "goal", "parameters"):
             packed = io.BytesIO()
             write_parquet(TABLES[name], recording, packed)
             packed.seek(0)

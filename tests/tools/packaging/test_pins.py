@@ -50,9 +50,9 @@ def test_the_oldest_python_can_install_every_pin(
     pinned = [each for each in installed if canonicalize_name(each.name) in pins]
     assert len(pinned) > 100
     newer = {
-        each.name: each.metadata["Requires-Python"]
+        each.name: each.metadata.get("Requires-Python")
         for each in pinned
-        if oldest.version not in SpecifierSet(each.metadata["Requires-Python"] or "")
+        if oldest.version not in SpecifierSet(each.metadata.get("Requires-Python") or "")
     }
     assert newer == {}
 
