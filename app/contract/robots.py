@@ -89,7 +89,9 @@ class GoalNow:
     path: Annotated[Sequence[tuple[float, float]], means("Planned for the next seconds.")]
     risk_per_metre: Annotated[float, means("Declared probability of a contact on each metre.")]
     planned_risk_per_metre: Annotated[float | None, means("Of the path, until it could stand.")]
-    waits_for: Annotated[int | None, means("Track for which it stands or turns aside; below zero: not numbered yet.")]
+    waits_for: Annotated[
+        int | None, means("Track for which it stands or turns aside; below zero: not numbered yet.")
+    ]
     meets_s: Annotated[float | None, means("Until it would meet that track, s.")]
 
 

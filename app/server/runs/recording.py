@@ -54,6 +54,7 @@ class RobotFeed:
         self._incidents: deque[payloads.Incident] = deque(maxlen=_MOST_INCIDENTS)
         self._newest: dict[str, float] = {}
         self._rising = RisingTimes()
+        self._drives = False
 
     def heard(self, drive: DriveFacts, source: SourceTime | None) -> None:
         """Store each robot's state if it is newer than the last one, and the observer's goal.
@@ -71,8 +72,16 @@ class RobotFeed:
                 continue
             self._newest[role] = received
             at = None if source is None else self._rising.of(role, source.at(received))
-            goal = drive.goal if role == _OBSERVER else None
+            goal = self._goal_of_run(drive.goal) if role == _OBSERVER else None
             self._rows.append(_row(role, robot, goal, at))
+
+    def _goal_of_run(self, goal: GoalNow | None) -> GoalNow | None:
+        """Return a goal while the robot drives to it, and once at its end.
+
+        How an earlier one ended has nothing to do with this run.
+        """
+        drove, self._drives = self._drives, goal is not None and goal.state == "driving"
+        return goal if drove or self._drives else None
 
     def happened(self, incident: Incident) -> None:
         """Store an incident that stopped a robot."""
