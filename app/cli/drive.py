@@ -18,8 +18,9 @@ from app.cli.running_server import (
     Token,
     TokenFile,
     ended_by_signals,
+    summarized,
 )
-from observer.errors import DynamicObserverError, InputError
+from observer.errors import InputError
 
 Watch = Callable[[dict[str, Any], dict[str, Any]], None]
 
@@ -114,19 +115,10 @@ def _play(
     request = PlayRequest(
         chosen.name, chosen.roles, duration_s(chosen, repeat), repeat, reverse, takeover
     )
-    sentence: str | None = "interrupted"
     with _shown(request.duration_s, repeat, chosen.roles) as watch:
         played = ProfileDrive(api, request, watch)
-        try:
+        with summarized(played.summary, "finished", as_json=as_json):
             played.run()
-            sentence = None
-        except DynamicObserverError as error:
-            sentence = str(error)
-            raise
-        finally:
-            if as_json:
-                ended = {"finished": sentence is None, "reason": sentence}
-                typer.echo(json.dumps({**played.summary(), **ended}, allow_nan=False))
     typer.echo(f"{chosen.name} is finished; the robots are disarmed", err=True)
 
 

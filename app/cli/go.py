@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
@@ -17,8 +16,8 @@ from app.cli.running_server import (
     Token,
     TokenFile,
     ended_by_signals,
+    summarized,
 )
-from observer.errors import DynamicObserverError
 
 if TYPE_CHECKING:
     from app.client.goal_drive import Watch
@@ -55,17 +54,8 @@ def go(
     try:
         with ended_by_signals(), _shown() as watch:
             drive = GoalDrive(api, GoalRequest(ahead_m, left_m, risk, takeover), watch)
-            reason: str | None = "interrupted"
-            try:
+            with summarized(drive.summary, "reached", as_json=as_json):
                 drive.run()
-                reason = None
-            except DynamicObserverError as error:
-                reason = str(error)
-                raise
-            finally:
-                if as_json:
-                    ended = {"reached": reason is None, "reason": reason}
-                    typer.echo(json.dumps({**drive.summary(), **ended}, allow_nan=False))
     finally:
         api.close()
     typer.echo("the goal is reached; the robot is disarmed", err=True)

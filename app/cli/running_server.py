@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+
+from observer.errors import DynamicObserverError
 
 DEFAULT_SERVER = "http://127.0.0.1:8080"
 # Shells report a process ended by a signal this way.
@@ -46,3 +49,26 @@ def ended_by_signals() -> Iterator[None]:
     finally:
         for each, handler in before.items():
             signal.signal(each, handler)
+
+
+@contextmanager
+def summarized(
+    summary: Callable[[], dict[str, Any]], done: str, *, as_json: bool
+) -> Iterator[None]:
+    """Print one JSON object of the drive in the block, however it ends, if that is asked for.
+
+    Args:
+        summary: of the drive. done: name of the fact that it came to its end; ``reason`` tells why
+            it did not.
+    """
+    reason: str | None = "interrupted"
+    try:
+        yield
+        reason = None
+    except DynamicObserverError as error:
+        reason = str(error)
+        raise
+    finally:
+        if as_json:
+            ended = {done: reason is None, "reason": reason}
+            typer.echo(json.dumps({**summary(), **ended}, allow_nan=False))
