@@ -32,6 +32,8 @@ COMMAND_FRESH_S = 0.25
 SIGHT_FRESH_S = 0.2
 # So old may the reception of the newest frame be that a plan goes by.
 PLAN_FRESH_S = 0.3
+# A goal beyond is one of another room.
+FARTHEST_GOAL_M = 20.0
 
 # What stops a robot, or takes its motors away.
 IncidentKind = Literal["stop", "expired", "sight", "guard", "fault", "lease", "programme", "goal"]

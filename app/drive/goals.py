@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from app.contract.drive import IncidentEvent, StartGoal
+from app.contract.drive import FARTHEST_GOAL_M, IncidentEvent, StartGoal
 from app.drive.consent import ZERO, Velocity
 from app.drive.driven_role import DrivenRole
 from app.drive.going import Going, place_ahead
@@ -18,9 +18,6 @@ from observer.guard.sight import SIGHT_FRESH_S, Sight
 from observer.navigation.errand import Errand, Goal
 from observer.navigation.plan import Plan
 from observer.types import Status
-
-# A goal beyond is one of another room.
-MAX_DISTANCE_M = 20.0
 
 
 class Goals:
@@ -49,9 +46,9 @@ class Goals:
         if not all(math.isfinite(value) for value in values):
             raise ProcessRefused("a goal's place and risk must be finite numbers", "input")
         distance = math.hypot(command.ahead_m, command.left_m)
-        if distance > MAX_DISTANCE_M:
+        if distance > FARTHEST_GOAL_M:
             raise ProcessRefused(
-                f"the goal is {distance:.1f} m away; it must lie within {MAX_DISTANCE_M:g} m",
+                f"the goal is {distance:.1f} m away; it must lie within {FARTHEST_GOAL_M:g} m",
                 "input",
             )
         if not 0 < command.risk_per_metre <= 1:

@@ -8,7 +8,7 @@ from fastapi import APIRouter
 from fastapi.responses import Response
 from pydantic import Field
 
-from app.contract.drive import StartGoal, StopGoal
+from app.contract.drive import FARTHEST_GOAL_M, StartGoal, StopGoal
 from app.contract.robots import GoalNow, RobotsNow
 from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
@@ -17,14 +17,12 @@ from app.http.errors import answer
 
 router = APIRouter(prefix="/goal", tags=["robots"])
 
-_MAX_M = 20.0
-
 
 class GoalChoice(In):
-    ahead_m: Annotated[Finite, Field(ge=-_MAX_M, le=_MAX_M)] = Field(
+    ahead_m: Annotated[Finite, Field(ge=-FARTHEST_GOAL_M, le=FARTHEST_GOAL_M)] = Field(
         description="From the robot as it stands now, m."
     )
-    left_m: Annotated[Finite, Field(ge=-_MAX_M, le=_MAX_M)] = Field(
+    left_m: Annotated[Finite, Field(ge=-FARTHEST_GOAL_M, le=FARTHEST_GOAL_M)] = Field(
         0.0, description="To its left, m."
     )
     risk_per_metre: Annotated[Finite, Field(gt=0.0, le=1.0)] = Field(
