@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import multiprocessing
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from multiprocessing.sharedctypes import Synchronized
+from typing import Any
 
 import cv2
 
@@ -20,6 +22,35 @@ _POLL_S = 0.2
 
 class WorkerLost(DynamicObserverError):
     """Process that ended in the middle of its work."""
+
+
+@contextmanager
+def worker_pool(
+    jobs: int, begin: Callable[..., None], *given: Any
+) -> Iterator[ProcessPoolExecutor]:
+    """Yield a pool of new processes, each on one core, whose open work ends with the block.
+
+    Args:
+        jobs: number of processes. begin: called in each with ``given`` before its first work.
+
+    Raises:
+        WorkerLost: a process was ended, by the system for want of memory for example.
+    """
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(jobs, mp_context=context, initializer=begin, initargs=given)
+    try:
+        yield pool
+    except BrokenProcessPool:
+        raise WorkerLost(
+            "a benchmark process was killed by the operating system; run with fewer jobs"
+        ) from None
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def use_one_core() -> None:
+    """Keep this process to one core: OpenCV's threads would only compete with other processes."""
+    cv2.setNumThreads(1)
 
 
 def run_sources_in_processes(
@@ -40,12 +71,8 @@ def run_sources_in_processes(
         InputError: as ``run_source``.
         WorkerLost: a process was ended, by the system for want of memory for example.
     """
-    context = multiprocessing.get_context("spawn")
-    done: Synchronized[int] = context.Value("L", 0)
-    pool = ProcessPoolExecutor(
-        min(jobs, len(sources)), mp_context=context, initializer=_begin, initargs=(done,)
-    )
-    try:
+    done: Synchronized[int] = multiprocessing.get_context("spawn").Value("L", 0)
+    with worker_pool(min(jobs, len(sources)), _begin, done) as pool:
         futures: list[Future[dict[str, SourceRun]]] = [
             pool.submit(_work, source, presets, max_frames, gate_m) for source in sources
         ]
@@ -56,12 +83,6 @@ def run_sources_in_processes(
                 each.result()
             report(done.value)
         return [each.result() for each in futures]
-    except BrokenProcessPool:
-        raise WorkerLost(
-            "a benchmark process was killed by the operating system; run with fewer jobs"
-        ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 # In a worker: the counter of its frames, for the process that started it.
@@ -69,8 +90,7 @@ _done: list[Synchronized[int]] = []
 
 
 def _begin(done: Synchronized[int]) -> None:
-    # One core for each process: OpenCV's own threads would only compete with the others.
-    cv2.setNumThreads(1)
+    use_one_core()
     _done.append(done)
 
 

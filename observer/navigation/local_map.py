@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
+from observer.guard.dead_reckoning import moved
 from observer.guard.sight import FreeScan, SeenObstacle
 from observer.robots.contract import SonarReading
 
@@ -136,10 +137,7 @@ class LocalMap:
 
     def _cells(self, points: Float64Array, pose: Float64Array) -> tuple[NDArray[np.intp], ...]:
         """Indices of the cells in which points (N, 2) of the base frame lie, within the grid."""
-        c, s = math.cos(pose[2]), math.sin(pose[2])
-        x = pose[0] + c * points[:, 0] - s * points[:, 1]
-        y = pose[1] + s * points[:, 0] + c * points[:, 1]
-        at = np.floor(np.stack([x, y], axis=1) / CELL_M).astype(np.int64) - self._corner
+        at = np.floor(moved(points, pose) / CELL_M).astype(np.int64) - self._corner
         inside = ((at >= 0) & (at < _SIZE)).all(axis=1)
         return at[inside, 0], at[inside, 1]
 

@@ -113,7 +113,7 @@ def choose(
     # Standing near somebody costs no more than the time.
     moving = counts * np.abs(ways.speed) / limits.speed_max_mps
     slowed = seconds_near(ways, people, around.radius_m + _NEAR_M, moving)
-    cost = _cost(ways, now, around) + _DETOUR_M * far.total + _NEAR_MPS * slowed
+    cost = _cost(ways, now, around, foresight) + _DETOUR_M * far.total + _NEAR_MPS * slowed
     wished = int(np.argmin(cost))
     best = _cheapest(ways, np.where(permitted, cost, np.inf), permits)
     _, refusal = permits(_asked(ways, wished)) if wished != STANDING else (1.0, None)
@@ -164,7 +164,9 @@ def _risk_until_standing(
     return near, near.total / np.maximum(stopped.way_m(), _LEAST_WAY_M)
 
 
-def _cost(ways: Rollouts, now: Motion, around: Surroundings) -> Float64Array:
+def _cost(
+    ways: Rollouts, now: Motion, around: Surroundings, foresight: Float64Array
+) -> Float64Array:
     """(C,) metres that each path is worse than arriving at once, people left aside."""
     left = around.distance(ways.poses[:, :, :2])
     # Arriving early counts as much as being near at the end.
@@ -174,5 +176,4 @@ def _cost(ways: Rollouts, now: Motion, around: Surroundings) -> Float64Array:
     missed = np.abs(wrapped(np.arctan2(dy, dx) - last[:, 2]))
     cost += _HEADING_M * np.where(np.hypot(dx, dy) > REACHED_M, missed, 0.0)
     cost += _SMOOTH_M * np.abs(ways.turn[:, 0] - now.turn_rate_radps) / STEP_S
-    foresight = np.exp(-ways.times / _FORESIGHT_S)
     return np.asarray(cost + _WALL_M * (around.hits(ways) * foresight).max(axis=1))

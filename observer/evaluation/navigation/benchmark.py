@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import multiprocessing
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future, as_completed
 from dataclasses import dataclass
 
-import cv2
-
 from observer.errors import InputError
-from observer.evaluation.jobs import WorkerLost
+from observer.evaluation.jobs import use_one_core, worker_pool
 from observer.evaluation.navigation.coverage import Walk, WalkResult, follow
 from observer.evaluation.navigation.crowd import crowd_missing
 from observer.evaluation.navigation.results import NavigationBenchmark, coverages, summarize
@@ -83,25 +79,12 @@ def _in_processes(
             results.append(_done(task))
             progress(len(results), len(tasks))
         return results
-    context = multiprocessing.get_context("spawn")
-    pool = ProcessPoolExecutor(min(jobs, len(tasks)), mp_context=context, initializer=_begin)
-    try:
+    with worker_pool(min(jobs, len(tasks)), use_one_core) as pool:
         futures: list[Future[RunResult | WalkResult]] = [pool.submit(_done, t) for t in tasks]
         for number, each in enumerate(as_completed(futures), 1):
             each.result()
             progress(number, len(tasks))
         return [each.result() for each in futures]
-    except BrokenProcessPool:
-        raise WorkerLost(
-            "a benchmark process was killed by the operating system; run with fewer jobs"
-        ) from None
-    finally:
-        pool.shutdown(cancel_futures=True)
-
-
-def _begin() -> None:
-    # One core for each process: OpenCV's own threads would only compete with the others.
-    cv2.setNumThreads(1)
 
 
 def _done(task: Case | Walk) -> RunResult | WalkResult:

@@ -9,10 +9,10 @@ from typing import Final
 import numpy as np
 
 from observer.evaluation.navigation.crowd import Crowd
-from observer.evaluation.navigation.perceived import FRAME_S, Eye, turned
+from observer.evaluation.navigation.perceived import FRAME_S, Eye
 from observer.evaluation.navigation.robot import SPEC
 from observer.evaluation.navigation.run import ROOM, START
-from observer.geometry import Float64Array
+from observer.guard.dead_reckoning import inverse, moved
 from observer.navigation.calibration import ranks
 from observer.navigation.futures import Futures, futures
 from observer.navigation.habits import Habits
@@ -60,7 +60,7 @@ def follow(walk: Walk) -> WalkResult:
         time = step * FRAME_S
         people = crowd.people
         for instant, future in [each[1:] for each in predicted if each[0] == step]:
-            places = _in_base(people.position[list(future.ids)], pose)
+            places = moved(people.position[list(future.ids)], np.array(inverse(pose)))
             ranked[instant] += ranks(future, instant, places, rng).tolist()
         predicted = [each for each in predicted if each[0] > step]
         seen = [one for one in eye.look(people, pose, ROOM, time).obstacles if not one.coasting]
@@ -71,7 +71,3 @@ def follow(walk: Walk) -> WalkResult:
                 predicted.append((step + round(ahead / FRAME_S), instant, future))
         crowd.step(FRAME_S, (*START, 0.0, 0.0, SPEC.radius_m))
     return WalkResult(walk, tuple(tuple(each) for each in ranked))
-
-
-def _in_base(places: Float64Array, pose: Float64Array) -> Float64Array:
-    return np.array([turned(place - pose[:2], -pose[2]) for place in places]).reshape(-1, 2)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from observer.evaluation.navigation.crowd import People, Room
 from observer.geometry import Float64Array
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
+from observer.navigation.rollouts import wrapped
 from observer.robots.contract import SonarReading
 from observer.robots.models import SonarPose
 from observer.types import Status
@@ -119,7 +120,7 @@ def in_view(people: People, pose: Float64Array) -> NDArray[np.bool_]:
     away = people.position - pose[:2]
     distance = np.hypot(away[:, 0], away[:, 1])
     bearing = np.arctan2(away[:, 1], away[:, 0]) - pose[2]
-    bearing = (bearing + math.pi) % (2 * math.pi) - math.pi
+    bearing = wrapped(bearing)
     visible = (np.abs(bearing) < _HALF_VIEW_RAD) & (distance < _FARTHEST_M)
     visible &= distance > _NEAREST_M
     half = np.arcsin(np.minimum(people.radius_m / np.maximum(distance, 1e-6), 1.0))

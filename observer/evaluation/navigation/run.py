@@ -222,7 +222,7 @@ def _result(case: Case, tally: _Tally, reached: bool, time_s: float, free_s: flo
 def straight(errand: Errand, limits: GuardParameters) -> tuple[float, float]:
     """Return the velocity straight to the goal, as somebody drives who leaves all to the guard."""
     bearing = math.atan2(errand.goal.y - errand.y, errand.goal.x - errand.x)
-    error = (bearing - errand.yaw + math.pi) % (2 * math.pi) - math.pi
+    error = math.remainder(bearing - errand.yaw, 2 * math.pi)
     turn = float(np.clip(2 * error, -limits.turn_rate_max_radps, limits.turn_rate_max_radps))
     return limits.speed_max_mps * max(0.0, math.cos(error)), turn
 
