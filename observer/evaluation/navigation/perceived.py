@@ -38,6 +38,8 @@ FRAME_S: Final = 0.1
 LATENCY_S: Final = 0.1
 _BEARINGS: Final = np.radians(np.arange(-30.0, 30.1, 3.0))
 _SONAR_HALF_RAD, _SONAR_REACH_M = math.radians(15), 3.0
+# Between two sonars of an array of so many.
+_SONAR_EVERY_S, _ARRAY = 0.04, 8
 
 
 class _Track:
@@ -161,18 +163,35 @@ def _scan(people: People, pose: Float64Array, room: Room) -> FreeScan:
     )
 
 
-def sonars(
-    people: People, room: Room, pose: Float64Array, ring: tuple[SonarPose, ...], time: float
-) -> tuple[SonarReading, ...]:
-    """Return the newest readings of a ring of sonars."""
-    readings = []
-    for index, one in enumerate(ring):
+class SonarRing:
+    """Sonars of one robot: those of an array fire one after the other, as on the Pioneers."""
+
+    def __init__(self, ring: tuple[SonarPose, ...]) -> None:
+        self._ring = ring
+        # They have run for a while at the first packet.
+        self._fired = 1 - _ARRAY
+        self._newest: dict[int, SonarReading] = {}
+
+    def listen(
+        self, people: People, room: Room, pose: Float64Array, time: float
+    ) -> tuple[SonarReading, ...]:
+        """Return the newest readings, of a packet that came at a time, of what is there then."""
+        until = math.floor(time / _SONAR_EVERY_S + 1e-9)
+        for turn in range(max(self._fired, until - _ARRAY + 1), until + 1):
+            for index in range(turn % _ARRAY, len(self._ring), _ARRAY):
+                self._newest[index] = self._reading(index, people, room, pose, time)
+        self._fired = until + 1
+        return tuple(self._newest.values())
+
+    def _reading(
+        self, index: int, people: People, room: Room, pose: Float64Array, time: float
+    ) -> SonarReading:
+        one = self._ring[index]
         place = pose[:2] + turned(np.array([one.x, one.y]), pose[2])
         bearings = pose[2] + one.heading + np.linspace(-_SONAR_HALF_RAD, _SONAR_HALF_RAD, 5)
         near = float(ranges(people, room, place, bearings).min())
         heard = near if near < _SONAR_REACH_M else None
-        readings.append(SonarReading(index, one.x, one.y, one.heading, heard, time))
-    return tuple(readings)
+        return SonarReading(index, one.x, one.y, one.heading, heard, time)
 
 
 def turned(vector: Float64Array, angle: float) -> Float64Array:

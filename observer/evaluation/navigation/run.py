@@ -16,8 +16,8 @@ from observer.evaluation.navigation.perceived import (
     LATENCY_S,
     WORLD,
     Eye,
+    SonarRing,
     in_view,
-    sonars,
     turned,
 )
 from observer.evaluation.navigation.robot import SPEC, Robot
@@ -149,7 +149,7 @@ def run(case: Case, limits: GuardParameters, watch: Watch | None = None) -> RunR
         ROOM, case.density_per_m2, case.seed, kind=case.kind, keep_clear=(*START, _CLEAR_M)
     )
     robot, guard, eye = Robot((*START, 0.0), limits), Guard(limits), Eye(case.seed)
-    navigator = Navigator(limits)
+    navigator, ring = Navigator(limits), SonarRing(SPEC.sonars)
     goal = Goal(1, *GOAL, case.risk_per_metre)
     free_s = free_time_s(limits)
     frames: deque[tuple[Sight, Float64Array]] = deque()
@@ -162,7 +162,7 @@ def run(case: Case, limits: GuardParameters, watch: Watch | None = None) -> RunR
         while len(frames) > 1 and time - frames[1][0].received >= LATENCY_S - 1e-9:
             frames.popleft()
         sight, then = frames[0]
-        heard = sonars(people, ROOM, robot.pose, SPEC.sonars, time)
+        heard = ring.listen(people, ROOM, robot.pose, time)
         errand = robot.errand(goal, heard, time)
         plan = None
         if case.driver == "planner":

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
 from observer.evaluation.navigation.crowd import People, Room
-from observer.evaluation.navigation.perceived import Eye, in_view, ranges, sonars
+from observer.evaluation.navigation.perceived import Eye, SonarRing, in_view, ranges
 from observer.robots.models import robot_spec
 
 ROOM = Room(14.0, 10.0)
@@ -72,12 +73,28 @@ def test_equal_seeds_see_the_same() -> None:
 
 def test_sonar_hears_whoever_stands_beside_the_camera() -> None:
     ring = robot_spec("p3dx-sh").sonars
-    quiet = sonars(people(), ROOM, POSE, ring, 1.0)
-    near = sonars(people((2.0, 6.0, 0, 0)), ROOM, POSE, ring, 1.0)
+    quiet = SonarRing(ring).listen(people(), ROOM, POSE, 1.0)
+    near = SonarRing(ring).listen(people((2.0, 6.0, 0, 0)), ROOM, POSE, 1.0)
     assert len(near) == 16
-    changed = [a.index for a, b in zip(quiet, near, strict=True) if a.range_m != b.range_m]
-    assert {0, 15} <= set(changed)
-    heard = near[0].range_m
+    before = {each.index: each.range_m for each in quiet}
+    changed = {each.index for each in near if before[each.index] != each.range_m}
+    assert {0, 15} <= changed
+    heard = next(each.range_m for each in near if each.index == 0)
     assert heard is not None
     assert heard == pytest.approx(1.0 - 0.25 - ring[0].y, abs=0.02)
     assert all(each.received == 1.0 for each in near)
+
+
+def test_sonars_of_an_array_fire_one_after_the_other() -> None:
+    ring = SonarRing(robot_spec("p3dx-sh").sonars)
+    new = []
+    for k in range(40):
+        heard = ring.listen(people(), ROOM, POSE, 0.1 * k)
+        new.append({each.index for each in heard if each.received == 0.1 * k})
+    # Every 40 ms one of each array: 25 of each in a second, so 2 or 3 in a packet.
+    assert {len(each) for each in new[1:]} == {4, 6}
+    assert sum(map(len, new[10:20])) == 50
+    # Both arrays at once, each sonar again after 0.3 or 0.4 s.
+    assert all({(k + 8) % 16 for k in each} == each for each in new)
+    left = [k for k, each in enumerate(new) if 0 in each]
+    assert {b - a for a, b in itertools.pairwise(left)} <= {3, 4}
