@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from observer.geometry import Float64Array
 from observer.guard.dead_reckoning import moved
 from observer.guard.sight import FreeScan, SeenObstacle
+from observer.occupancy import BLOCKED, FREE, OccupancyMap
 from observer.robots.contract import SonarReading
 
 CELL_M: Final = 0.1
@@ -40,7 +41,8 @@ class LocalMap:
     """Square grid around the robot in the frame of its odometry; it reads no clock.
 
     A cell is blocked where a surface was seen to stand and nothing newer says that it is free.
-    Unknown cells are not blocked: the guard asks for ground that is known to be free.
+    Unknown cells are not blocked: the guard asks for ground that is known to be free. Which cells
+    were seen to be free is kept for people, who are shown it (``snapshot``).
     """
 
     def __init__(self) -> None:
@@ -48,6 +50,8 @@ class LocalMap:
         # Of each cell: since when and when last a surface was seen there without a gap, and until
         # when it counts as blocked.
         self._since, self._last, self._until = (np.full((_SIZE, _SIZE), _NEVER) for _ in range(3))
+        # When it was last seen to be free.
+        self._free = np.full((_SIZE, _SIZE), _NEVER)
 
     def move_to(self, x: float, y: float) -> None:
         """Centre the grid on a place, metres; cells that leave it are forgotten."""
@@ -56,8 +60,8 @@ class LocalMap:
         self._corner = corner
         if not shift.any():
             return
-        self._since, self._last, self._until = (
-            _shifted(grid, shift) for grid in (self._since, self._last, self._until)
+        self._since, self._last, self._until, self._free = (
+            _shifted(grid, shift) for grid in (self._since, self._last, self._until, self._free)
         )
 
     def see(
@@ -71,7 +75,8 @@ class LocalMap:
         """
         bearings = np.array(scan.bearings)
         blocked = np.array([math.inf if far is None else far for far in scan.blocked_m])
-        self._clear(_rays(bearings, np.array(scan.known_from_m), np.array(scan.known_to_m)), pose)
+        rays = _rays(bearings, np.array(scan.known_from_m), np.array(scan.known_to_m))
+        self._clear(rays, pose, time)
         self._block(_without(_surfaces(bearings, blocked), tracks), pose, time, _REMEMBERED_S)
 
     def hear(self, sonars: Sequence[SonarReading], pose: Float64Array) -> None:
@@ -100,6 +105,21 @@ class LocalMap:
     def blocked(self, time: float) -> NDArray[np.bool_]:
         """(S, S) which cells are blocked, by x and y."""
         return np.asarray(self._until > time)
+
+    def snapshot(self, pose: Float64Array, time: float) -> OccupancyMap:
+        """Return which cells are known to be free or blocked; the others are unknown.
+
+        Where a surface was seen since, and does not stand yet, it is not known.
+
+        Args:
+            pose: (3,) x, y, yaw of the base. time: of the newest frame, seconds.
+        """
+        cells = np.zeros((_SIZE, _SIZE), np.uint8)
+        cells[(self._free > self._last) & (self._free > time - _REMEMBERED_S)] = FREE
+        cells[self.blocked(time)] = BLOCKED
+        x, y = (self._corner * CELL_M).tolist()
+        at, beside, yaw = pose.tolist()
+        return OccupancyMap.of(cells, (x, y), CELL_M, (at, beside, yaw), time)
 
     def cell(self, places: Float64Array) -> Float64Array:
         """(..., 2) places in metres, in cells of ``blocked``; not clipped to the grid."""
@@ -130,8 +150,9 @@ class LocalMap:
         x, y = x[stands], y[stands]
         self._until[x, y] = np.maximum(self._until[x, y], time + remembered_s)
 
-    def _clear(self, points: Float64Array, pose: Float64Array) -> None:
+    def _clear(self, points: Float64Array, pose: Float64Array, time: float) -> None:
         x, y = self._cells(points, pose)
+        self._free[x, y] = time
         for grid in (self._since, self._last, self._until):
             grid[x, y] = _NEVER
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from observer.geometry import Float64Array
 from observer.guard.sight import FreeScan, SeenObstacle
 from observer.navigation.local_map import CELL_M, LocalMap
+from observer.occupancy import BLOCKED, FREE, UNKNOWN
 from observer.robots.contract import SonarReading
 
 HERE = np.zeros(3)
@@ -139,3 +140,56 @@ def test_no_place_breaks_it(first: list[float], second: list[float], far: float)
         reach = local.clearance(np.array([pose[:2], [0.0, 0.0]]), 0.1)
         assert np.isfinite(reach).all()
         assert (reach >= 0).all()
+
+
+def state(local: LocalMap, x: float, y: float, time: float = 0.1) -> int:
+    at = np.floor((np.array([x, y]) - snapshot_corner(local)) / CELL_M).astype(int)
+    return int(local.snapshot(HERE, time).cells()[at[0], at[1]])
+
+
+def snapshot_corner(local: LocalMap) -> Float64Array:
+    made = local.snapshot(HERE, 0.1)
+    return np.array([made.x, made.y])
+
+
+def test_free_ground_is_known_apart_from_what_was_never_seen() -> None:
+    local = LocalMap()
+    look(local, wall(2.0))
+    assert state(local, 1.25, 0.05) == FREE
+    assert state(local, 2.05, 0.05) == BLOCKED
+    # Nearer than the cameras see, behind the wall, behind the robot.
+    assert {state(local, x, 0.05) for x in (0.45, 2.65, -1.05)} == {UNKNOWN}
+    assert local.snapshot(np.array([0.2, -0.1, 0.5]), 0.1).robot == (0.2, -0.1, 0.5)
+
+
+def test_free_ground_is_forgotten_by_age() -> None:
+    local = LocalMap()
+    local.see(wall(None), (), HERE, 0.0)
+    assert state(local, 2.0, 0.05, 9.9) == FREE
+    assert state(local, 2.0, 0.05, 10.1) == UNKNOWN
+
+
+def test_where_something_came_the_ground_is_unknown_until_it_stands() -> None:
+    local = LocalMap()
+    local.see(wall(None), (), HERE, -1.0)
+    local.see(wall(2.0), (), HERE, -0.7)
+    assert state(local, 2.05, 0.05, -0.7) == UNKNOWN
+    look(local, wall(2.0))
+    assert state(local, 2.05, 0.05) == BLOCKED
+    # It went away.
+    local.see(wall(None), (), HERE, 0.2)
+    assert state(local, 2.05, 0.05, 0.2) == FREE
+
+
+@given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0))
+def test_what_is_known_stays_in_place_while_the_robot_drives(x: float, y: float) -> None:
+    local = LocalMap()
+    local.move_to(x, y)
+    look(local, wall(2.0), pose=np.array([x, y, 0.0]))
+    before, corner = local.snapshot(HERE, 0.1), snapshot_corner(local)
+    local.move_to(x + 0.7, y - 0.4)
+    shift = np.round((snapshot_corner(local) - corner) / CELL_M).astype(int)
+    after = local.snapshot(HERE, 0.1)
+    # Nothing of it is near the edge.
+    moved = np.roll(before.cells(), -shift, axis=(0, 1))
+    np.testing.assert_array_equal(after.cells(), moved)
