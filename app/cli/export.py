@@ -35,7 +35,7 @@ def export(
         str,
         typer.Option(
             help="Table for .csv and .parquet: obstacles, frames, odometry, robots, goal, "
-            "parameters, or ground truth as truth or matched_truth."
+            "map, parameters, or ground truth as truth or matched_truth."
         ),
     ] = "obstacles",
     track: Annotated[

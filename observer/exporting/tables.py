@@ -245,6 +245,29 @@ def _goals(recording: Recording) -> Iterator[Row]:
             yield {**goal, **instant, "ahead": ahead, "left": left}
 
 
+_MAP_COLUMNS = (
+    *_INSTANT,
+    Column("received_s", "float", "the host's monotonic clock of the frame", "received"),
+    *_vector("the robot, by wheel odometry", "robot", "robot_x_m", "robot_y_m", "robot_yaw_rad"),
+    Column("corner_x_m", "float", "where the cells begin, by wheel odometry", "x"),
+    Column("corner_y_m", "float", "where the cells begin, by wheel odometry", "y"),
+    Column("cell_m", "float", "side of a cell"),
+    Column("size", "int", "cells along each side, y within x"),
+    Column(
+        "runs",
+        "text",
+        "how many cells in a row are unknown, free, blocked, unknown and so on, as JSON; in numpy: "
+        "repeat(arange(len(runs)) % 3, runs).reshape(size, size)",
+    ),
+)
+
+
+def _maps(recording: Recording) -> Iterator[Row]:
+    for told in recording.local_maps():
+        runs = json.dumps(told.map.runs, separators=(",", ":"))
+        yield {**vars(told.map), "frame": told.frame, "time": told.time, "runs": runs}
+
+
 _PARAMETER_COLUMNS = (
     Column("revision", "int", "incremented by every change except those of the guard"),
     Column("from_position", "int", "index of the first recorded frame they apply to, from 0"),
@@ -299,6 +322,12 @@ TABLES: Mapping[str, Table] = {
             "one row per status message of a robot that was sent to a goal",
             _GOAL_COLUMNS,
             _goals,
+        ),
+        Table(
+            "map",
+            "one row per local map by which a robot that was sent to a goal planned",
+            _MAP_COLUMNS,
+            _maps,
         ),
         Table(
             "parameters",

@@ -18,6 +18,7 @@ from observer.recording.payloads import (
     Begins,
     EgoMotionPayload,
     Incident,
+    LocalMapPayload,
     MatchedBody,
     MatchedTruth,
     ParameterRevision,
@@ -222,6 +223,10 @@ class Encoder:
     def robot(self, row: RobotRow) -> None:
         """Keep the state of one robot at one instant."""
         self._keep([self._own(topics.ROBOT, row, row.received)])
+
+    def local_map(self, told: LocalMapPayload) -> None:
+        """Keep the map of a frame by which the way to a goal was planned."""
+        self._keep([self._own(topics.LOCAL_MAP, told, told.map.received)])
 
     def skipped(self, skipped: SkippedFrame, received: float) -> None:
         """Keep the number of a frame that the source could not read."""

@@ -36,7 +36,10 @@ def _of(kind: inspect.Type) -> dict[str, Any]:
         return {**_of(known), "nullable": True}
     if isinstance(kind, _Object):
         return _object(kind)
-    if isinstance(kind, inspect.ListType):
+    if isinstance(kind, inspect.TupleType):
+        # Of one kind of values each.
+        return {"type": "array", "items": _of(kind.item_types[0])}
+    if isinstance(kind, inspect.ListType | inspect.VarTupleType):
         return {"type": "array", "items": _of(kind.item_type)}
     if isinstance(kind, inspect.DictType):
         values = kind.value_type

@@ -13,6 +13,7 @@ import msgspec
 
 from observer.errors import SourceError
 from observer.mount import CameraMount
+from observer.occupancy import OccupancyMap
 from observer.types import Odometry
 
 Images = Literal["none", "jpeg", "lossless"]
@@ -230,6 +231,18 @@ class RobotRow(msgspec.Struct, frozen=True, kw_only=True):
     y: float | None = None
     yaw: float | None = None
     facts: dict[str, Any] = {}
+
+
+class LocalMapPayload(msgspec.Struct, frozen=True, kw_only=True):
+    """Map by which the observer planned its way to a goal, some times a second.
+
+    Attributes:
+        frame, time: of the newest frame in it.
+    """
+
+    frame: int
+    time: float
+    map: OccupancyMap
 
 
 class SkippedPayload(msgspec.Struct, frozen=True):

@@ -29,6 +29,7 @@ from observer.recording.images import jpeg_pixels, raw_pixels
 from observer.recording.payloads import (
     CapturePayload,
     Incident,
+    LocalMapPayload,
     MatchedTruth,
     ParameterRevision,
     RecordedFrame,
@@ -191,6 +192,10 @@ class Recording:
     def robot_rows(self) -> Iterator[RobotRow]:
         """Yield commands sent to the robots and what they reported, in order."""
         return self._payloads(topics.ROBOT, RobotRow)
+
+    def local_maps(self) -> Iterator[LocalMapPayload]:
+        """Yield the maps by which the observer planned its way to goals, in order."""
+        return self._payloads(topics.LOCAL_MAP, LocalMapPayload)
 
     def skipped(self) -> Iterator[SkippedPayload]:
         """Yield the frames that the source could not read, in order."""

@@ -64,6 +64,7 @@ TRUTH = _own("/truth", payloads.TruthPayload)
 MATCHED_TRUTH = _own("/truth/matched", payloads.MatchedTruth)
 MOTION_CAPTURE = _own("/motion_capture", payloads.CapturePayload)
 ROBOT = _own("/robot", payloads.RobotRow)
+LOCAL_MAP = _own("/local_map", payloads.LocalMapPayload)
 SKIPPED = _own("/skipped", payloads.SkippedPayload)
 INCIDENT = _own("/incident", payloads.Incident)
 

@@ -124,6 +124,7 @@ async def get_export(
             "odometry",
             "robots",
             "goal",
+            "map",
             "parameters",
         ]
         | None,

@@ -60,6 +60,7 @@ const TABLES = [
   ["odometry", "robot odometry"],
   ["robots", "robot commands and telemetry"],
   ["goal", "goal, planned path and reasons"],
+  ["map", "local maps on the way to a goal"],
   ["parameters", "parameters and changes"],
 ];
 

@@ -13,9 +13,17 @@ import pytest
 from observer.calibration.formats.opencv_file import calibration_text
 from observer.jsonl import observation_line
 from observer.observer import Observer
+from observer.occupancy import OccupancyMap
 from observer.opening import open_source
 from observer.parameters import Parameters
-from observer.recording.payloads import Anchor, Images, ParameterRevision, RobotRow, RunFacts
+from observer.recording.payloads import (
+    Anchor,
+    Images,
+    LocalMapPayload,
+    ParameterRevision,
+    RobotRow,
+    RunFacts,
+)
 from observer.recording.writer import RecordingWriter
 from observer.truth.csv_file import TruthSample
 from observer.types import StereoFrame
@@ -26,6 +34,7 @@ GOAL = {
     "distance_m": 2.06, "elapsed_s": 1.0, "path": [[0.1, 0.0]], "risk_per_metre": 0.001,
     "planned_risk_per_metre": 2e-5, "waits_for": 3, "meets_s": 1.4,
 }  # fmt: skip
+CELLS = np.array([[0, 0, 1], [1, 1, 2], [2, 0, 1]], np.uint8)
 
 
 @pytest.fixture(scope="session")
@@ -90,6 +99,9 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
             writer.truth(sample, frame.received)
             row = RobotRow(role="observer", received=frame.received, encoder_speed=0.2)
             writer.robot(msgspec.structs.replace(row, facts={"goal": GOAL}))
+            if k % 8 == 0:
+                cells = OccupancyMap.of(CELLS, (-0.3, 0.1), 0.1, (0.5, 0.2, -0.1), frame.received)
+                writer.local_map(LocalMapPayload(frame=frame.index, time=frame.time, map=cells))
             if k == 5:
                 writer.cloud(points, np.full((5, 3), (9, 8, 7), np.uint8), frame.received)
                 writer.log("warning", "engine", "it is 3 ± 1", frame.received)

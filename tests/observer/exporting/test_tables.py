@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from observer.exporting.errors import ExportError
@@ -15,13 +17,13 @@ from observer.exporting.table_files import write_csv, write_parquet
 from observer.exporting.tables import TABLES, find_table
 from observer.recording.reader import Recording
 
-from .conftest import GOAL
+from .conftest import CELLS, GOAL
 
 _UNITS = re.compile(r"_(m|mps|s|rad|radps|px|m2|m2ps2)$")
 _WITHOUT = {
     "frame", "segment", "status", "id", "state", "motion", "points", "significance", "why",
     "reasons", "parameters_revision", "obstacles", "name", "role", "visible", "track_id", "reason",
-    "waits_for",
+    "waits_for", "size", "runs",
     "revision", "from_position", "value", "qw", "qx", "qy", "qz",
 }  # fmt: skip
 
@@ -78,6 +80,13 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
             ("driving", "2.0", "-0.5", "3")
         }
         assert {r["reason"] for r in goals} == {GOAL["sentence"]}
+        maps = read_csv("map", recording)
+        assert [int(r["frame"]) for r in maps] == [recording.frames[k].index for k in (0, 8)]
+        assert {(r["corner_x_m"], r["robot_yaw_rad"]) for r in maps} == {("-0.3", "-0.1")}
+        # As its column says how to read them.
+        runs, size = json.loads(maps[0]["runs"]), int(maps[0]["size"])
+        read = np.repeat(np.arange(len(runs)) % 3, runs).reshape(size, size)
+        np.testing.assert_array_equal(read, CELLS)
         assert len(read_csv("frames", recording)) == len(recording.frames)
         values = {r["name"]: r["value"] for r in read_csv("parameters", recording)}
         assert values["ego_motion.model"] == '"rigid"'
@@ -86,7 +95,7 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
 def test_parquet_holds_the_same_with_types_and_help(recorded: dict[str, Path]) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="needs pyarrow, of the extra parquet")
     with Recording(recorded["none"]) as recording:
-        for name in ("obstacles", "truth", "goal", "parameters"):
+        for name in ("obstacles", "truth", "goal", "map", "parameters"):
             packed = io.BytesIO()
             write_parquet(TABLES[name], recording, packed)
             packed.seek(0)

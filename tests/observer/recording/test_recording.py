@@ -18,10 +18,18 @@ from mcap.reader import make_reader
 
 from observer.errors import SourceError
 from observer.geometry import Pose
+from observer.occupancy import OccupancyMap
 from observer.recording import foxglove, topics
 from observer.recording.drawn import drawn_obstacles
 from observer.recording.images import jpeg_pixels, raw_pixels
-from observer.recording.payloads import Anchor, Incident, ParameterRevision, RobotRow, RunFacts
+from observer.recording.payloads import (
+    Anchor,
+    Incident,
+    LocalMapPayload,
+    ParameterRevision,
+    RobotRow,
+    RunFacts,
+)
 from observer.recording.reader import Recording
 from observer.recording.ring import Ring
 from observer.recording.source import RecordingSource
@@ -29,6 +37,12 @@ from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SeekableSource, SkippedFrame
 from observer.truth.motion_capture import BodySample
 from observer.types import StereoFrame
+
+
+def local_map(frame: StereoFrame) -> LocalMapPayload:
+    cells = np.arange(9, dtype=np.uint8).reshape(3, 3) % 3
+    made = OccupancyMap.of(cells, (-0.1, 0.2), 0.1, (0.0, 0.1, 0.2), frame.received)
+    return LocalMapPayload(frame=frame.index, time=frame.time, map=made)
 
 
 def everything(writer: RecordingWriter, frames: tuple[StereoFrame, ...], line: Any) -> None:
@@ -51,6 +65,7 @@ def everything(writer: RecordingWriter, frames: tuple[StereoFrame, ...], line: A
         ]
         writer.capture(samples)
         writer.robot(RobotRow(role="observer", received=frame.received, encoder_speed=0.2))
+        writer.local_map(local_map(frame))
     writer.skipped(SkippedFrame(4, "000004.png is damaged"), at)
     writer.incident(Incident(kind="guard stop", sentence="it stopped", received=at))
     writer.log("info", "engine", "a word", at)
@@ -78,6 +93,7 @@ def test_all_that_was_written_is_read(
         assert [m.bodies[0].track_id for m in recording.matched_truth()] == [3] * 4
         assert [r.encoder_speed for r in recording.robot_rows()] == [0.2] * 4
         assert [r.sent_speed for r in recording.robot_rows()] == [None] * 4
+        assert list(recording.local_maps()) == [local_map(frame) for frame in frames[:4]]
         assert [s.reason for s in recording.skipped()] == ["000004.png is damaged"]
         assert [i.kind for i in recording.incidents()] == ["guard stop"]
         # Read under the names of today.
