@@ -117,6 +117,8 @@ class TrunkView:
     ) -> tuple[Float64Array, Float64Array] | None:
         """(2,) where the middle is near a place, and the covariance (2, 2), as of ``found_in``.
 
+        None where most of it has left the image, or all that tells where it is.
+
         Args:
             chosen: (N,) the cells whose differences tell the noise.
         """
@@ -125,7 +127,10 @@ class TrunkView:
         light = median(difference[inside])
         for _ in range(_STEPS):
             residual = difference - light
-            noise = max(_LEAST_NOISE, MAD_TO_SIGMA * median(np.abs(residual[inside & chosen])))
+            telling = residual[inside & chosen]
+            if not len(telling):
+                return None
+            noise = max(_LEAST_NOISE, MAD_TO_SIGMA * median(np.abs(telling)))
             weight = inside / (1 + (residual / (_FULL_SIGMAS * noise)) ** 2)
             weighted = J * weight[:, None]
             information = weighted.T @ J + np.eye(3) * _RIDGE

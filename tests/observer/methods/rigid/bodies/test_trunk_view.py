@@ -143,3 +143,13 @@ def test_of_a_few_cells_nothing_is_kept() -> None:
     mask = np.zeros(GRID.shape, np.bool_)
     mask[TOP : TOP + 6, LEFT : LEFT + 3] = True
     assert TrunkView.of(segment_of(scene, mask), scene, 0.0) is None
+
+
+def test_a_body_whose_only_edge_has_left_the_image_is_not_found() -> None:
+    before = np.full(GRID.shape, 128, np.uint8)
+    before[TOP:BOTTOM, LEFT] = 255
+    view = view_of(before)
+    # By so much that the edge is outside, and most of the body is not.
+    expected = view.middle - [LEFT + 3, 0]
+    now = np.full(GRID.shape, 128, np.uint8)
+    assert view.found_in(now, expected, view.middle, 1.0, 0) is None
