@@ -17,7 +17,7 @@ import pytest
 
 import observer
 from app.cli.command_line import COMMANDS, load_command
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 
 from .visible_words import visible
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.parameters import MODELS, preset, preset_names
 
 Entry = dict[str, Any]

@@ -39,7 +39,7 @@ from app.engine.live_truth import LiveTruth
 from app.engine.publishing import Publisher
 from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError, InputError
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.recording.errors import RecordingError
 from observer.types import StereoFrame
 

@@ -19,7 +19,7 @@ from app.engine.recorders import Recorders
 from app.engine.session import NotCalibrated, ObserverFactory, Session, open_session
 from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.opening import exclusive_world, live_devices, shown_spec
 from observer.truth.live.opening import check_live
 from observer.types import StereoFrame

@@ -228,10 +228,11 @@ class Engine:
         observed = Observed(
             frame, observation, trace, observer.camera, observer.parameters, session.segment
         )
-        drive, guard = self._drive, session.parameters.guard
+        drive = self._drive
         sight = None
         if drive is not None:
             # Before all else: a robot drives by it.
+            guard = session.parameters.guard
             sight = drive.sight.tell(observed, session.mount, session.world, guard)
         published = time.monotonic()
         line = observation_line(observation)
@@ -255,7 +256,7 @@ class Engine:
         self._send(event)
         self._sequence += 1
         if drive is not None and sight is not None:
-            drive.wayfinder.look(sight, guard)
+            drive.wayfinder.look(sight, session.parameters)
         if recorder is not None:
             recorder.observation(
                 line, frame.received, event.ego_motion, event.truth, self._truth.why_none

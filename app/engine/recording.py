@@ -22,7 +22,7 @@ from app.contract.status import EgoMotionStatus, RecordingStatus
 from app.engine.dense_stereo import Cloud
 from app.engine.errors import NotNow, unexpected
 from app.engine.playback import PlayedFrame
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.recording.errors import RecordingError
 from observer.recording.payloads import Incident, ParameterRevision, RobotRow
 from observer.recording.ring import Ring

@@ -32,9 +32,9 @@ from observer.calibration.formats.opencv_file import (
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import CalibrationError
 from observer.geometry import Pose
-from observer.guard.parameters import AllParameters
 from observer.guard.sight import REAL_WORLD
 from observer.mount import CameraMount
+from observer.navigation.parameters import AllParameters
 from observer.opening import OpenedSource
 from observer.parameters import Parameters
 from observer.parameters.reductions import Reduction, reduced
@@ -110,7 +110,7 @@ class Session(PlayedSource):
         """Set up the session.
 
         Args:
-            parameters: the observer's and the guard's.
+            parameters: all; an observer takes those of vision.
             calibration_yaml, mount: the calibration and mount the observer was made with.
             T_body_base: by body of motion capture, as the rig file gives it.
             ports: addresses of the robots in the source's world.
@@ -173,7 +173,7 @@ class Session(PlayedSource):
         )
 
     def use(self, parameters: AllParameters, revision: int) -> None:
-        """Use these parameters from the next frame on; the guard's never reach the observer."""
+        """Use these parameters from the next frame on; only those of vision reach the observer."""
         self.parameters = parameters
         self._apply(revision)
 

@@ -9,9 +9,9 @@ import numpy as np
 
 from app.engine.wheel_feed import WheelFeed
 from app.runtime.latest import LatestWriter
-from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
 from observer.navigation.navigator import Navigator
+from observer.navigation.parameters import AllParameters
 
 _log = logging.getLogger(__name__)
 
@@ -33,12 +33,13 @@ class Wayfinder:
         self._navigator: Navigator | None = None
         self._failed = False
 
-    def look(self, sight: Sight, guard: GuardParameters) -> None:
+    def look(self, sight: Sight, parameters: AllParameters) -> None:
         """Plan by a frame; without a plan the drive process lets the robot stand.
 
         Args:
-            guard: the parameters in force.
+            parameters: those in force.
         """
+        guard, planner = parameters.guard, parameters.navigation
         now = self._clock()
         errand = self._wheels.errand(now)
         if errand is None:
@@ -50,8 +51,8 @@ class Wayfinder:
             return
         try:
             if self._navigator is None:
-                self._navigator = Navigator(guard)
-            self._navigator.use(guard)
+                self._navigator = Navigator(guard, planner)
+            self._navigator.use(guard, planner)
             self._navigator.see(sight, np.array([place.x, place.y, place.yaw]))
             plan = self._navigator.plan(errand, now)
         except Exception:  # noqa: BLE001

@@ -12,8 +12,8 @@ from app.reports.report import Report
 from app.reports.report_figure import ReportFigure
 from observer.evaluation.speed_errors import SpeedErrors
 from observer.figures import figure_bytes, themed_svg
-from observer.guard.parameters import AllParameters
 from observer.intervals import half_95
+from observer.navigation.parameters import AllParameters
 
 _HEADER = ("", "samples", "bias, m/s", "RMSE, m/s", "maximum, m/s", "within 95 % interval", "seen")
 _GROUPS = {

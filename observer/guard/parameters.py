@@ -1,8 +1,7 @@
-"""Parameters of the guard, and the set of whoever observes and drives robots."""
+"""Parameters of the guard."""
 
 from __future__ import annotations
 
-from observer.parameters import Parameters
 from observer.parameters.fields import Real, Stage, number
 
 
@@ -67,16 +66,3 @@ class GuardParameters(Stage):
         0.35, unit="m", ge=0.0, le=1.0, step=0.05, title="Min. obstacle width"
     )
     """Narrower objects between the cones of two sonars may go undetected."""
-
-
-class AllParameters(Parameters):
-    """The methods' parameters and the guard's."""
-
-    guard: GuardParameters = GuardParameters()
-
-    @property
-    def vision(self) -> Parameters:
-        """Parameters that an observer takes: a change of the guard leaves them equal."""
-        return Parameters.model_validate(
-            {group: getattr(self, group) for group in Parameters.model_fields}
-        )

@@ -18,14 +18,9 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.guard.sight import SeenObstacle
 
-# Goes on, stops, turns left, turns right: how often people do, where nothing is known of them.
-PRIOR: Final = (0.82, 0.08, 0.05, 0.05)
 # Who stops halves its speed in this time; who turns does so at this rate, for so long.
 _STOPPING_S: Final = 0.35
 _TURN_RADPS, _TURNING_S = 0.9, 1.2
-# White noise of acceleration while somebody does one of these, m/s^2 in a band of 1 Hz: so large
-# that 95 % of people in simulated crowds come to within their predicted 95 % (see calibration).
-_RESTLESS: Final = 0.55
 # Where the tracker tells none.
 _UNKNOWN_POSITION_M: Final = 0.2
 _UNKNOWN_VELOCITY_MPS: Final = 0.3
@@ -57,15 +52,17 @@ def futures(
     people: Sequence[SeenObstacle],
     weights: Float64Array,
     times: Float64Array,
+    acceleration_noise: float,
 ) -> Futures:
     """Return what may become of people, in the frame in which they are given.
 
     Args:
         people: N tracks, whose axes do not move. weights: (N, M) as of ``Habits``.
         times: (K,) seconds from now.
+        acceleration_noise: of whoever keeps doing the same, m/s^2 in a band of 1 Hz.
     """
     if not people:
-        empty = np.zeros((0, len(PRIOR), len(times)))
+        empty = np.zeros((*weights.shape, len(times)))
         return Futures((), np.zeros(0), times, np.zeros((*empty.shape, 2)), empty, weights)
     place = np.array([(one.x, one.y) for one in people])
     velocity = np.array([(one.vx, one.vy) for one in people])
@@ -73,7 +70,9 @@ def futures(
     sigma_v = _known([one.velocity_sigma_mps for one in people], _UNKNOWN_VELOCITY_MPS)
     mean = place[:, None, None] + displaced(velocity, times)
     spread = np.sqrt(
-        sigma_p[:, None] ** 2 + (sigma_v[:, None] * times) ** 2 + _RESTLESS**2 * times**3 / 3
+        sigma_p[:, None] ** 2
+        + (sigma_v[:, None] * times) ** 2
+        + acceleration_noise**2 * times**3 / 3
     )
     return Futures(
         ids=tuple(one.id for one in people),

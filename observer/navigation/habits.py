@@ -10,7 +10,7 @@ import numpy as np
 
 from observer.geometry import Float64Array
 from observer.guard.sight import SeenObstacle
-from observer.navigation.futures import PRIOR, displaced
+from observer.navigation.futures import displaced
 
 # What was expected is compared with what came after so long.
 _LOOK_S: Final = 0.4
@@ -36,27 +36,36 @@ class Habits:
     def __init__(self) -> None:
         self._of: dict[int, _Habit] = {}
 
-    def weights(self, people: Sequence[SeenObstacle], time: float) -> Float64Array:
+    def weights(
+        self, people: Sequence[SeenObstacle], time: float, prior: Sequence[float]
+    ) -> Float64Array:
         """(N, M) probabilities of going on, stopping, turning left and right.
 
         Args:
             people: tracks in axes that do not turn between two calls. time: seconds.
+            prior: M probabilities of somebody of whom nothing is known.
         """
         self._of = {i: h for i, h in self._of.items() if time - h.time < _FORGOTTEN_S}
-        out = np.empty((len(people), len(PRIOR)))
+        out = np.empty((len(people), len(prior)))
         for row, one in zip(out, people, strict=True):
             velocity = np.array([one.vx, one.vy])
             habit = self._of.get(one.id)
             if habit is None:
-                habit = _Habit(velocity, time, np.array(PRIOR))
+                habit = _Habit(velocity, time, np.array(prior))
             elif time - habit.time >= _LOOK_S:
-                habit = _looked(habit, velocity, time, one.velocity_sigma_mps)
+                habit = _looked(habit, velocity, time, one.velocity_sigma_mps, prior)
             self._of[one.id] = habit
             row[:] = habit.weights
         return out
 
 
-def _looked(habit: _Habit, velocity: Float64Array, time: float, sigma_mps: float | None) -> _Habit:
+def _looked(
+    habit: _Habit,
+    velocity: Float64Array,
+    time: float,
+    sigma_mps: float | None,
+    prior: Sequence[float],
+) -> _Habit:
     """Return the habit after a look, by how well each manoeuvre explains the new velocity."""
     passed = time - habit.time
     short = 1e-3
@@ -67,5 +76,5 @@ def _looked(habit: _Habit, velocity: Float64Array, time: float, sigma_mps: float
     likelihood = np.exp(-(squared - squared.min()) / (2 * variance))
     weights = habit.weights * likelihood
     weights /= weights.sum()
-    weights = (1 - _FORGETTING) * weights + _FORGETTING * np.array(PRIOR)
+    weights = (1 - _FORGETTING) * weights + _FORGETTING * np.array(prior)
     return _Habit(velocity, time, weights)

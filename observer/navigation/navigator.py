@@ -22,6 +22,7 @@ from observer.navigation.errand import REACHED_M, Errand
 from observer.navigation.futures import futures
 from observer.navigation.habits import Habits
 from observer.navigation.local_map import LocalMap
+from observer.navigation.parameters import NavigationParameters
 from observer.navigation.plan import Plan
 from observer.navigation.planner import TIMES, Choice, Permits, choose
 from observer.navigation.reasons import Reason, reason_of
@@ -30,9 +31,7 @@ from observer.navigation.surroundings import Surroundings
 from observer.robots.contract import SonarReading
 from observer.types import Status
 
-# Whoever left the view is remembered for so long, and may have changed velocity by so much each
-# second.
-_REMEMBERED_S: Final = 2.5
+# Whoever left the view may have changed velocity by so much each second.
 _CHANGED_MPS: Final = 0.3
 # Whoever was not seen for so long may have gone elsewhere; a body echoes from so much nearer.
 _UNSEEN_S: Final = 0.35
@@ -60,9 +59,10 @@ class _Known:
 class Navigator:
     """Navigator of one robot; see the module."""
 
-    def __init__(self, limits: GuardParameters) -> None:
+    def __init__(self, limits: GuardParameters, planner: NavigationParameters) -> None:
         """``limits``: parameters of the guard, which limits whatever is planned."""
         self._limits = limits
+        self._planner = planner
         self._known: dict[int, _Known] = {}
         self._habits = Habits()
         self._map = LocalMap()
@@ -72,9 +72,10 @@ class Navigator:
         # Whether the newest frame tells impossible values.
         self._odd = False
 
-    def use(self, limits: GuardParameters) -> None:
+    def use(self, limits: GuardParameters, planner: NavigationParameters) -> None:
         """Go by these parameters from now on."""
         self._limits = limits
+        self._planner = planner
 
     def see(self, sight: Sight, pose: Float64Array) -> None:
         """Take in a frame.
@@ -114,7 +115,9 @@ class Navigator:
         radius = _RADIUS_M if errand.radius_m is None else errand.radius_m
         self._forget_where_clear(errand.sonars, motion, now)
         seen = self._people(motion, now)
-        people = futures(seen, self._habits.weights(seen, now), TIMES)
+        planner = self._planner
+        weights = self._habits.weights(seen, now, planner.prior)
+        people = futures(seen, weights, TIMES, planner.acceleration_noise)
         for one in seen:
             if math.hypot(one.vx, one.vy) < _STANDS_MPS:
                 self._map.stand(one, now + _STANDS_S)
@@ -126,7 +129,15 @@ class Navigator:
             now,
         )
         permits = self._permits(errand, now)
-        choice = choose(motion, around, people, self._limits, errand.goal.risk_per_metre, permits)
+        choice = choose(
+            motion,
+            around,
+            people,
+            self._limits,
+            planner,
+            errand.goal.risk_per_metre,
+            permits,
+        )
         return self._plan(errand, choice, reason_of(choice, people, left))
 
     def _plan(self, errand: Errand, choice: Choice, why: Reason) -> Plan:
@@ -186,7 +197,8 @@ class Navigator:
 
     def _people(self, motion: Motion, now: float) -> list[SeenObstacle]:
         """Return everybody who matters, where they are by now as far as is known."""
-        self._known = {i: k for i, k in self._known.items() if now - k.seen < _REMEMBERED_S}
+        memory = self._planner.memory_s
+        self._known = {i: k for i, k in self._known.items() if now - k.seen < memory}
         people = [_aged(known, now) for known in self._known.values()]
         return [one for one in people if self._matters(one, motion)]
 

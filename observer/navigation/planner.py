@@ -25,24 +25,17 @@ from observer.geometry import Float64Array
 from observer.guard.parameters import GuardParameters
 from observer.navigation.errand import REACHED_M
 from observer.navigation.futures import Futures
+from observer.navigation.parameters import NavigationParameters
 from observer.navigation.risk import Risk, risk_of, seconds_near
 from observer.navigation.rollouts import STANDING, Motion, Rollouts, braked, rollouts, wrapped
 from observer.navigation.surroundings import Surroundings
 
 STEP_S: Final = 0.2
 TIMES: Final = np.asarray(np.arange(1, 21) * STEP_S, np.float64)
-# Metres that a certain contact now is worth going round: later it costs the time to let somebody
-# pass. So much wider than the robot that counts. The same for what stands.
-_DETOUR_M, _BERTH_M = 3.0, 0.2
+# Metres that running into what stands costs.
 _WALL_M: Final = 8.0
-# Metres that a second near somebody costs, and how near: there the guard lets it drive slowly only.
-_NEAR_MPS, _NEAR_M = 0.4, 0.8
-# Later instants count less, for choices that are made until then.
-_FORESIGHT_S: Final = 1.5
 # Metres that a radian of heading missed at the end, and a change of turn rate by 1 rad/s, cost.
 _HEADING_M, _SMOOTH_M = 0.15, 0.04
-# Metres that a velocity costs of which the guard permits nothing.
-_REFUSED_M: Final = 1.0
 # Questions to the guard; each takes 0.2 ms.
 _MOST_QUESTIONS: Final = 25
 # The robot does not begin what the guard would all but stop.
@@ -92,6 +85,7 @@ def choose(
     around: Surroundings,
     people: Futures,
     limits: GuardParameters,
+    planner: NavigationParameters,
     risk_per_metre: float,
     permits: Permits,
 ) -> Choice:
@@ -100,6 +94,7 @@ def choose(
     Args:
         now: the robot. around: goal and surfaces. people: their futures at ``TIMES``; all in one
             frame that stands.
+        limits: of the robot, the guard's. planner: what paths cost.
         risk_per_metre: declared. permits: asks the guard.
     """
     ways = rollouts(now, around.heading, around.left_m(now), TIMES, limits)
@@ -107,23 +102,29 @@ def choose(
     permitted = per_metre <= risk_per_metre
     # To stand is always permitted.
     permitted[STANDING] = True
-    foresight = np.exp(-ways.times / _FORESIGHT_S)
+    # Later instants count less, for choices that are made until then.
+    foresight = np.exp(-ways.times / planner.foresight_s)
     counts = np.broadcast_to(foresight, ways.speed.shape)
-    far = risk_of(ways, people, around.radius_m + _BERTH_M, counts)
-    # Standing near somebody costs no more than the time.
+    far = risk_of(ways, people, around.radius_m + planner.berth_m, counts)
+    # Near somebody the guard lets it drive slowly only; to stand there costs no more than the time.
     moving = counts * np.abs(ways.speed) / limits.speed_max_mps
-    slowed = seconds_near(ways, people, around.radius_m + _NEAR_M, moving)
-    cost = _cost(ways, now, around, foresight) + _DETOUR_M * far.total + _NEAR_MPS * slowed
+    slowed = seconds_near(ways, people, around.radius_m + planner.near_m, moving)
+    cost = _cost(ways, now, around, foresight)
+    cost += planner.detour_m * far.total
+    cost += planner.near_cost_mps * slowed
     wished = int(np.argmin(cost))
-    best = _cheapest(ways, np.where(permitted, cost, np.inf), permits)
+    best = _cheapest(ways, np.where(permitted, cost, np.inf), permits, planner.refused_m)
     _, refusal = permits(_asked(ways, wished)) if wished != STANDING else (1.0, None)
     return Choice(ways, best, float(per_metre[best]), near, far, permitted, wished, refusal)
 
 
-def _cheapest(ways: Rollouts, cost: Float64Array, permits: Permits) -> int:
+def _cheapest(ways: Rollouts, cost: Float64Array, permits: Permits, refused_m: float) -> int:
     """Return the cheapest path once what the guard refuses is added to its cost.
 
     The guard only ever adds, so the first path that is cheapest after its question is final.
+
+    Args:
+        refused_m: that a velocity costs of which the guard permits nothing.
     """
     queue = [(float(each), k, False) for k, each in enumerate(cost) if np.isfinite(each)]
     heapq.heapify(queue)
@@ -135,7 +136,7 @@ def _cheapest(ways: Rollouts, cost: Float64Array, permits: Permits) -> int:
         if share < _LEAST_SHARE:
             heapq.heappop(queue)
         else:
-            heapq.heapreplace(queue, (least + _REFUSED_M * (1 - share), way, True))
+            heapq.heapreplace(queue, (least + refused_m * (1 - share), way, True))
     return next((way for _, way, answered in sorted(queue) if answered), STANDING)
 
 

@@ -2,7 +2,7 @@
 
 This declaration feeds the REST interface, the panel's form, the command line (``--set``) and the
 documentation. Names are flat and dotted, as in ``ego_motion.ransac_threshold_px``. Those of the
-guard stand in ``observer.guard.parameters``.
+guard are in ``observer.guard.parameters``, the planner's in ``observer.navigation.parameters``.
 """
 
 from observer.parameters.common import EgoMotionParameters, FeaturesParameters, StereoParameters

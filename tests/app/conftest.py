@@ -14,7 +14,7 @@ from app.contract.drive import SHARED_NAMES
 from app.runtime.latest import create_slot
 from app.server import Server
 from app.storage import Storage
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 
 from .fake_drive import FakeDrive
 from .peer_engine import PeerEngine, rectified_calibration

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.errors import InputError, ParameterError
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.parameters import (
     MODELS,
     PRESET_HELP,

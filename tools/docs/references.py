@@ -19,7 +19,7 @@ from mkdocs.structure.files import File, Files
 from app.cli.command_line import COMMANDS, load_command
 from app.cli.parameters import basic_parameters, parameter_table, preset_table
 from app.contract.glossary import GLOSSARY
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 
 ROOT = Path(__file__).resolve().parents[2]
 _PROGRAM = "dynamic-observer"

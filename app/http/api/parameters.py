@@ -13,7 +13,7 @@ from app.http.api.common import NameInPath, TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import Changes, In, Name, notes_on
 from app.server.parameters.in_force import ParametersInForce
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 
 router = APIRouter(tags=["parameters"])
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from observer.errors import InputError, ParameterError
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.parameters import ParameterValue, preset, preset_names
 
 BUILT_IN = preset_names()

@@ -27,7 +27,7 @@ from app.server.parameters.in_force import (
 from app.server.shared import Shared
 from app.storage import PresetRecord, StorageExists, StorageUnreadable
 from observer.errors import InputError
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.parameters import PRESET_HELP, ParameterValue, translated
 
 

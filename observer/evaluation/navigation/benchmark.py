@@ -12,7 +12,7 @@ from observer.evaluation.navigation.coverage import Walk, WalkResult, follow
 from observer.evaluation.navigation.crowd import crowd_missing
 from observer.evaluation.navigation.results import NavigationBenchmark, coverages, summarize
 from observer.evaluation.navigation.run import DRIVERS, Case, RunResult, run
-from observer.guard.parameters import GuardParameters
+from observer.navigation.parameters import AllParameters, NavigationParameters
 
 
 @dataclass(frozen=True)
@@ -88,4 +88,6 @@ def _in_processes(
 
 
 def _done(task: Case | Walk) -> RunResult | WalkResult:
-    return run(task, GuardParameters()) if isinstance(task, Case) else follow(task)
+    if isinstance(task, Case):
+        return run(task, AllParameters())
+    return follow(task, NavigationParameters())

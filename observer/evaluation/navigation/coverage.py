@@ -16,6 +16,7 @@ from observer.guard.dead_reckoning import inverse, moved
 from observer.navigation.calibration import ranks
 from observer.navigation.futures import Futures, futures
 from observer.navigation.habits import Habits
+from observer.navigation.parameters import NavigationParameters
 
 # Predicted so far ahead.
 AHEAD_S: Final = (1.0, 2.0)
@@ -47,7 +48,7 @@ class WalkResult:
     ranked: tuple[tuple[float, ...], ...]
 
 
-def follow(walk: Walk) -> WalkResult:
+def follow(walk: Walk, planner: NavigationParameters) -> WalkResult:
     """Watch people for 20 s, predict everybody in view, and look where they come to."""
     crowd = Crowd(ROOM, walk.density_per_m2, walk.seed, kind=False, keep_clear=(*START, 1.0))
     eye, habits, rng = Eye(walk.seed), Habits(), np.random.default_rng([walk.seed, 2])
@@ -64,9 +65,9 @@ def follow(walk: Walk) -> WalkResult:
             ranked[instant] += ranks(future, instant, places, rng).tolist()
         predicted = [each for each in predicted if each[0] > step]
         seen = [one for one in eye.look(people, pose, ROOM, time).obstacles if not one.coasting]
-        weights = habits.weights(seen, time)
+        weights = habits.weights(seen, time, planner.prior)
         if seen and step % _EVERY == 0:
-            future = futures(seen, weights, times)
+            future = futures(seen, weights, times, planner.acceleration_noise)
             for instant, ahead in enumerate(AHEAD_S):
                 predicted.append((step + round(ahead / FRAME_S), instant, future))
         crowd.step(FRAME_S, (*START, 0.0, 0.0, SPEC.radius_m))

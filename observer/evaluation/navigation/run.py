@@ -27,6 +27,7 @@ from observer.guard.parameters import GuardParameters
 from observer.guard.sight import Sight
 from observer.navigation.errand import REACHED_M, Errand, Goal
 from observer.navigation.navigator import Navigator
+from observer.navigation.parameters import AllParameters
 from observer.navigation.plan import Plan
 
 Driver = Literal["planner", "guard"]
@@ -139,17 +140,18 @@ class _Tally:
             self.avoidable += len(new & before)
 
 
-def run(case: Case, limits: GuardParameters, watch: Watch | None = None) -> RunResult:
+def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> RunResult:
     """Drive 10 m through a crowd.
 
     Args:
-        limits: of the robot, and the guard's parameters. watch: called with every step.
+        parameters: of guard and planner. watch: called with every step.
     """
+    limits = parameters.guard
     crowd = Crowd(
         ROOM, case.density_per_m2, case.seed, kind=case.kind, keep_clear=(*START, _CLEAR_M)
     )
     robot, guard, eye = Robot((*START, 0.0), limits), Guard(limits), Eye(case.seed)
-    navigator, ring = Navigator(limits), SonarRing(SPEC.sonars)
+    navigator, ring = Navigator(limits, parameters.navigation), SonarRing(SPEC.sonars)
     goal = Goal(1, *GOAL, case.risk_per_metre)
     free_s = free_time_s(limits)
     frames: deque[tuple[Sight, Float64Array]] = deque()

@@ -1,5 +1,5 @@
 from app.cli.parameters import basic_parameters, parameter_table, preset_table
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 
 
 def test_the_table_has_one_row_for_every_parameter() -> None:

@@ -20,8 +20,9 @@ from app.engine.sight import SightTeller
 from app.engine.wheel_feed import WheelFeed
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
 from observer.errors import SourceError
-from observer.guard.parameters import AllParameters, GuardParameters
+from observer.guard.parameters import GuardParameters
 from observer.guard.sight import REAL_WORLD, sight_of
+from observer.navigation.parameters import AllParameters
 from observer.observer import Observer
 from observer.opening import OpenedSource, open_source
 from observer.parameters import Parameters

@@ -11,15 +11,15 @@ import pytest
 from app.engine.wayfinding import Wayfinder
 from app.engine.wheel_feed import WheelFeed
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
-from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan, Sight
 from observer.navigation.errand import Errand, Goal
 from observer.navigation.navigator import Navigator
+from observer.navigation.parameters import AllParameters
 from observer.navigation.plan import Plan, plan_of
 from observer.types import Status
 
 NOW = 100.0
-GUARD = GuardParameters()
+PARAMETERS = AllParameters()
 FREE = FreeScan((-0.5, 0.0, 0.5), (None,) * 3, (0.3,) * 3, (5.0,) * 3)
 SIGHT = Sight(7, NOW - 0.1, NOW - 0.02, "real", Status.OK, (), True, (), FREE)
 ERRAND = Errand(Goal(3, 3.0, 0.0, 1e-3), NOW - 0.02, 0.0, 0.0, 0.0, 0.0, 0.0, 0.26, 0.38, 0.44)
@@ -42,7 +42,7 @@ class Link:
         facts = {} if errand is None else {"errand": errand.facts()}
         self.wheels.write({"observer": STANDING, **facts})
         before = self.plans.read()
-        self.wayfinder.look(sight, GUARD)
+        self.wayfinder.look(sight, PARAMETERS)
         value = self.plans.read(0 if before is None else before.sequence)
         return None if value is None else plan_of(value.header)
 
@@ -66,7 +66,7 @@ def test_a_plan_leads_to_the_goal(link: Link) -> None:
     plan = link.look()
     assert plan is not None
     assert (plan.goal, plan.received) == (3, SIGHT.received)
-    assert plan.speed_mps == pytest.approx(GUARD.speed_max_mps)
+    assert plan.speed_mps == pytest.approx(PARAMETERS.guard.speed_max_mps)
     assert plan.turn_rate_radps == pytest.approx(0.0, abs=0.01)
     assert plan.path[-1][0] > 1.0
     assert plan.reason == "Driving to the goal, 3.0 m away."

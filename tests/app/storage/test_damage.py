@@ -34,7 +34,7 @@ from app.storage import Storage
 from app.storage.bundle import BackupError, Manifest, bundle_writer, open_bundle
 from app.storage.records import RunState
 from observer.errors import DynamicObserverError
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 
 from ...damage import (
     assert_one_sentence,

@@ -9,15 +9,17 @@ import numpy as np
 import pytest
 
 from observer.guard.sight import SeenObstacle
-from observer.navigation.futures import PRIOR, displaced, futures
+from observer.navigation.futures import displaced, futures
 from observer.navigation.habits import Habits
+from observer.navigation.parameters import NavigationParameters
 
+PRIOR, NOISE = NavigationParameters().prior, NavigationParameters().acceleration_noise
 TIMES = np.array([0.5, 1.0, 2.0])
 WALKER = SeenObstacle(7, 1.0, 2.0, 1.2, 0.0, 0.3, 0.05, 0.1, False)
 
 
 def test_whoever_goes_on_keeps_his_velocity() -> None:
-    made = futures([WALKER], np.array([PRIOR]), TIMES)
+    made = futures([WALKER], np.array([PRIOR]), TIMES, NOISE)
     assert made.ids == (7,)
     assert made.mean[0, 0] == pytest.approx(np.stack([1.0 + 1.2 * TIMES, [2.0] * 3], axis=1))
     stops = made.mean[0, 1]
@@ -38,26 +40,26 @@ def test_turning_keeps_the_length_of_the_path() -> None:
 
 
 def test_uncertainty_grows_and_is_stated_where_unknown() -> None:
-    sure = futures([WALKER], np.array([PRIOR]), TIMES).sigma[0, 0]
+    sure = futures([WALKER], np.array([PRIOR]), TIMES, NOISE).sigma[0, 0]
     assert (np.diff(sure) > 0).all()
     assert sure[0] >= math.hypot(0.05, 0.05)
     unknown = replace(WALKER, position_sigma_m=None, velocity_sigma_mps=None)
-    assert (futures([unknown], np.array([PRIOR]), TIMES).sigma[0, 0] > sure).all()
+    assert (futures([unknown], np.array([PRIOR]), TIMES, NOISE).sigma[0, 0] > sure).all()
 
 
 def test_nobody_is_no_future() -> None:
-    assert len(futures([], np.zeros((0, len(PRIOR))), TIMES)) == 0
+    assert len(futures([], np.zeros((0, len(PRIOR))), TIMES, NOISE)) == 0
 
 
 def test_habits_follow_what_somebody_does() -> None:
     habits = Habits()
-    assert habits.weights([WALKER], 0.0)[0] == pytest.approx(PRIOR)
+    assert habits.weights([WALKER], 0.0, PRIOR)[0] == pytest.approx(PRIOR)
     turning = WALKER
     for k in range(1, 6):
         angle = 0.9 * 0.4 * k
         turning = replace(WALKER, vx=1.2 * math.cos(angle), vy=1.2 * math.sin(angle))
-        weights = habits.weights([turning], 0.4 * k)[0]
+        weights = habits.weights([turning], 0.4 * k, PRIOR)[0]
     assert weights.sum() == pytest.approx(1.0)
     assert weights[2] > 3 * PRIOR[2] > 3 * weights[3]
     # Others start from what people do.
-    assert habits.weights([replace(turning, id=8)], 2.4)[0] == pytest.approx(PRIOR)
+    assert habits.weights([replace(turning, id=8)], 2.4, PRIOR)[0] == pytest.approx(PRIOR)

@@ -14,12 +14,13 @@ from observer.guard.parameters import GuardParameters
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.navigation.errand import Errand, Goal
 from observer.navigation.navigator import Navigator
+from observer.navigation.parameters import NavigationParameters
 from observer.navigation.plan import Plan
 from observer.robots.contract import SonarReading
 from observer.robots.models import robot_spec
 from observer.types import Status
 
-LIMITS = GuardParameters()
+LIMITS, PLANNER = GuardParameters(), NavigationParameters()
 BEARINGS = tuple(np.radians(np.arange(-30.0, 30.1, 3.0)).tolist())
 FREE = FreeScan(BEARINGS, (None,) * 21, (0.3,) * 21, (5.0,) * 21)
 SPEC = robot_spec("p3dx-sh")
@@ -44,7 +45,7 @@ def sight(
 
 
 def plan(*people: SeenObstacle, errand: Errand = ERRAND, **more: object) -> Plan:
-    navigator = Navigator(LIMITS)
+    navigator = Navigator(LIMITS, PLANNER)
     navigator.see(sight(*people, **more), np.array([errand.x, errand.y, errand.yaw]))  # type: ignore[arg-type]
     return navigator.plan(errand, 10.05)
 
@@ -109,7 +110,7 @@ def test_somebody_who_stands_in_the_way_is_driven_around() -> None:
 
 
 def test_whoever_left_the_view_is_still_avoided_for_a_while() -> None:
-    navigator = Navigator(LIMITS)
+    navigator = Navigator(LIMITS, PLANNER)
     navigator.see(sight(person(0.9, 0.5, 0.0, -0.4)), np.zeros(3))
     navigator.see(sight(time=10.1), np.zeros(3))
     assert navigator.plan(ERRAND, 10.15).waits_for == 3
@@ -123,7 +124,7 @@ def test_a_box_in_the_way_is_driven_around() -> None:
     scan = FreeScan(
         BEARINGS, blocked, (0.3,) * 21, tuple(5.0 if far is None else far for far in blocked)
     )
-    navigator = Navigator(LIMITS)
+    navigator = Navigator(LIMITS, PLANNER)
     for k in range(-7, 1):
         navigator.see(sight(time=10.0 + 0.1 * k, scan=scan), np.zeros(3))
     made = navigator.plan(ERRAND, 10.05)
@@ -157,7 +158,7 @@ def test_without_sight_it_stands_and_says_why(more: dict[str, object], reason: s
 
 
 def test_a_new_goal_forgets_nobody() -> None:
-    navigator = Navigator(LIMITS)
+    navigator = Navigator(LIMITS, PLANNER)
     navigator.see(sight(person(0.9, 0.5, 0.0, -0.4)), np.zeros(3))
     navigator.plan(ERRAND, 10.05)
     navigator.see(sight(time=10.1), np.zeros(3))
@@ -190,7 +191,7 @@ def test_impossible_values_let_it_stand(value: float) -> None:
         replace(ERRAND, goal=replace(ERRAND.goal, x=value)),
     ]
     for errand in errands:
-        navigator = Navigator(LIMITS)
+        navigator = Navigator(LIMITS, PLANNER)
         navigator.see(sight(person(2.0, 0.0)), np.zeros(3))
         made = navigator.plan(errand, 10.05)
         assert (made.speed_mps, made.turn_rate_radps, made.path) == (0.0, 0.0, ())
@@ -198,7 +199,7 @@ def test_impossible_values_let_it_stand(value: float) -> None:
     track = person(2.0, 0.0)
     tracks = [replace(track, **{name: value}) for name in ("x", "y", "vx", "vy", "radius_m")]  # type: ignore[arg-type]
     for one, pose in [*((each, 0.0) for each in tracks), (track, value)]:
-        navigator = Navigator(LIMITS)
+        navigator = Navigator(LIMITS, PLANNER)
         navigator.see(sight(one), np.array([0.0, 0.0, pose]))
         made = navigator.plan(ERRAND, 10.05)
         assert (made.speed_mps, made.path) == (0.0, ())
@@ -206,7 +207,7 @@ def test_impossible_values_let_it_stand(value: float) -> None:
 
 
 def test_whoever_is_unseen_where_sonar_hears_nothing_is_forgotten() -> None:
-    navigator = Navigator(LIMITS)
+    navigator = Navigator(LIMITS, PLANNER)
     # Where it should be by now, a sonar would hear it.
     navigator.see(sight(person(1.2, 0.0, -0.1)), np.zeros(3))
     navigator.see(sight(time=10.5), np.zeros(3))

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.parameters import Parameters
 from observer.parameters.reductions import REDUCTIONS, Reduction, reduced, reductions
 

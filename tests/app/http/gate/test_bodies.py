@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from app.contract.commands import SetParameters
 from app.http.api.values import MOST_CHANGES
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 
 from ..wire import JSON
 

@@ -35,7 +35,7 @@ from app.server.runs.current_run import speed_rows, wheel_rows
 from app.server.source_time import SourceInstant
 from app.server.status import status
 from app.storage import IncidentRecord, Storage, StorageMissing
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.rig.rig import Rig
 from observer.robots.contract import RobotPhase, RobotPort, RobotReport
 

@@ -13,7 +13,7 @@ import pytest
 from app.workers.methods.messages import FRAMES, SPEEDS, Compared, CompareMethods, NewRun
 from app.workers.methods.work import compare
 from observer.errors import CalibrationError, SourceError
-from observer.guard.parameters import AllParameters
+from observer.navigation.parameters import AllParameters
 from observer.parameters import preset
 from observer.recording.reader import Recording
 

@@ -12,8 +12,8 @@ from app.workers.frame_results import read_results
 from app.workers.rerun.messages import Rerun
 from app.workers.rerun.work import rerun
 from observer.errors import SourceError
-from observer.guard.parameters import AllParameters
 from observer.jsonl import observation_line
+from observer.navigation.parameters import AllParameters
 from observer.observer import Observer
 from observer.opening import OpenedSource
 from observer.parameters import preset

@@ -20,17 +20,18 @@ from observer.evaluation.navigation.run import (
     general,
     run,
 )
-from observer.guard.parameters import GuardParameters
+from observer.navigation.parameters import AllParameters
 
 pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
 
-LIMITS = GuardParameters()
+PARAMETERS = AllParameters()
+LIMITS = PARAMETERS.guard
 
 
 @pytest.mark.parametrize("driver", DRIVERS)
 def test_an_empty_room_takes_the_free_time(driver: Driver) -> None:
     moments: list[Moment] = []
-    result = run(Case(driver, 0.0, False, 1e-3, 1), LIMITS, moments.append)
+    result = run(Case(driver, 0.0, False, 1e-3, 1), PARAMETERS, moments.append)
     assert result.reached
     assert result.time_s < 1.2 * free_time_s(LIMITS)
     assert result.way_m == pytest.approx(9.75, abs=0.2)
@@ -41,12 +42,12 @@ def test_an_empty_room_takes_the_free_time(driver: Driver) -> None:
 
 def test_equal_seeds_give_equal_runs() -> None:
     case = Case("guard", 0.1, False, 1e-3, 3)
-    assert run(case, LIMITS) == run(case, LIMITS)
+    assert run(case, PARAMETERS) == run(case, PARAMETERS)
 
 
 def test_what_is_counted_is_what_was_watched() -> None:
     moments: list[Moment] = []
-    result = run(Case("guard", 0.1, False, 1e-3, 2), LIMITS, moments.append)
+    result = run(Case("guard", 0.1, False, 1e-3, 2), PARAMETERS, moments.append)
     stopped = [each.verdict.level == "stop" for each in moments]
     begun = sum(now and not before for before, now in zip([False, *stopped], stopped, strict=False))
     assert sum(result.stops.values()) == begun
@@ -85,7 +86,7 @@ def test_the_robot_keeps_to_its_limits_and_touches_whom_it_reaches() -> None:
 
 
 def test_a_walk_ranks_every_prediction_that_came_due() -> None:
-    result = follow(Walk(0.1, 4))
+    result = follow(Walk(0.1, 4), PARAMETERS.navigation)
     assert len(result.ranked) == len(AHEAD_S)
     assert len(result.ranked[0]) > len(result.ranked[1]) > 50
     assert all(0 <= rank <= 1 for each in result.ranked for rank in each)
