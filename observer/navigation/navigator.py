@@ -23,9 +23,10 @@ from observer.navigation.futures import futures
 from observer.navigation.habits import Habits
 from observer.navigation.local_map import LocalMap
 from observer.navigation.parameters import NavigationParameters
-from observer.navigation.plan import Plan
+from observer.navigation.plan import Plan, RefusedPath
 from observer.navigation.planner import TIMES, Choice, Permits, choose
 from observer.navigation.reasons import Reason, reason_of
+from observer.navigation.refusals import refused_paths
 from observer.navigation.rollouts import Motion
 from observer.navigation.surroundings import Surroundings
 from observer.robots.contract import SonarReading
@@ -138,9 +139,12 @@ class Navigator:
             errand.goal.risk_per_metre,
             permits,
         )
-        return self._plan(errand, choice, reason_of(choice, people, left))
+        refused = refused_paths(choice, people, motion, around.goal)
+        return self._plan(errand, choice, reason_of(choice, people, left), refused)
 
-    def _plan(self, errand: Errand, choice: Choice, why: Reason) -> Plan:
+    def _plan(
+        self, errand: Errand, choice: Choice, why: Reason, refused: tuple[RefusedPath, ...]
+    ) -> Plan:
         assert self._sight is not None
         speed, turn = choice.velocity
         poses = choice.ways.poses[choice.best]
@@ -155,6 +159,8 @@ class Navigator:
             reason=why.sentence,
             waits_for=why.track,
             meets_s=why.meets_s,
+            meets_at=why.meets_at,
+            refused=refused,
         )
 
     def _standing(self, errand: Errand, now: float, reason: str) -> Plan:

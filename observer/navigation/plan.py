@@ -4,9 +4,40 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Any, Final, Literal
 
 from pydantic import TypeAdapter
+
+# A plan tells of so many refused paths.
+MOST_REFUSED: Final = 6
+
+
+@dataclass(frozen=True)
+class RefusedPath:
+    """Path that the robot could have taken, and why it does not.
+
+    Attributes:
+        direction: from the robot's heading to the path's end, radians, positive to the left.
+        speed_mps: highest speed on it.
+        path: x, y of some places along it, metres.
+        cause: ``risk`` where it would exceed the declared risk before the robot could stand again,
+            ``later`` where somebody would probably be met after that, ``guard`` where the guard
+            would not permit to begin it, ``surface`` where it runs into what stands.
+        risk: probability of a contact, on each metre for ``risk`` and altogether for ``later``;
+            None for the others.
+        track: number of the obstacle that would be met, below zero while that is tentative.
+        meets_s: seconds until that one, or the surface, is met.
+        guard: the guard's sentence.
+    """
+
+    direction: float
+    speed_mps: float
+    path: tuple[tuple[float, float], ...]
+    cause: Literal["risk", "later", "guard", "surface"]
+    risk: float | None = None
+    track: int | None = None
+    meets_s: float | None = None
+    guard: str | None = None
 
 
 @dataclass(frozen=True)
@@ -25,6 +56,8 @@ class Plan:
         waits_for: number of the track for which it stands or turns aside, below zero while that is
             tentative; None for none.
         meets_s: seconds until it would meet that one on the straight path; None for none.
+        meets_at: x, y where that one is predicted to be then; None for none.
+        refused: some paths that it does not take, in different directions, the best one first.
     """
 
     goal: int
@@ -36,6 +69,8 @@ class Plan:
     reason: str
     waits_for: int | None = None
     meets_s: float | None = None
+    meets_at: tuple[float, float] | None = None
+    refused: tuple[RefusedPath, ...] = ()
 
     def facts(self) -> dict[str, Any]:
         """Return plain values, for JSON."""

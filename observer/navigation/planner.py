@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -52,21 +52,34 @@ class Choice:
 
     Attributes:
         ways: all of them. best: the number of the chosen one.
-        risk_per_metre: of the chosen one until the robot could stand.
+        cost: (C,) metres that each is worse than arriving at once; alone: the same, people and
+            surfaces left aside.
+        hits_s: (C,) seconds until each runs into a surface, infinite for never.
+        per_metre: (C,) risk of each on each metre until the robot could stand.
         near, far: risk of all until the robot stands, and over the whole horizon.
         permitted: (C,) by the risk alone.
         wished: the number of the one that would be best if the risk now and the guard did not
             count. refusal: the guard's sentence about it, None where it permits it.
+        refusals: the guard's sentence about each that it was asked about and refuses.
     """
 
     ways: Rollouts
     best: int
-    risk_per_metre: float
+    cost: Float64Array
+    alone: Float64Array
+    hits_s: Float64Array
+    per_metre: Float64Array
     near: Risk
     far: Risk
     permitted: NDArray[np.bool_]
     wished: int
     refusal: str | None
+    refusals: Mapping[int, str | None]
+
+    @property
+    def risk_per_metre(self) -> float:
+        """Return that of the chosen one."""
+        return float(self.per_metre[self.best])
 
     @property
     def stands(self) -> bool:
@@ -109,35 +122,47 @@ def choose(
     # Near somebody the guard lets it drive slowly only; to stand there costs no more than the time.
     moving = counts * np.abs(ways.speed) / limits.speed_max_mps
     slowed = seconds_near(ways, people, around.radius_m + planner.near_m, moving)
-    cost = _cost(ways, now, around, foresight)
+    hits = around.hits(ways) > 0
+    alone = _cost(ways, now, around)
+    cost = alone + _WALL_M * (hits * foresight).max(axis=1)
     cost += planner.detour_m * far.total
     cost += planner.near_cost_mps * slowed
     wished = int(np.argmin(cost))
-    best = _cheapest(ways, np.where(permitted, cost, np.inf), permits, planner.refused_m)
+    best, refusals = _cheapest(ways, np.where(permitted, cost, np.inf), permits, planner.refused_m)
     _, refusal = permits(_asked(ways, wished)) if wished != STANDING else (1.0, None)
-    return Choice(ways, best, float(per_metre[best]), near, far, permitted, wished, refusal)
+    hits_s = np.where(hits, ways.times, np.inf).min(axis=1)
+    return Choice(
+        *(ways, best, cost, alone, hits_s, per_metre),
+        *(near, far, permitted, wished, refusal, refusals),
+    )
 
 
-def _cheapest(ways: Rollouts, cost: Float64Array, permits: Permits, refused_m: float) -> int:
+def _cheapest(
+    ways: Rollouts, cost: Float64Array, permits: Permits, refused_m: float
+) -> tuple[int, dict[int, str | None]]:
     """Return the cheapest path once what the guard refuses is added to its cost.
 
-    The guard only ever adds, so the first path that is cheapest after its question is final.
+    And the guard's sentence about each path that it refuses altogether. The guard only ever adds,
+    so the first path that is cheapest after its question is final.
 
     Args:
         refused_m: that a velocity costs of which the guard permits nothing.
     """
+    refusals: dict[int, str | None] = {}
     queue = [(float(each), k, False) for k, each in enumerate(cost) if np.isfinite(each)]
     heapq.heapify(queue)
     for _ in range(_MOST_QUESTIONS):
         least, way, answered = queue[0]
         if answered or way == STANDING:
-            return way
-        share, _ = permits(_asked(ways, way))
+            return way, refusals
+        share, why = permits(_asked(ways, way))
         if share < _LEAST_SHARE:
             heapq.heappop(queue)
+            refusals[way] = why
         else:
             heapq.heapreplace(queue, (least + refused_m * (1 - share), way, True))
-    return next((way for _, way, answered in sorted(queue) if answered), STANDING)
+    best = next((way for _, way, answered in sorted(queue) if answered), STANDING)
+    return best, refusals
 
 
 def _asked(ways: Rollouts, way: int) -> tuple[float, float]:
@@ -165,10 +190,8 @@ def _risk_until_standing(
     return near, near.total / np.maximum(stopped.way_m(), _LEAST_WAY_M)
 
 
-def _cost(
-    ways: Rollouts, now: Motion, around: Surroundings, foresight: Float64Array
-) -> Float64Array:
-    """(C,) metres that each path is worse than arriving at once, people left aside."""
+def _cost(ways: Rollouts, now: Motion, around: Surroundings) -> Float64Array:
+    """(C,) metres that each path is worse than arriving at once, if nothing were in the way."""
     left = around.distance(ways.poses[:, :, :2])
     # Arriving early counts as much as being near at the end.
     cost = 0.5 * left[:, -1] + 0.5 * left.mean(axis=1)
@@ -176,5 +199,4 @@ def _cost(
     dx, dy = around.goal[0] - last[:, 0], around.goal[1] - last[:, 1]
     missed = np.abs(wrapped(np.arctan2(dy, dx) - last[:, 2]))
     cost += _HEADING_M * np.where(np.hypot(dx, dy) > REACHED_M, missed, 0.0)
-    cost += _SMOOTH_M * np.abs(ways.turn[:, 0] - now.turn_rate_radps) / STEP_S
-    return np.asarray(cost + _WALL_M * (around.hits(ways) * foresight).max(axis=1))
+    return np.asarray(cost + _SMOOTH_M * np.abs(ways.turn[:, 0] - now.turn_rate_radps) / STEP_S)

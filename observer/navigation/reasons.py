@@ -13,12 +13,14 @@ from observer.navigation.planner import Choice
 
 # Less probable contacts decide nothing; a path that is by so much safer than straight ahead was
 # chosen for that.
-_LEAST_CHANCE: Final = 0.02
-_LESS_CHANCE: Final = 0.01
+LEAST_CHANCE: Final = 0.02
+LESS_CHANCE: Final = 0.01
 # Number of the path that leads straight ahead.
 _STRAIGHT: Final = 1
 # More turn than this is not straight ahead, and less speed is a turn on the spot.
 _TURNS_RADPS, _ON_THE_SPOT_MPS = 0.2, 0.03
+# Has a logarithm.
+_NEVER: Final = 1e-12
 
 
 @dataclass(frozen=True)
@@ -29,11 +31,13 @@ class Reason:
         sentence: for people.
         track: number of the obstacle that decided; None for none. meets_s: seconds until the
             robot would meet it on the path that it would take otherwise.
+        meets_at: x, y where that one is predicted to be then, metres.
     """
 
     sentence: str
     track: int | None = None
     meets_s: float | None = None
+    meets_at: tuple[float, float] | None = None
 
 
 def reason_of(choice: Choice, people: Futures, left_m: float) -> Reason:
@@ -69,7 +73,7 @@ def _turns_aside(choice: Choice, people: Futures, decider: Reason) -> bool:
     if choice.best != choice.wished:
         return True
     chance = choice.far.each[:, _index(people, decider)]
-    return bool(chance[_STRAIGHT] > chance[choice.best] + _LESS_CHANCE)
+    return bool(chance[_STRAIGHT] > chance[choice.best] + LESS_CHANCE)
 
 
 def _decider(choice: Choice, people: Futures) -> Reason | None:
@@ -79,10 +83,21 @@ def _decider(choice: Choice, people: Futures) -> Reason | None:
     risk = choice.far if choice.permitted[_STRAIGHT] else choice.near
     chance = risk.each[_STRAIGHT]
     who = int(np.argmax(chance))
-    if chance[who] < _LEAST_CHANCE and choice.permitted[_STRAIGHT]:
+    if chance[who] < LEAST_CHANCE and choice.permitted[_STRAIGHT]:
         return None
     track, meets = people.ids[who], float(risk.when_s[_STRAIGHT, who])
-    return Reason(f"Waiting for {_named(track)}: it would cross in {meets:.1f} s.", track, meets)
+    sentence = f"Waiting for {_named(track)}: it would cross in {meets:.1f} s."
+    return Reason(sentence, track, meets, _predicted(choice, people, who, meets))
+
+
+def _predicted(choice: Choice, people: Futures, who: int, meets_s: float) -> tuple[float, float]:
+    """Return where somebody is at an instant, on the way that most probably meets the robot's."""
+    instant = int(np.argmin(np.abs(people.times - meets_s)))
+    places = people.mean[who, :, instant]
+    gap = np.linalg.norm(places - choice.ways.poses[_STRAIGHT, instant, :2], axis=1)
+    off = gap / people.sigma[who, :, instant]
+    x, y = places[int(np.argmax(np.log(people.weight[who] + _NEVER) - off**2 / 2))].tolist()
+    return x, y
 
 
 def _passing(choice: Choice, people: Futures, decider: Reason) -> str:
