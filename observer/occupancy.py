@@ -14,6 +14,8 @@ from observer.geometry import Pose
 # States of a cell, and how many there are.
 UNKNOWN, FREE, BLOCKED = range(3)
 STATES: Final = 3
+# A map counts until the next one, but no longer than this.
+HELD_S: Final = 1.0
 # A larger map is an error.
 _MOST_CELLS: Final = 1 << 20
 

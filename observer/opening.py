@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 from observer.errors import SourceError, TruthError
+from observer.occupancy import OccupancyMap
 from observer.robots.contract import RobotWorld
 from observer.sources.contract import Source
 from observer.truth.contract import Truth
@@ -38,6 +40,7 @@ class OpenedSource:
     Attributes:
         truth: about the same world, where somebody knows it.
         truth_note: why a file that lies beside the images is not used as truth.
+        local_maps: recorded with the frames, by the position of each.
         robots: that drive in the same world, where it has any of its own.
         calibration_notes: what was decided while the source's own calibration was read.
     """
@@ -47,6 +50,7 @@ class OpenedSource:
     robots: RobotWorld | None = None
     calibration_notes: tuple[str, ...] = ()
     truth_note: str | None = None
+    local_maps: Mapping[int, OccupancyMap] = field(default_factory=dict)
 
 
 def open_source(spec: str) -> OpenedSource:
@@ -193,11 +197,13 @@ def _open_simulated(rest: str) -> OpenedSource:
 
 
 def _open_recording(path: Path) -> OpenedSource:
+    from observer.recording.local_maps import maps_by_frame
     from observer.recording.source import RecordingSource
 
     source = RecordingSource(path)
     try:
-        return OpenedSource(source, source.recording.truth())
+        recording = source.recording
+        return OpenedSource(source, recording.truth(), local_maps=maps_by_frame(recording))
     except BaseException:
         source.close()
         raise

@@ -16,6 +16,7 @@ from observer.recording import topics
 from observer.recording.container import Container
 from observer.recording.contents import chunk_records, find_contents, messages_of
 from observer.recording.images import field_head, jpeg_pixels, message_fields, raw_pixels
+from observer.recording.local_maps import maps_by_frame
 from observer.recording.reader import Recording
 from observer.recording.source import RecordingSource
 from observer.sources.contract import SkippedFrame
@@ -57,6 +58,8 @@ _ITEMS = {
     topics.MOTION_CAPTURE: b'{"samples": [{"name": "a", "time": 1.0, "received": 2.0,'
     b' "position": [1, 2, 3], "rotation": [1, 0, 0, 0, 1, 0, 0, 0, 1]}]}',
     topics.ROBOT: b'{"role": "observer", "received": 1.0}',
+    topics.LOCAL_MAP: b'{"frame": 1, "time": 0.1, "map": {"received": 1.0, "x": 0.0, "y": 0.0, '
+    b'"cell_m": 0.1, "size": 2, "runs": [1, 2, 1], "robot": [0.0, 0.0, 0.0]}}',
     topics.SKIPPED: b'{"index": 1, "reason": "it is lost"}',
     topics.INCIDENT: b'{"kind": "gap", "sentence": "a gap", "received": 1.0}',
 }
@@ -69,7 +72,8 @@ def read_all(path: Path) -> None:
         facts.camera_mount()
         for each in (recording.lines(), recording.robot_rows(), recording.skipped(),
                      recording.incidents(), recording.matched_truth(),
-                     recording.parameter_revisions(), recording.frames):  # fmt: skip
+                     recording.parameter_revisions(), recording.frames,
+                     maps_by_frame(recording)):  # fmt: skip
             list(each)
         times = [sample.time for sample in recording.truth_samples()]
         assert times == sorted(set(times))
