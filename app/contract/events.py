@@ -18,8 +18,10 @@ from app.contract.status import (
 )
 from observer.calibration.board import BoardView
 from observer.camera import StereoCamera
+from observer.geometry import Pose
 from observer.jsonl import FrameLine, ObservationLine, ObstacleEntry
 from observer.mount import CameraMount
+from observer.occupancy import OccupancyMap
 from observer.robots.contract import RobotPort
 from observer.sources.contract import SourceInfo
 from observer.truth.matching import TrueBodyEntry
@@ -170,6 +172,19 @@ class DenseStereoEvent:
 
 
 @dataclass(frozen=True)
+class LocalMapEvent:
+    """The local map of the observer is another one; at most some times a second.
+
+    Attributes:
+        map: by which the way to a goal is planned, or was as it is recorded; None: there is none.
+        T_world_corner: as ``OccupancyMap.placed`` has it, in the world of the newest observation.
+    """
+
+    map: OccupancyMap | None
+    T_world_corner: Pose | None
+
+
+@dataclass(frozen=True)
 class HeartbeatEvent:
     """The engine's own loop is alive; sent at least every 100 ms, also while paused."""
 
@@ -200,6 +215,7 @@ Event = (
     | BoardViewsEvent
     | SkippedFrameEvent
     | DenseStereoEvent
+    | LocalMapEvent
     | HeartbeatEvent
     | EngineStartedEvent
     | EngineLostEvent

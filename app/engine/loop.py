@@ -33,7 +33,9 @@ from app.engine.session import ObserverFactory, Session
 from app.runtime.requests import Request
 from observer.guard.sight import REAL_WORLD
 from observer.jsonl import observation_line
-from observer.types import FullTrace, StereoFrame
+from observer.occupancy import OccupancyMap
+from observer.recording.payloads import LocalMapPayload
+from observer.types import FullTrace, Observation, StereoFrame
 
 # Twice the promised rate, so that a small delay still keeps the promise.
 BEAT_INTERVAL_S = 0.05
@@ -255,8 +257,10 @@ class Engine:
         )
         self._send(event)
         self._sequence += 1
+        local_map = None
         if drive is not None and sight is not None:
-            drive.wayfinder.look(sight, session.parameters)
+            local_map = drive.wayfinder.look(sight, session.parameters)
+        self._tell_local_map(session, played, observation, local_map)
         if recorder is not None:
             recorder.observation(
                 line, frame.received, event.ego_motion, event.truth, self._truth.why_none
@@ -265,12 +269,33 @@ class Engine:
                 recorder.truth(
                     truth.sample(frame.index, frame.time, played.source_time), frame.received
                 )
+            if local_map is not None:
+                recorder.local_map(
+                    LocalMapPayload(frame=frame.index, time=frame.time, map=local_map)
+                )
         self.beat()
         session.ageing.look(observed)
         # Without a run it is the last half minute of live cameras, which holds no clouds.
         kept_by = None if session.run_id is None else recorder
         self._publisher.publish(observed, None if kept_by is None else kept_by.cloud)
         session.spent(began, time.monotonic())
+
+    def _tell_local_map(
+        self,
+        session: Session,
+        played: PlayedFrame,
+        observation: Observation,
+        made: OccupancyMap | None,
+    ) -> None:
+        event = session.local_maps.look(
+            made,
+            played.position,
+            session.segment,
+            played.frame.received,
+            observation.T_world_camera,
+        )
+        if event is not None:
+            self._send(event)
 
     def _with_odometry(self, frame: StereoFrame, session: Session) -> StereoFrame:
         """Return the frame with wheel odometry, for live cameras on a robot driven from here."""

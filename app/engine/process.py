@@ -15,6 +15,7 @@ from app.contract.events import (
     BoardLookEvent,
     DenseStereoEvent,
     HeartbeatEvent,
+    LocalMapEvent,
     ObservationEvent,
     SkippedFrameEvent,
 )
@@ -57,7 +58,7 @@ def run_engine(
     leaving = False
     sender = MessageSender(
         sock,
-        latest=(HeartbeatEvent, DenseStereoEvent, BoardLookEvent),
+        latest=(HeartbeatEvent, DenseStereoEvent, BoardLookEvent, LocalMapEvent),
         droppable=(ObservationEvent, SkippedFrameEvent),
     )
     slots = dict(arguments.slots)

@@ -24,7 +24,7 @@ from app.engine.errors import NotNow, unexpected
 from app.engine.playback import PlayedFrame
 from observer.navigation.parameters import AllParameters
 from observer.recording.errors import RecordingError
-from observer.recording.payloads import Incident, ParameterRevision, RobotRow
+from observer.recording.payloads import Incident, LocalMapPayload, ParameterRevision, RobotRow
 from observer.recording.ring import Ring
 from observer.recording.writer import RecordingWriter
 from observer.sources.contract import SkippedFrame
@@ -186,6 +186,10 @@ class RunRecorder(threading.Thread):
                 writer.incident(incident)
 
         self._give(write)
+
+    def local_map(self, told: LocalMapPayload) -> None:
+        """Record the local map of a frame."""
+        self._give(lambda w: w.local_map(told))
 
     def capture(self, samples: Sequence[BodySample]) -> None:
         """Record the motion capture samples since the last call; any thread may call."""

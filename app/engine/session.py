@@ -12,6 +12,7 @@ from typing import Protocol
 from app.contract.commands import OpenSource
 from app.contract.events import EngineState, StateEvent
 from app.engine.ageing import CalibrationAgeing
+from app.engine.local_maps import LocalMaps
 from app.engine.playback import Player
 from app.engine.played_source import (
     FIRST_PAIR_S,
@@ -131,6 +132,7 @@ class Session(PlayedSource):
         self.run_id = command.run_id
         self.first_segment = command.segment
         self.parameters_revision = command.parameters_revision
+        self.local_maps = LocalMaps(opened.local_maps, mount)
         self.truth = None if opened.truth is None else TruthMatcher(opened.truth)
         self.segment = command.segment
         self._begin_recording = begin_recording

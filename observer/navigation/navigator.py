@@ -29,6 +29,7 @@ from observer.navigation.reasons import Reason, reason_of
 from observer.navigation.refusals import refused_paths
 from observer.navigation.rollouts import Motion
 from observer.navigation.surroundings import Surroundings
+from observer.occupancy import OccupancyMap
 from observer.robots.contract import SonarReading
 from observer.types import Status
 
@@ -72,6 +73,8 @@ class Navigator:
         self._sight: Sight | None = None
         # Whether the newest frame tells impossible values.
         self._odd = False
+        # Of the base at the newest frame; None where that is not gone by.
+        self._pose: Float64Array | None = None
 
     def use(self, limits: GuardParameters, planner: NavigationParameters) -> None:
         """Go by these parameters from now on."""
@@ -87,14 +90,22 @@ class Navigator:
         """
         self._sight = sight
         self._odd = not (_usable(*pose.tolist()) and all(map(_usable_track, sight.obstacles)))
+        self._pose = None
         if sight.status is not Status.OK or self._odd:
             return
+        self._pose = pose
         for one in sight.obstacles:
             if not one.coasting or one.id not in self._known:
                 self._known[one.id] = _Known(_standing(one, pose), sight.received)
         self._map.move_to(float(pose[0]), float(pose[1]))
         if sight.scan is not None:
             self._map.see(sight.scan, sight.obstacles, pose, sight.received)
+
+    def local_map(self) -> OccupancyMap | None:
+        """Return what is known of the ground by now; None where the newest frame is not usable."""
+        if self._sight is None or self._pose is None:
+            return None
+        return self._map.snapshot(self._pose, self._sight.received)
 
     def plan(self, errand: Errand, now: float) -> Plan:
         """Plan the next seconds of an errand.

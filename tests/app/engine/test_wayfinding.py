@@ -11,11 +11,13 @@ import pytest
 from app.engine.wayfinding import Wayfinder
 from app.engine.wheel_feed import WheelFeed
 from app.runtime.latest import LatestReader, LatestWriter, create_slot
-from observer.guard.sight import FreeScan, Sight
+from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.navigation.errand import Errand, Goal
 from observer.navigation.navigator import Navigator
 from observer.navigation.parameters import AllParameters
 from observer.navigation.plan import Plan, plan_of
+from observer.occupancy import FREE as FREE_CELL
+from observer.occupancy import OccupancyMap
 from observer.types import Status
 
 NOW = 100.0
@@ -37,12 +39,18 @@ class Link:
         for fd in fds:
             os.close(fd)
         self.wayfinder = Wayfinder(self._ends[1], WheelFeed(self._ends[0]), lambda: NOW)
+        self.local_map: OccupancyMap | None = None
 
-    def look(self, sight: Sight = SIGHT, errand: Errand | None = ERRAND) -> Plan | None:
+    def look(
+        self,
+        sight: Sight = SIGHT,
+        errand: Errand | None = ERRAND,
+        parameters: AllParameters = PARAMETERS,
+    ) -> Plan | None:
         facts = {} if errand is None else {"errand": errand.facts()}
         self.wheels.write({"observer": STANDING, **facts})
         before = self.plans.read()
-        self.wayfinder.look(sight, PARAMETERS)
+        self.local_map = self.wayfinder.look(sight, parameters)
         value = self.plans.read(0 if before is None else before.sequence)
         return None if value is None else plan_of(value.header)
 
@@ -72,6 +80,15 @@ def test_a_plan_leads_to_the_goal(link: Link) -> None:
     assert plan.reason == "Driving to the goal, 3.0 m away."
 
 
+def test_a_change_of_the_planner_is_used_by_the_next_plan(link: Link) -> None:
+    seen = SeenObstacle(3, 1.4, 1.2, 0.0, -0.5, 0.3, 0.05, 0.1, False)
+    sight = replace(SIGHT, obstacles=(seen,))
+    before, same = link.look(sight), link.look(sight)
+    assert before == same
+    wider = PARAMETERS.changed({"navigation.berth_m": 1.0})
+    assert link.look(sight, parameters=wider) != before
+
+
 def test_a_frame_of_an_unknown_place_is_not_planned_by(link: Link) -> None:
     assert link.look(replace(SIGHT, received=NOW - 5.0)) is None
 
@@ -88,3 +105,26 @@ def test_a_planner_that_fails_tells_nothing(
     assert caplog.text.count("planning the way to the goal failed") == 1
     monkeypatch.undo()
     assert link.look() is not None
+
+
+def test_a_local_map_is_told_twice_a_second_on_the_way_to_a_goal(link: Link) -> None:
+    received = [NOW - 0.9 + 0.1 * k for k in range(10)]
+    maps = []
+    for each in received:
+        link.look(replace(SIGHT, received=each))
+        maps.append(link.local_map)
+    assert [k for k, made in enumerate(maps) if made is not None] == [0, 5]
+    made = maps[5]
+    assert made is not None
+    assert made.received == received[5]
+    assert made.robot == (0.0, 0.0, 0.0)
+    assert (made.cells() == FREE_CELL).any()
+    link.look(errand=None)
+    assert link.local_map is None
+
+
+def test_a_frame_in_which_little_is_seen_makes_no_local_map(link: Link) -> None:
+    link.look(replace(SIGHT, status=Status.DEGRADED))
+    assert link.local_map is None
+    link.look()
+    assert link.local_map is not None

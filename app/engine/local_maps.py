@@ -1,0 +1,62 @@
+"""Local map that is in force at each frame: of the way to a goal, or recorded with the frame."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from app.contract.events import LocalMapEvent
+from observer.geometry import Pose
+from observer.mount import CameraMount
+from observer.occupancy import HELD_S, OccupancyMap
+
+_NONE = LocalMapEvent(None, None)
+
+
+class LocalMaps:
+    """Follower of the local map of one source.
+
+    Args:
+        recorded: by the position of the frame; empty where none are recorded.
+        mount: of the cameras; without it no map has a place.
+    """
+
+    def __init__(self, recorded: Mapping[int, OccupancyMap], mount: CameraMount | None) -> None:
+        self._recorded = recorded
+        self._T_camera_base = None if mount is None else mount.T_base_camera.inverse()
+        self._told = _NONE
+        self._segment = 0
+
+    def look(
+        self,
+        made: OccupancyMap | None,
+        position: int,
+        segment: int,
+        received: float,
+        T_world_camera: Pose | None,
+    ) -> LocalMapEvent | None:
+        """Return what to tell of the map at the next frame; None where nothing has changed.
+
+        Args:
+            made: of this frame. position: of the frame within the source.
+            received: of the frame, as ``OccupancyMap.received`` of what is made.
+        """
+        new, told = made or self._recorded.get(position), self._told.map
+        if new is None:
+            goes_on = told is not None and received - told.received <= HELD_S
+            if told is None or (goes_on and segment == self._segment and not self._recorded):
+                return None
+            event = _NONE
+        elif told is not None and new.received == told.received and segment == self._segment:
+            # A recorded one, with the robot as it is by now.
+            return None
+        else:
+            event = self._placed(new, T_world_camera)
+        if event.map is None and told is None:
+            return None
+        self._told, self._segment = event, segment
+        return event
+
+    def _placed(self, new: OccupancyMap, T_world_camera: Pose | None) -> LocalMapEvent:
+        if T_world_camera is None or self._T_camera_base is None:
+            return _NONE
+        return LocalMapEvent(new, new.placed(T_world_camera @ self._T_camera_base))
