@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from app.contract.values import means
+from observer.navigation.plan import RefusedPath
 from observer.rig.rig import Role
 from observer.robots.contract import RobotReport
 
@@ -93,6 +94,12 @@ class GoalNow:
         int | None, means("Track for which it stands or turns aside; below zero: not numbered yet.")
     ]
     meets_s: Annotated[float | None, means("Until it would meet that track, s.")]
+    meets_at: Annotated[
+        tuple[float, float] | None, means("Where that track is predicted to be then.")
+    ] = None
+    refused: Annotated[
+        Sequence[RefusedPath], means("Some paths that it does not take, the best one first.")
+    ] = ()
 
 
 @dataclass(frozen=True)

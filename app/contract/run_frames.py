@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from app.contract.frame_plan import FramePlan
+from app.contract.robots import GoalNow
 from app.contract.values import means
 
 _BOX = "u0, v0, u1, v1 in the rectified left image, pixels."
@@ -59,6 +60,9 @@ class FrameEntry:
     counts: Annotated[FrameCounts | None, means("None without ground truth.")]
     observed_ms: Annotated[float | None, means("Time that the method took.")]
     plan: FramePlan
+    goal: Annotated[
+        GoalNow | None, means("Of the observer at that time; None where it had none.")
+    ] = None
 
 
 @dataclass(frozen=True)

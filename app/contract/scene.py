@@ -79,8 +79,9 @@ _LAYERS = (
         ((226, 44, 44), (255, 160, 20), (36, 160, 148)),
     ),
     SceneLayer(
-        "path", "Path", "The goal of the observer, and the path that it plans for the next "
-        "seconds.", f"{WORLD_NODE}/path", ((150, 70, 220),),
+        "path", "Path", "The goal of the observer and its planned path (violet), refused paths "
+        "(grey), and where it would meet the obstacle that decides (magenta ring).",
+        f"{WORLD_NODE}/path", ((150, 70, 220), (150, 140, 160), (220, 50, 140)),
     ),
     SceneLayer(
         "truth", "Ground truth", "True boxes, where ground truth is known.", f"{WORLD_NODE}/truth",

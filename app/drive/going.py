@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from app.contract.drive import PLAN_FRESH_S
@@ -101,18 +101,21 @@ class Going:
     def facts(self, now: float) -> GoalNow:
         """Return the facts as ``DriveState.facts`` holds them."""
         here, plan, end = self._here, self._plan, self._end
-        places = [] if here is None else _seen_from(here, [(self.goal.x, self.goal.y)])
+        place = None if here is None else _seen_from(here, [(self.goal.x, self.goal.y)])[0]
+        seen = None if here is None or plan is None else _plan_from(here, plan)
         return GoalNow(
             state="driving" if end is None else end.state,
             sentence=self._sentence(),
-            place=places[0] if places else None,
+            place=place,
             distance_m=None if here is None else self._distance(here),
             elapsed_s=(now if end is None else end.time) - self._began,
-            path=[] if here is None or plan is None else _seen_from(here, plan.path),
+            path=() if seen is None else seen.path,
             risk_per_metre=self.goal.risk_per_metre,
             planned_risk_per_metre=None if plan is None else plan.risk_per_metre,
             waits_for=None if plan is None else plan.waits_for,
             meets_s=None if plan is None else plan.meets_s,
+            meets_at=None if seen is None else seen.meets_at,
+            refused=() if seen is None else seen.refused,
         )
 
     def _sentence(self) -> str:
@@ -132,10 +135,20 @@ def place_ahead(here: Odometry, ahead_m: float, left_m: float) -> tuple[float, f
     return here.x + c * ahead_m - s * left_m, here.y + s * ahead_m + c * left_m
 
 
-def _seen_from(here: Odometry, places: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+def _plan_from(here: Odometry, plan: Plan) -> Plan:
+    """Return a plan whose places are seen from the robot."""
+    meets_at = None if plan.meets_at is None else _seen_from(here, [plan.meets_at])[0]
+    refused = tuple(replace(one, path=_seen_from(here, one.path)) for one in plan.refused)
+    return replace(plan, path=_seen_from(here, plan.path), meets_at=meets_at, refused=refused)
+
+
+def _seen_from(
+    here: Odometry, places: Sequence[tuple[float, float]]
+) -> tuple[tuple[float, float], ...]:
+    """Return places as metres ahead and to the left, to the millimetre."""
     c, s = math.cos(here.yaw), math.sin(here.yaw)
     away = [(x - here.x, y - here.y) for x, y in places]
-    return [(c * x + s * y, c * y - s * x) for x, y in away]
+    return tuple((round(c * x + s * y, 3), round(c * y - s * x, 3)) for x, y in away)
 
 
 def _finite(plan: Plan) -> bool:

@@ -1,4 +1,4 @@
-"""Observing robot in the scene: its outline, the guard's zones, its sonar, its goal and the path
+"""Observing robot in the scene: its outline, the guard's zones, its sonar, its goal and the paths
 there; pure geometry."""
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from app.viewer.shapes import thinned
 from observer.geometry import Float64Array, Pose
 from observer.mount import CameraMount
 from observer.navigation.errand import REACHED_M
+from observer.navigation.plan import MOST_REFUSED, RefusedPath
 from observer.robots.contract import RobotReport, SonarReading
 
 Level = Literal["clear", "slow", "stop"]
@@ -25,15 +26,22 @@ MOST_SONARS = 16
 LINES_OF_A_SONAR = 3
 MOST_SONAR_LINES = MOST_SONARS * LINES_OF_A_SONAR
 MOST_PATH_LINES = 60
+_LINES_OF_A_REFUSED = 4
+MOST_REFUSED_LINES = MOST_REFUSED * _LINES_OF_A_REFUSED
 _RING_LINES = 32
 _FLAG_LINES = 3
 GOAL_LINES = _RING_LINES + _FLAG_LINES
+_CROSS_LINES = 2
+MEETING_LINES = _RING_LINES + _CROSS_LINES
 
 # Just above the floor, so that the floor's own lines do not cut through.
 _ZONE_HEIGHT_M = 0.012
 _PATH_HEIGHT_M = 0.016
+_REFUSED_HEIGHT_M = 0.014
 _FLAG_HEIGHT_M = 0.5
 _FLAG_M = 0.18
+# About a person's.
+_MEETING_RADIUS_M = 0.3
 _SONAR_HEIGHT_M = 0.16
 _BODY_HEIGHT_M = 0.02
 _TEXT_HEIGHT_M = 0.75
@@ -54,6 +62,9 @@ class RobotMarks:
         stop_zone, slow_zone: on the floor.
         sonar: short arcs at echoes within the last second.
         path: planned on the way to the goal, on the floor.
+        refused: paths that it does not take, on the floor.
+        meeting: a ring with a cross on the floor where the robot would meet the obstacle that
+            decides, as that is predicted.
         goal: a ring on the floor as wide as it counts as reached, and a flag; of a goal to which
             the robot drives.
         level: of the guard; None where it reports nothing.
@@ -68,6 +79,8 @@ class RobotMarks:
     slow_zone: Float64Array
     sonar: Float64Array
     path: Float64Array
+    refused: Float64Array
+    meeting: Float64Array
     goal: Float64Array
     level: Level | None
     text: str | None
@@ -101,6 +114,8 @@ def robot_marks(
         slow_zone=world(_zone(() if guard is None else guard.slow_zone)),
         sonar=world(_sonar(report.sonars, report.received)),
         path=world(_path(() if aim is None else aim.path)),
+        refused=world(_refused(() if aim is None else aim.refused)),
+        meeting=world(_meeting(None if aim is None else aim.meets_at)),
         goal=world(_goal(None if aim is None else aim.place)),
         level=None if guard is None else guard.level,
         text=_text(guard, aim),
@@ -143,20 +158,42 @@ def _zone(corners: Sequence[Sequence[float]]) -> Float64Array:
 
 
 def _path(places: Sequence[Sequence[float]]) -> Float64Array:
-    """Return lines through the places; where there are too many, some of them and the last."""
+    return _raised(_through(places, MOST_PATH_LINES), _PATH_HEIGHT_M)
+
+
+def _refused(paths: Sequence[RefusedPath]) -> Float64Array:
+    lines = [_through(one.path, _LINES_OF_A_REFUSED) for one in paths[:MOST_REFUSED]]
+    return _raised(np.concatenate([np.zeros((0, 2, 2)), *lines]), _REFUSED_HEIGHT_M)
+
+
+def _through(places: Sequence[Sequence[float]], most: int) -> Float64Array:
+    """Return (N, 2, 2) lines through places; of more than ``most``, through some and the last."""
     if len(places) < 2:
-        return np.zeros((0, 2, 3))
+        return np.zeros((0, 2, 2))
     points = np.array(places, dtype=np.float64)[:, :2]
-    kept = points[:-1][thinned(len(points) - 1, MOST_PATH_LINES)]
+    kept = points[:-1][thinned(len(points) - 1, most)]
     flat = np.concatenate([kept, points[-1:]])
-    return _raised(np.stack([flat[:-1], flat[1:]], axis=1), _PATH_HEIGHT_M)
+    return np.stack([flat[:-1], flat[1:]], axis=1)
+
+
+def _meeting(place: Sequence[float] | None) -> Float64Array:
+    if place is None:
+        return np.zeros((0, 2, 3))
+    half = _MEETING_RADIUS_M * math.sqrt(0.5)
+    cross = np.array([((-half, -half), (half, half)), ((-half, half), (half, -half))])
+    lines = np.concatenate([_ring(_MEETING_RADIUS_M), cross]) + np.asarray(place, np.float64)
+    return _raised(lines, _PATH_HEIGHT_M)
+
+
+def _ring(radius_m: float) -> Float64Array:
+    """Return (N, 2, 2) lines around the origin."""
+    around = np.linspace(0, 2 * math.pi, _RING_LINES, endpoint=False)
+    return _closed(radius_m * np.stack([np.cos(around), np.sin(around)], axis=1))
 
 
 def _goal(place: Sequence[float] | None) -> Float64Array:
     if place is None:
         return np.zeros((0, 2, 3))
-    around = np.linspace(0, 2 * math.pi, _RING_LINES, endpoint=False)
-    ring = _closed(REACHED_M * np.stack([np.cos(around), np.sin(around)], axis=1))
     top, low = _FLAG_HEIGHT_M, _FLAG_HEIGHT_M - _FLAG_M
     tip = (0.0, -_FLAG_M, (top + low) / 2)
     flag = np.array(
@@ -166,7 +203,7 @@ def _goal(place: Sequence[float] | None) -> Float64Array:
             (tip, (0.0, 0.0, low)),
         ]
     )
-    lines = np.concatenate([_raised(ring, _PATH_HEIGHT_M), flag])
+    lines = np.concatenate([_raised(_ring(REACHED_M), _PATH_HEIGHT_M), flag])
     return np.asarray(lines + np.array([place[0], place[1], 0.0]))
 
 

@@ -26,8 +26,10 @@ from app.contract.scene import (
 from app.viewer.picture import Cloud, Picture, Tag
 from app.viewer.robot_marks import (
     GOAL_LINES,
+    MEETING_LINES,
     MOST_OUTLINE_LINES,
     MOST_PATH_LINES,
+    MOST_REFUSED_LINES,
     MOST_SONAR_LINES,
     MOST_ZONE_LINES,
     Level,
@@ -44,9 +46,8 @@ _TRAIL_LINES = MOST_CAMERA_POINTS - 1
 _OBSTACLE_TRAIL_LINES = 200
 _FLOOR_HALF_WIDTH_M = 8
 _FLOOR = (150, 162, 158)
-(_BOX,), (_ARROW,), (_PATH,), (_TRUTH,) = (
-    LAYERS[name].colors for name in ("boxes", "arrows", "path", "truth")
-)
+(_BOX,), (_ARROW,), (_TRUTH,) = (LAYERS[name].colors for name in ("boxes", "arrows", "truth"))
+_PATH, _REFUSED, _MEETING = LAYERS["path"].colors
 _TRAIL, _OBSTACLE_TRAIL = LAYERS["trails"].colors
 _STOP, _SLOW, _SONAR = LAYERS["guard"].colors
 # The robot and its camera have the colour of their trail.
@@ -111,7 +112,9 @@ class Scene:
             point_shading="flat",
             visible=False,
         )
-        boxes, trails, guard = (partial(_in_layer, name) for name in ("boxes", "trails", "guard"))
+        boxes, trails, guard, path = (
+            partial(_in_layer, name) for name in ("boxes", "trails", "guard", "path")
+        )
         self._boxes = self._lines(boxes("edges"), _MOST_OBSTACLES * EDGES_OF_A_BOX, _BOX, 3.0)
         self._truth = self._lines(
             _in_layer("truth", "edges"), _MOST_BODIES * EDGES_OF_A_BOX, _TRUTH, 1.5
@@ -125,8 +128,10 @@ class Scene:
         self._stop_zone = self._lines(guard("stop"), MOST_ZONE_LINES, _STOP, 3.0)
         self._slow_zone = self._lines(guard("slow"), MOST_ZONE_LINES, _SLOW, 2.0)
         self._sonar = self._lines(guard("sonar"), MOST_SONAR_LINES, _SONAR, 2.5)
-        self._path = self._lines(_in_layer("path", "planned"), MOST_PATH_LINES, _PATH, 3.5)
-        self._goal = self._lines(_in_layer("path", "goal"), GOAL_LINES, _PATH, 3.0)
+        self._path = self._lines(path("planned"), MOST_PATH_LINES, _PATH, 3.5)
+        self._refused = self._lines(path("refused"), MOST_REFUSED_LINES, _REFUSED, 1.5)
+        self._meeting = self._lines(path("meeting"), MEETING_LINES, _MEETING, 3.0)
+        self._goal = self._lines(path("goal"), GOAL_LINES, _PATH, 3.0)
         # Nothing is drawn there: it tells the page where the robot is.
         self._base = scene.add_frame(BASE_NODE, show_axes=False, visible=False)
         self._level: Level | None = None
@@ -198,7 +203,7 @@ class Scene:
         """Draw the robot's place, its goal, and why it is slowed or waits; hide all when old."""
         nodes = (
             *(self._outline, self._stop_zone, self._slow_zone, self._sonar),
-            *(self._path, self._goal),
+            *(self._path, self._refused, self._meeting, self._goal),
         )
         if robot is None or stale:
             for node in (*nodes, self._base, self._reason):
@@ -214,7 +219,7 @@ class Scene:
                 node.colors = np.array(color, np.uint8)
         parts = (
             *(robot.outline, robot.stop_zone, robot.slow_zone, robot.sonar),
-            *(robot.path, robot.goal),
+            *(robot.path, robot.refused, robot.meeting, robot.goal),
         )
         for node, lines in zip(nodes, parts, strict=True):
             _show_lines(node, lines)

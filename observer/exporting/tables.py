@@ -233,6 +233,14 @@ _GOAL_COLUMNS = (
     Column("meets_s", "float", "time until it would meet that track"),
     Column("declared_risk_per_m", "float", "accepted probability of a contact", "risk_per_metre"),
     Column("planned_risk_per_m", "float", "of the planned path", "planned_risk_per_metre"),
+    Column("meets_ahead_m", "float", "where it would meet that track, seen from the robot"),
+    Column("meets_left_m", "float", "where it would meet that track, seen from the robot"),
+    Column(
+        "refused",
+        "text",
+        "paths that it does not take, as JSON: direction (rad to the left), speed_mps, path (m "
+        "ahead and left), cause (risk, later, guard or surface), risk, track, meets_s, guard",
+    ),
 )
 
 
@@ -241,8 +249,18 @@ def _goals(recording: Recording) -> Iterator[Row]:
         goal = row.facts.get("goal")
         if isinstance(goal, dict):
             ahead, left = goal.get("place") or (None, None)
-            instant = {"received": row.received, "time": row.time}
-            yield {**goal, **instant, "ahead": ahead, "left": left}
+            # Recordings of before tell neither of these.
+            meets_ahead, meets_left = goal.get("meets_at") or (None, None)
+            yield {
+                **goal,
+                "received": row.received,
+                "time": row.time,
+                "ahead": ahead,
+                "left": left,
+                "meets_ahead_m": meets_ahead,
+                "meets_left_m": meets_left,
+                "refused": json.dumps(goal.get("refused", [])),
+            }
 
 
 _MAP_COLUMNS = (

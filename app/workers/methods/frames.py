@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
 import numpy as np
 
 from app.contract.run_frames import FrameBody, FrameCounts, FrameEntry, FrameObstacle, RunFrames
+from app.workers.methods.goals import Goals
 from app.workers.methods.plans import Plans
 from observer.camera import StereoCamera
 from observer.evaluation.lines import checked_lines
@@ -49,9 +50,9 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
     if truth is not None:
         size = camera.width, camera.height
         scores = _Scores(tally(checked_lines(lines), truth, image_size=size))
-    plans = Plans(recording, truth)
+    plans, goals = Plans(recording, truth), Goals(recording)
     entries = [
-        _entry(frame, line, camera, truth, scores, plans)
+        replace(_entry(frame, line, camera, truth, scores, plans), goal=goals.of(frame))
         for frame, line in _with_lines(recording.frames, lines)
     ]
     took = [entry.observed_ms for entry in entries if entry.observed_ms is not None]

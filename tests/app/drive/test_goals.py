@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from app.contract.drive import (
@@ -18,7 +19,7 @@ from app.contract.drive import (
 )
 from observer.guard.guard import Verdict
 from observer.motion_profiles.profile import MotionProfile, Step
-from observer.navigation.plan import Plan
+from observer.navigation.plan import Plan, RefusedPath
 from observer.types import Odometry, Status
 
 from .scripted import Bench, refused
@@ -83,6 +84,23 @@ def test_it_drives_as_planned_and_stands_at_the_goal(bench: Bench) -> None:
     assert bench.sent("observer") == (0.0, 0.0)
     assert bench.state("observer") == "armed"
     assert "goal" not in bench.kinds()
+
+
+def test_what_is_refused_and_where_somebody_is_met_is_told_as_seen_from_the_robot(
+    bench: Bench,
+) -> None:
+    prepare(bench)
+    bench.robots["observer"].change(odometry=Odometry(1.0, 2.0, math.pi / 2))
+    bench.tick()
+    start(bench, 3.0)
+    refused = RefusedPath(0.0, 0.5, ((1.0, 2.1), (1.0, 4.0)), "risk", 0.04, 3, 1.2)
+    stay(bench, 0.3, waits_for=3, meets_s=1.2, meets_at=(0.5, 3.0), refused=(refused,))
+    told = goal(bench)
+    assert told.meets_at == pytest.approx((1.0, 0.5))
+    assert [replace(one, path=()) for one in told.refused] == [replace(refused, path=())]
+    np.testing.assert_allclose(told.refused[0].path, [(0.1, 0.0), (2.0, 0.0)], atol=1e-9)
+    bench.take(StopGoal())
+    assert (goal(bench).meets_at, goal(bench).refused) == (None, ())
 
 
 def test_without_a_fresh_plan_of_this_goal_it_stands(bench: Bench) -> None:

@@ -29,7 +29,14 @@ from app.server import Server
 from app.storage import Storage
 from app.viewer import ViserViewer
 from app.viewer.picture import make_picture, read_cloud
-from app.viewer.robot_marks import GOAL_LINES, MOST_PATH_LINES, MOST_ZONE_LINES, robot_marks
+from app.viewer.robot_marks import (
+    GOAL_LINES,
+    MEETING_LINES,
+    MOST_PATH_LINES,
+    MOST_REFUSED_LINES,
+    MOST_ZONE_LINES,
+    robot_marks,
+)
 from app.viewer.shapes import (
     Follower,
     box_edges,
@@ -43,6 +50,7 @@ from app.viewer.shapes import (
 from app.viewer.trails import Trails
 from observer.geometry import Pose
 from observer.mount import CameraMount, level_pose
+from observer.navigation.plan import RefusedPath
 from observer.robots.contract import RobotPhase, RobotReport, SonarReading
 
 ANGLES = st.floats(-1.4, 1.4)
@@ -272,6 +280,11 @@ _GOAL = GoalNow(
     planned_risk_per_metre=0.0002,
     waits_for=3,
     meets_s=1.4,
+    meets_at=(0.8, -0.2),
+    refused=[
+        RefusedPath(0.0, 0.5, ((0.0, 0.0), (0.5, 0.0), (1.0, 0.0)), "risk", 0.04, 3, 1.2),
+        RefusedPath(0.5, 0.5, tuple((0.1 * k, 0.05 * k) for k in range(9)), "guard"),
+    ],
 )
 _STILL = Velocity(0.0, 0.0)
 _ROBOT = RobotNow(
@@ -348,6 +361,27 @@ def test_the_goal_and_the_path_there_lie_on_the_floor_while_it_is_driven_to() ->
         nothing = robot_marks(_ROBOT, _MOUNT, T, over)
         assert nothing is not None
         assert len(nothing.path) == len(nothing.goal) == 0
+        if over is None or over.state != "driving":
+            assert len(nothing.refused) == len(nothing.meeting) == 0
+
+
+def test_refused_paths_and_the_predicted_meeting_lie_on_the_floor() -> None:
+    T = Pose.from_rotvec([0.0, 0.4, 0.0], [1.0, 0.0, 2.0])
+    marks = robot_marks(_ROBOT, _MOUNT, T, _GOAL)
+    assert marks is not None
+    refused, meeting = _in_base(marks.refused, T), _in_base(marks.meeting, T)
+    # As short as they are told, or thinned out to their end.
+    np.testing.assert_allclose(refused[:2, 1, :2], _GOAL.refused[0].path[1:], atol=1e-9)
+    np.testing.assert_allclose(refused[-1, 1, :2], _GOAL.refused[1].path[-1], atol=1e-9)
+    assert 2 < len(refused) <= MOST_REFUSED_LINES
+    assert len(meeting) == MEETING_LINES
+    off = np.linalg.norm(meeting[..., :2] - np.array(_GOAL.meets_at), axis=-1)
+    np.testing.assert_allclose(off, 0.3, atol=1e-9)
+    assert (np.abs(np.concatenate([refused, meeting])[..., 2]) < 0.03).all()
+    many = replace(_GOAL, refused=[*_GOAL.refused] * 9)
+    crowded = robot_marks(_ROBOT, _MOUNT, T, many)
+    assert crowded is not None
+    assert len(crowded.refused) <= MOST_REFUSED_LINES
 
 
 def test_of_a_long_path_its_end_is_kept() -> None:

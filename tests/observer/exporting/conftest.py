@@ -32,7 +32,13 @@ FRAMES = 12
 GOAL = {
     "state": "driving", "sentence": "Passing behind obstacle 3.", "place": [2.0, -0.5],
     "distance_m": 2.06, "elapsed_s": 1.0, "path": [[0.1, 0.0]], "risk_per_metre": 0.001,
-    "planned_risk_per_metre": 2e-5, "waits_for": 3, "meets_s": 1.4,
+    "planned_risk_per_metre": 2e-5, "waits_for": 3, "meets_s": 1.4, "meets_at": [1.2, 0.1],
+    "refused": [
+        {
+            "direction": 0.3, "speed_mps": 0.5, "path": [[0.1, 0.0], [1.0, 0.3]], "cause": "risk",
+            "risk": 0.04, "track": 3, "meets_s": 1.2, "guard": None,
+        }
+    ],
 }  # fmt: skip
 CELLS = np.array([[0, 0, 1], [1, 1, 2], [2, 0, 1]], np.uint8)
 

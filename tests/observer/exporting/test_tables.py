@@ -23,7 +23,7 @@ _UNITS = re.compile(r"_(m|mps|s|rad|radps|px|m2|m2ps2)$")
 _WITHOUT = {
     "frame", "segment", "status", "id", "state", "motion", "points", "significance", "why",
     "reasons", "parameters_revision", "obstacles", "name", "role", "visible", "track_id", "reason",
-    "waits_for", "size", "runs",
+    "waits_for", "refused", "size", "runs",
     "revision", "from_position", "value", "qw", "qx", "qy", "qz",
 }  # fmt: skip
 
@@ -80,6 +80,8 @@ def test_truth_odometry_robots_frames_and_parameters_have_tables(
             ("driving", "2.0", "-0.5", "3")
         }
         assert {r["reason"] for r in goals} == {GOAL["sentence"]}
+        assert {(r["meets_ahead_m"], r["meets_left_m"]) for r in goals} == {("1.2", "0.1")}
+        assert json.loads(goals[0]["refused"]) == GOAL["refused"]
         maps = read_csv("map", recording)
         assert [int(r["frame"]) for r in maps] == [recording.frames[k].index for k in (0, 8)]
         assert {(r["corner_x_m"], r["robot_yaw_rad"]) for r in maps} == {("-0.3", "-0.1")}
