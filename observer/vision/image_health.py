@@ -6,8 +6,10 @@ import math
 from collections import deque
 
 import cv2
+import numpy as np
 
 from observer.camera import StereoCamera
+from observer.geometry import Float64Array
 from observer.parameters import StereoParameters
 from observer.vision.flicker import FLICKER_WINDOW_S, flicker_reason
 from observer.vision.image_checks import (
@@ -24,6 +26,8 @@ from observer.vision.view import StereoRows, View
 _FROZEN_FRAMES = 2
 # Rows drift slowly; looking now and then is enough, and what was found stays until the next look.
 _ROWS_EVERY = 5
+# So much of what is seen must be matched before its brightness speaks for both cameras.
+_MOSTLY_MATCHED = 0.6
 # Below this share of features with depth, or with fewer matches, it is worth asking why; while it
 # lasts again after so many frames.
 _POOR_STEREO, _FEW_MATCHES = 0.35, 40
@@ -58,7 +62,7 @@ class ImageHealth:
                 not matched it, as of the first view of a segment.
             rows: its stereo matches, where there are any.
         """
-        exposure = exposure_reason(view.left, view.right)
+        exposure = exposure_reason(view.left, view.right, _matched(rows, stereo_share))
         frozen = self._look_frozen(view)
         flicker = self._look_at_light(view)
         if exposure is None and stereo_share is not None:
@@ -105,3 +109,16 @@ class ImageHealth:
         if rows is not None and self._frames % _ROWS_EVERY == 0:
             error = vertical_error(rows.px, rows.offset_px, self._camera)
             self._rows = None if error is None else rectification_reason(error)
+
+
+def _matched(
+    rows: StereoRows | None, stereo_share: float | None
+) -> tuple[Float64Array, Float64Array] | None:
+    """Pixels (N, 2) of the same things in both images; None where too few are matched."""
+    if rows is None or stereo_share is None or stereo_share < _MOSTLY_MATCHED:
+        return None
+    known = np.isfinite(rows.disparity)
+    if np.count_nonzero(known) < _FEW_MATCHES:
+        return None
+    px = rows.px[known]
+    return px, px - np.stack([rows.disparity[known], rows.offset_px[known]], axis=1)

@@ -176,6 +176,32 @@ def test_light_falling_through_fingers_is_a_covered_lens(pair: Pair, share: floa
     assert exposure_reason(left, covered) is not None
 
 
+@pytest.mark.parametrize(
+    ("gain", "share", "told"),
+    [(1.0, 0.8, False), (1.5, 0.8, True), (1.0, 0.4, True)],
+    ids=["equal cameras", "unequal cameras", "little matched"],
+)
+def test_somebody_close_by_is_no_unequal_exposure(
+    pair: Pair, gain: float, share: float, told: bool
+) -> None:
+    left, right = (scaled(image, 0.6) for image in pair)
+    found = detect_features(left, FeaturesParameters(max_count=300)).px
+    disparity = sample_disparity(disparity_map(left, right, StereoParameters()), found)
+    px = found.astype(np.float64)
+    # Whoever stands before the right camera alone fills half of its image, in light clothes.
+    half = right.shape[1] // 2
+    close = scaled(right, gain)
+    body = 160 + 6 * np.sin(np.arange(half) / 9.0) * np.ones((len(right), 1))
+    close[:, :half] = noisy(gain * body, 1.0)
+    disparity[px[:, 0] - disparity < half] = np.nan
+    zeros = np.zeros(len(px))
+    rows = StereoRows(px, zeros, disparity.astype(np.float64), zeros.astype(np.int64))
+    view = View(0, 0.0, None, left, close)
+    assert "times as bright" in (exposure_reason(left, close) or "")
+    reasons = ImageHealth(scene("lab")[0]).look(view, StereoParameters(), share, rows)
+    assert any("times as bright" in reason for reason in reasons) == told
+
+
 def test_both_images_black_are_one_sentence(pair: Pair) -> None:
     dark = noisy(np.zeros_like(pair[0]), 2.0)
     assert (exposure_reason(dark, dark) or "").startswith("both images are black")
