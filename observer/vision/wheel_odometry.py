@@ -8,6 +8,9 @@ from observer.geometry import Pose
 from observer.mount import CameraMount
 from observer.types import Odometry
 
+# By so much of the motion, and by so much beside, wheels and images may differ: rad/s and m/s.
+_SHARE_OFF, _TURN_RATE_OFF, _SPEED_OFF = 0.15, 0.1, 0.15
+
 
 def driven_way(before: Odometry | None, now: Odometry | None) -> float | None:
     """Metres between two places by odometry, where both are known."""
@@ -24,3 +27,24 @@ def driven_step(before: Odometry, now: Odometry, mount: CameraMount) -> tuple[Po
     T_before_now = Pose.from_rotvec([0, 0, turn], [c * dx + s * dy, c * dy - s * dx, 0.0])
     step = mount.T_base_camera.inverse() @ T_before_now.inverse() @ mount.T_base_camera
     return step, float(np.linalg.norm(step.translation)), abs(turn)
+
+
+def agrees(
+    T_now_before: Pose, before: Odometry | None, now: Odometry | None, mount: CameraMount, dt: float
+) -> bool:
+    """Return whether the wheels tell the same motion of the camera over a step of ``dt`` seconds.
+
+    False where one of the two places is unknown. The bounds allow for wheels that slip, for the
+    travel between frame and packet, and for a mount that was measured by hand; whoever walks
+    beyond them is not mistaken for the background.
+    """
+    if before is None or now is None:
+        return False
+    by_wheels, way, turn = driven_step(before, now, mount)
+    off = by_wheels @ T_now_before.inverse()
+    turned = float(np.linalg.norm(off.rotvec))
+    moved = float(np.linalg.norm(off.translation))
+    lever = mount.lever_sigma_m * turn
+    return turned <= _TURN_RATE_OFF * dt + _SHARE_OFF * turn and (
+        moved <= _SPEED_OFF * dt + _SHARE_OFF * way + lever
+    )

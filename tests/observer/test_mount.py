@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
 from observer.methods.monocular.ground import GroundPlane
 from observer.mount import CameraMount
 from observer.types import Odometry
-from observer.vision.wheel_odometry import driven_step
+from observer.vision.wheel_odometry import agrees, driven_step
 
 AHEAD = np.array([0.0, 0.0, 1.0])
 RIGHT = np.array([1.0, 0.0, 0.0])
@@ -92,3 +94,28 @@ def test_an_impossible_mount_is_refused(height: float, tilt: float) -> None:
 def test_a_camera_on_its_head_or_pan_beyond_a_turn_is_refused(angles: dict[str, float]) -> None:
     with pytest.raises(ValueError, match="camera"):
         CameraMount(0.4, 0.1, **angles)
+
+
+@pytest.mark.parametrize(
+    ("ahead_m", "aside_m", "yaw", "right"),
+    [
+        (0.04, 0.0, 0.0, True),
+        (0.045, 0.0, 0.01, True),
+        # The motion of somebody who walks across at 0.3 m/s, or turns with a person who passes.
+        (0.04, 0.03, 0.0, False),
+        (0.04, 0.0, 0.03, False),
+        (0.0, 0.0, 0.0, False),
+    ],
+)
+def test_the_wheels_confirm_a_motion_like_their_own(
+    ahead_m: float, aside_m: float, yaw: float, right: bool
+) -> None:
+    mount = CameraMount(0.4, 0.1, 0.1, 0.06)
+    seen, _, _ = driven_step(Odometry(0, 0, 0), Odometry(ahead_m, aside_m, yaw), mount)
+    before, now = (
+        Odometry(3, 1, 0.5),
+        Odometry(3 + 0.04 * math.cos(0.5), 1 + 0.04 * math.sin(0.5), 0.5),
+    )
+    assert agrees(seen, before, now, mount, 0.1) == right
+    assert not agrees(seen, None, now, mount, 0.1)
+    assert not agrees(seen, before, None, mount, 0.1)

@@ -7,6 +7,7 @@ its inliers refine it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -81,6 +82,7 @@ def estimate_rigid_motion(
     camera: StereoCamera,
     parameters: EgoMotionParameters,
     seed: int,
+    confirmed: Callable[[Pose], bool] = lambda _: False,
 ) -> RigidEgoMotion:
     """Find the camera's pose from static points by RANSAC, and refine it on the inliers.
 
@@ -88,6 +90,8 @@ def estimate_rigid_motion(
         T_previous_world: the pose at t. T_expected_world: about where the camera should be now;
             where the search begins.
         seed: decides the samples; the frame's number, so that equal input gives equal results.
+        confirmed: whether something besides the images tells a motion ``T_current_previous``; asked
+            only where most points contradict it, as where people fill the view.
 
     Returns:
         A motion whose status is ``lost``, with the reason, where the points do not allow one.
@@ -115,7 +119,8 @@ def estimate_rigid_motion(
     reasons = []
     if support < 2 * parameters.min_inliers:
         reasons.append(f"the ego-motion is supported by only {support} points")
-    if support < _WEAK_SHARE * count:
+    T_current_previous = pose @ T_previous_world.inverse()
+    if support < _WEAK_SHARE * count and not confirmed(T_current_previous):
         reasons.append(f"only {100 * support / count:.0f} % of the points agree on one motion")
     # Residuals of three dimensions have a mean square of 3; more means more noise than declared.
     excess = max(1.0, rms**2 / 3)
@@ -128,7 +133,7 @@ def estimate_rigid_motion(
         reasons=tuple(reasons),
         inliers=inliers,
         T_camera_world=pose,
-        T_current_previous=pose @ T_previous_world.inverse(),
+        T_current_previous=T_current_previous,
         pose_covariance=covariance.astype(np.float64),
         residual_rms=rms,
         noise_scale=float(np.sqrt(median(mahalanobis**2) / _MEDIAN_CHI2)),

@@ -42,6 +42,7 @@ from observer.vision.lifecycle import while_lost
 from observer.vision.motion_gate import ImageReach, MotionGate
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 from observer.vision.view import StereoRows, View
+from observer.vision.wheel_odometry import agrees
 
 # The noise learnt from the background follows the newest frame by this share.
 _NOISE_GAIN = 0.3
@@ -66,10 +67,12 @@ class RigidMethod:
 
         Args:
             numbers: gives each confirmed track its own.
-            mount: tells where the ground is; without one it is found once it is seen.
+            mount: tells where the ground is, and what the wheels tell of the camera; without one
+                the ground is found once it is seen.
             drift: what earlier segments taught about the pair of cameras; nothing if left out.
         """
         self._camera = camera
+        self._mount = mount
         self._tracker = BodyTracker(numbers)
         self._renewal = PointRenewal(camera)
         self._gate = MotionGate()
@@ -187,11 +190,24 @@ class RigidMethod:
             weight=density_weights(px, p.klt_tracking),
         )
         ego = estimate_rigid_motion(
-            scene, self._T_camera_world, T_expected, self._camera, p.ego_motion, view.index
+            scene,
+            self._T_camera_world,
+            T_expected,
+            self._camera,
+            p.ego_motion,
+            view.index,
+            lambda step: self._driven_like(step, view, dt),
         )
         inliers = np.zeros(len(points), np.bool_)
         inliers[chosen] = ego.inliers
         return self._gated(replace(ego, inliers=inliers), points, view.time, dt, p)
+
+    def _driven_like(self, T_current_previous: Pose, view: View, dt: float) -> bool:
+        """Return whether the wheels tell this motion since the last frame whose pose is known."""
+        if self._mount is None:
+            return False
+        before, now = self._view.odometry, view.odometry
+        return agrees(T_current_previous, before, now, self._mount, dt)
 
     def _gated(
         self, ego: RigidEgoMotion, points: TrackedPoints, time: float, dt: float, p: Parameters

@@ -289,6 +289,31 @@ def test_a_motion_that_most_points_contradict_is_said_to_be_weak() -> None:
     assert_right(ego, 1e-3, 5e-3)
 
 
+@pytest.mark.parametrize("right", [True, False])
+def test_whom_the_wheels_confirm_people_who_fill_the_view_do_not_weaken(right: bool) -> None:
+    rng = np.random.default_rng(3)
+    scene = seen(rng, 200)
+    scene.px[:140] += rng.uniform(5, 60, (140, 2)) * rng.choice([-1, 1], (140, 2))
+    asked = []
+
+    def confirmed(T_current_previous: Pose) -> bool:
+        asked.append(T_current_previous)
+        return right
+
+    ego = estimate_rigid_motion(scene, BEFORE, AFTER, LAB, P, 0, confirmed)
+    assert ego.status is (Status.OK if right else Status.DEGRADED)
+    (step,) = asked
+    np.testing.assert_allclose(step.matrix, STEP.matrix, atol=5e-3)
+
+
+def test_the_wheels_are_not_asked_where_most_points_agree() -> None:
+    def refuse(_: Pose) -> bool:
+        raise AssertionError
+
+    scene = seen(np.random.default_rng(3), 200)
+    assert estimate_rigid_motion(scene, BEFORE, AFTER, LAB, P, 0, refuse).status is Status.OK
+
+
 # --- how sure it is ------------------------------------------------------------------------
 
 
