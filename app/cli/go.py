@@ -32,8 +32,12 @@ def go(
     token: Token = None,
     token_file: TokenFile = None,
     risk: Annotated[
-        float, typer.Option(help="Accepted probability of touching somebody on each metre.")
-    ] = 0.001,
+        float | None,
+        typer.Option(
+            help="Accepted probability of a contact on each metre; default: the server's parameter "
+            "navigation.risk_per_metre."
+        ),
+    ] = None,
     takeover: Takeover = False,
     as_json: Annotated[
         bool, typer.Option("--json", help="Print what was driven as one JSON object on stdout.")

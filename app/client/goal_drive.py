@@ -24,13 +24,14 @@ class GoalRequest:
 
     Attributes:
         ahead_m, left_m: from the robot as it stands.
-        risk_per_metre: declared probability of touching somebody on each metre.
+        risk_per_metre: accepted probability of a contact on each metre; None for the server's
+            default.
         takeover: take control from whoever has it.
     """
 
     ahead_m: float
     left_m: float
-    risk_per_metre: float
+    risk_per_metre: float | None
     takeover: bool
 
 
@@ -74,7 +75,7 @@ class GoalDrive:
         return {
             "ahead_m": self._request.ahead_m,
             "left_m": self._request.left_m,
-            "risk_per_metre": self._request.risk_per_metre,
+            "risk_per_metre": self._goal.get("risk_per_metre", self._request.risk_per_metre),
             "elapsed_s": self._goal.get("elapsed_s"),
             "distance_m": self._goal.get("distance_m"),
             "robot": self._travelled.summary(),
@@ -82,15 +83,10 @@ class GoalDrive:
 
     def _start(self, lease: str) -> None:
         request = self._request
-        self._goal = self._api.post(
-            "goal",
-            body={
-                "ahead_m": request.ahead_m,
-                "left_m": request.left_m,
-                "risk_per_metre": request.risk_per_metre,
-                "lease": lease,
-            },
-        )
+        body = {"ahead_m": request.ahead_m, "left_m": request.left_m, "lease": lease}
+        if request.risk_per_metre is not None:
+            body["risk_per_metre"] = request.risk_per_metre
+        self._goal = self._api.post("goal", body=body)
 
     def _follow(self, socket: OperatorSocket) -> None:
         while True:

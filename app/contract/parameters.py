@@ -11,9 +11,10 @@ from app.contract.values import means
 
 @dataclass(frozen=True)
 class ParametersNow:
-    revision: Annotated[int, means("Grows with every change but those of guard.* parameters.")]
-    guard_revision: Annotated[
-        int, means("Grows with every change of a guard.* parameter since the server started.")
+    revision: Annotated[int, means("Grows with every change of a parameter of observing.")]
+    driving_revision: Annotated[
+        int,
+        means("Grows with every change of a guard.* or navigation.* parameter since the start."),
     ]
     values: Mapping[str, Any]
     preset: Annotated[str | None, means("The preset with exactly these values.")]

@@ -283,8 +283,9 @@ class Status:
         str | None, means("Source that was to be opened first, and is there to be calibrated.")
     ]
     parameters_revision: int
-    guard_revision: Annotated[
-        int, means("Grows with every change of a guard.* parameter since the server started.")
+    driving_revision: Annotated[
+        int,
+        means("Grows with every change of a guard.* or navigation.* parameter since the start."),
     ]
     rates: Rates
     dense_stereo: DenseStereoStatus

@@ -59,7 +59,7 @@ def status(server: Server) -> Status:
         calibration=known(CalibrationReference, calibration),
         to_calibrate=server.source.to_calibrate,
         parameters_revision=server.parameters.current.revision,
-        guard_revision=server.parameters.current.guard_revision,
+        driving_revision=server.parameters.current.driving_revision,
         rates=Rates(round(telemetry.rate(server.clock()), 2)),
         dense_stereo=replace(dense, per_s=round(dense.per_s, 2)),
         frames_observed=telemetry.frames_observed,

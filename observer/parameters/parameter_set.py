@@ -94,11 +94,21 @@ class ParameterSet(Stage):
         return deepcopy(_declared(cls))
 
     @classmethod
-    def describe_range(cls, dotted: str) -> str:
-        """Return the part of a sentence that states which values a parameter takes."""
+    def declaration(cls, dotted: str) -> dict[str, Any]:
+        """Return that of ``declared`` of one parameter.
+
+        Raises:
+            InputError: there is no parameter of that name.
+        """
         entry = next((entry for entry in _declared(cls) if entry["name"] == dotted), None)
         if entry is None:
             raise InputError(f"there is no parameter named {dotted!r}")
+        return deepcopy(entry)
+
+    @classmethod
+    def describe_range(cls, dotted: str) -> str:
+        """Return the part of a sentence that states which values a parameter takes."""
+        entry = cls.declaration(dotted)
         if entry["type"] == "choice":
             return f"must be one of {', '.join(entry['choices'])}"
         if entry["type"] == "boolean":

@@ -1263,11 +1263,8 @@ export interface components {
        * @default 0
        */
       left_m: number;
-      /**
-       * @description Declared probability of touching somebody on each metre driven.
-       * @default 0.001
-       */
-      risk_per_metre: number;
+      /** @description Accepted probability of a contact on each metre driven; default: the parameter navigation.risk_per_metre. */
+      risk_per_metre?: number | null;
       /** @description Of the observer, which must be armed. */
       lease: string;
     };
@@ -1406,10 +1403,10 @@ export interface components {
       notes: string[];
     };
     ParametersNow: {
-      /** @description Grows with every change but those of guard.* parameters. */
+      /** @description Grows with every change of a parameter of observing. */
       revision: number;
-      /** @description Grows with every change of a guard.* parameter since the server started. */
-      guard_revision: number;
+      /** @description Grows with every change of a guard.* or navigation.* parameter since the start. */
+      driving_revision: number;
       values: {
         [key: string]: unknown;
       };
@@ -1905,8 +1902,8 @@ export interface components {
       /** @description Source that was to be opened first, and is there to be calibrated. */
       to_calibrate: string | null;
       parameters_revision: number;
-      /** @description Grows with every change of a guard.* parameter since the server started. */
-      guard_revision: number;
+      /** @description Grows with every change of a guard.* or navigation.* parameter since the start. */
+      driving_revision: number;
       rates: components["schemas"]["Rates"];
       dense_stereo: components["schemas"]["DenseStereoStatus"];
       frames_observed: number;

@@ -14,8 +14,10 @@ from app.http.api.common import TheServer
 from app.http.api.refusals import refusals
 from app.http.api.values import Finite, Identifier, In
 from app.http.errors import answer
+from observer.navigation.parameters import AllParameters
 
 router = APIRouter(prefix="/goal", tags=["robots"])
+_RISK = AllParameters.declaration("navigation.risk_per_metre")
 
 
 class GoalChoice(In):
@@ -25,8 +27,12 @@ class GoalChoice(In):
     left_m: Annotated[Finite, Field(ge=-FARTHEST_GOAL_M, le=FARTHEST_GOAL_M)] = Field(
         0.0, description="To its left, m."
     )
-    risk_per_metre: Annotated[Finite, Field(gt=0.0, le=1.0)] = Field(
-        0.001, description="Declared probability of touching somebody on each metre driven."
+    risk_per_metre: Annotated[Finite, Field(ge=_RISK["minimum"], le=_RISK["maximum"])] | None = (
+        Field(
+            None,
+            description="Accepted probability of a contact on each metre driven; default: the "
+            "parameter navigation.risk_per_metre.",
+        )
     )
     lease: Identifier = Field(description="Of the observer, which must be armed.")
 
@@ -41,7 +47,10 @@ async def start_goal(wanted: GoalChoice, server: TheServer) -> Response:
 
     A help for attentive people, tried in simulation only; the guard limits what it drives.
     """
-    command = StartGoal(wanted.lease, wanted.ahead_m, wanted.left_m, wanted.risk_per_metre)
+    risk = wanted.risk_per_metre
+    if risk is None:
+        risk = server.parameters.current.values.navigation.risk_per_metre
+    command = StartGoal(wanted.lease, wanted.ahead_m, wanted.left_m, risk)
     goal = await server.driving.ask(command)
     return answer(goal)
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from observer.errors import InputError, ParameterError
 from observer.navigation.parameters import AllParameters
-from observer.parameters import ParameterValue, preset, preset_names
+from observer.parameters import Parameters, ParameterValue, preset, preset_names
 
 BUILT_IN = preset_names()
 
@@ -23,14 +23,14 @@ class ParametersInForce:
         based_on: the preset that the values come from; those that differ are changed by hand.
         frame: the first frame they apply to; None if no source was open or the frame is not yet
             known.
-        guard_revision: grows by one with every change of the guard, from 0 at the start.
+        driving_revision: grows by one with every other change, from 0 at the start.
     """
 
     values: AllParameters
     revision: int
     preset: str | None
     frame: int | None = None
-    guard_revision: int = 0
+    driving_revision: int = 0
     based_on: str = "default"
 
 
@@ -95,13 +95,13 @@ def change(
     """
     values = (start or current.values).changed(changes)
     difference = current.values.difference(values)
-    observed, guard = current.values.vision != values.vision, current.values.guard != values.guard
+    observed = Parameters.own(difference)
     after = ParametersInForce(
         values,
-        current.revision + observed,
+        current.revision + bool(observed),
         None,
         None if observed else current.frame,
-        current.guard_revision + guard,
+        current.driving_revision + (len(difference) > len(observed)),
     )
     return Revision(named(after, presets, based_on or current.based_on), difference)
 
@@ -142,7 +142,7 @@ def matching_preset(
 
 
 def built_in(name: str) -> AllParameters:
-    """Return a built-in preset, with the guard's parameters at their defaults."""
+    """Return a built-in preset, with the parameters of driving at their defaults."""
     return AllParameters().changed(preset(name).flat())
 
 

@@ -7,6 +7,7 @@ import {
   h,
   icon,
   input,
+  offer,
   onSubmit,
   select,
   setAttribute,
@@ -17,6 +18,7 @@ import { GLOSSARY } from "../elements/glossary.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
+import { storeOf } from "../parameters/parameter-store.js";
 import { oneAtATime, refuse } from "../shell/notice.js";
 import { openPane } from "../shell/splitter.js";
 import {
@@ -26,9 +28,9 @@ import {
   missingForGoal,
   notDone,
   placeInWords,
-  RISKS,
+  RISK_PARAMETER,
+  risks,
   tooFar,
-  USUAL_RISK,
   withoutNumbers,
 } from "./goal-words.js";
 import { clock } from "./robot-words.js";
@@ -45,7 +47,7 @@ class GoalPanel extends Part {
   #ahead = input("number", "goal-ahead", { ...FIELDS, value: "2" });
   #left = input("number", "goal-left", { ...FIELDS, value: "0" });
   #error = h("p.field-error", { id: "goal-error", role: "alert" });
-  #risk = select({ id: "goal-risk" }, RISKS);
+  #risk = select({ id: "goal-risk" }, risks(undefined));
   #send = h("button.button.primary", { type: "submit" }, icon("play"), "Drive there");
   #pick = button("Pick a goal", () => this.#togglePick(), {
     title: "Click the floor in the 3D scene; an armed observer drives there at once",
@@ -83,7 +85,10 @@ class GoalPanel extends Part {
 
   build() {
     const { floorPick, driver } = this.hub;
-    this.#risk.value = USUAL_RISK;
+    const parameters = storeOf(this.hub);
+    parameters.keepUp("values", () =>
+      offer(this.#risk, risks(parameters.state.values[RISK_PARAMETER])),
+    );
     this.#send.setAttribute("aria-describedby", "goal-missing");
     const form = h(
       "form.stack",
@@ -177,7 +182,7 @@ class GoalPanel extends Part {
       request("POST", "/goal", {
         ahead_m: ahead,
         left_m: left,
-        risk_per_metre: Number(this.#risk.value),
+        risk_per_metre: this.#risk.value === "" ? null : Number(this.#risk.value),
         lease,
       }),
     );

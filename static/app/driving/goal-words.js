@@ -9,13 +9,26 @@ import { isArmed } from "./roles.js";
 /** A goal beyond is one of another room; the server takes none. */
 export const FARTHEST_M = 20;
 
-export const USUAL_RISK = "0.001";
-/** Declared probability of a contact on each metre, as sent and as told. @type {string[][]} */
-export const RISKS = [
-  ["0.0001", "0.0001 – waits longest"],
-  [USUAL_RISK, `${USUAL_RISK} – default`],
-  ["0.01", "0.01 – waits least"],
-];
+/** The parameter whose value a goal accepts that is sent without a risk of its own. */
+export const RISK_PARAMETER = "navigation.risk_per_metre";
+
+/**
+ * Accepted probability of a contact on each metre, as sent and as told.
+ *
+ * @param {unknown} usual what the server takes where none is sent; undefined while not known
+ * @returns {string[][]}
+ */
+export function risks(usual) {
+  const others = [
+    ["0.0001", "0.0001 – waits longest"],
+    ["0.001", "0.001"],
+    ["0.01", "0.01 – waits least"],
+  ];
+  return [
+    ["", usual === undefined ? "Default" : `${usual} – default`],
+    ...others.filter(([value]) => Number(value) !== usual),
+  ];
+}
 
 /**
  * Say what must be done before the observer can be sent anywhere.

@@ -10,8 +10,8 @@ import { storeOf } from "./parameter-store.js";
 /** @import { Preset, Values } from "./parameter-store.js" */
 
 const MODEL = "ego_motion.model";
-// How fast robots may be is no part of the method.
-const GUARD = "guard.";
+// How robots drive is no part of the method.
+const DRIVING = /^(guard|navigation)\./;
 const METHODS = ["default", "paper"];
 const COMPARE = "M5.5 2 2 5l3.5 3V6H13V4H5.5zM10.5 8v2H3v2h7.5v2L14 11z";
 
@@ -127,7 +127,7 @@ class MethodSwitch extends Part {
     const preset = store.presetNamed(name);
     if (!preset) return this.#render();
     const before = this.#inForce();
-    const kept = store.changed.filter((each) => !each.startsWith(GUARD)).length;
+    const kept = store.changed.filter((each) => !DRIVING.test(each)).length;
     const from = store.basePreset?.name ?? "";
     const left = this.#memory.recall(name);
     const base = (left && store.presetNamed(left.basedOn)) ?? preset;
@@ -142,7 +142,7 @@ class MethodSwitch extends Part {
       this.#memory.remember(name, null);
       return this.#render();
     }
-    const changed = store.changed.filter((each) => !each.startsWith(GUARD)).length;
+    const changed = store.changed.filter((each) => !DRIVING.test(each)).length;
     if (changed === 0 && kept === 0) return;
     const as = changed > 0 ? `, as you left it: ${changedWords(changed)} from ${base.name}` : "";
     const those = `${counted(kept, "change")} to ${from}`;
@@ -154,9 +154,9 @@ class MethodSwitch extends Part {
   }
 }
 
-/** @param {Values} values @returns {Values} without the guard's */
+/** @param {Values} values @returns {Values} without those of driving */
 function ofMethod(values) {
-  return Object.fromEntries(Object.entries(values).filter(([name]) => !name.startsWith(GUARD)));
+  return Object.fromEntries(Object.entries(values).filter(([name]) => !DRIVING.test(name)));
 }
 
 /**

@@ -46,7 +46,7 @@ export class ParameterStore extends Teller {
   /** @type {ParameterState} */
   state = {
     revision: 0,
-    guard_revision: 0,
+    driving_revision: 0,
     values: {},
     preset: null,
     based_on: FALLBACK,
@@ -112,11 +112,11 @@ export class ParameterStore extends Teller {
    * Somebody else may have changed them.
    *
    * @param {number} revision that the server tells of
-   * @param {number} guardRevision
+   * @param {number} drivingRevision
    */
-  async follow(revision, guardRevision) {
-    const { revision: known, guard_revision: knownGuard } = this.state;
-    if (revision === known && guardRevision === knownGuard) return;
+  async follow(revision, drivingRevision) {
+    const { revision: known, driving_revision: knownDriving } = this.state;
+    if (revision === known && drivingRevision === knownDriving) return;
     if (this.#busy || this.schema.length === 0) return;
     this.#busy = true;
     try {
@@ -347,8 +347,8 @@ export function storeOf(hub) {
   const store = new ParameterStore();
   stores.set(hub, store);
   hub.addEventListener("status", () => {
-    const { parameters_revision: revision = 0, guard_revision: guard = 0 } = hub.status ?? {};
-    void store.follow(revision, guard);
+    const { parameters_revision: revision = 0, driving_revision: driving = 0 } = hub.status ?? {};
+    void store.follow(revision, driving);
   });
   hub.addEventListener("reconnected", () => void store.reload());
   void store.reload();

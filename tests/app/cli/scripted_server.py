@@ -193,7 +193,8 @@ class ScriptedServer:
             assert body.pop("lease") == self.leases["observer"]
             assert "observer" in self.armed
             self.goal = {
-                "state": "driving", "sentence": "", "distance_m": 1.0, "elapsed_s": 0.5, **body,
+                "state": "driving", "sentence": "", "distance_m": 1.0, "elapsed_s": 0.5,
+                "risk_per_metre": 0.001, **body,
             }  # fmt: skip
             return self.goal
 

@@ -42,6 +42,14 @@ def test_the_observer_is_taken_armed_sent_and_disarmed(
     assert not server.leases
 
 
+def test_without_a_risk_it_is_the_servers(
+    server: ScriptedServer, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, out, err = go(server, capsys, "--json", "2.0")
+    assert code == 0, err
+    assert json.loads(out)["risk_per_metre"] == 0.001
+
+
 def test_the_reason_of_an_early_end_is_the_error(
     server: ScriptedServer, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -112,14 +112,18 @@ def test_parameters_act_from_the_frame_that_is_named(bench: Bench) -> None:
     assert bench.observers[0].parameters.flow.residual_threshold_px == 2.5
 
 
-def test_the_guards_parameters_never_reach_the_observer(bench: Bench) -> None:
+@pytest.mark.parametrize("change", [{"guard.step_m": 0.2}, {"navigation.berth_m": 0.3}])
+def test_parameters_of_driving_never_reach_the_observer(
+    bench: Bench, change: dict[str, float]
+) -> None:
     bench.value(opening("many"))
     observer = bench.observers[0]
     before = observer.parameters
-    frame = bench.value(SetParameters({"guard.step_m": 0.2}, revision=1))
+    frame = bench.value(SetParameters(change, revision=1))
     bench.wait(ObservationEvent, lambda e: e.line["frame"] >= frame)
     assert observer.parameters is before
     assert not hasattr(before, "guard")
+    assert not hasattr(before, "navigation")
 
 
 def test_refused_parameters_change_nothing(bench: Bench) -> None:

@@ -80,13 +80,12 @@ def test_a_plan_leads_to_the_goal(link: Link) -> None:
     assert plan.reason == "Driving to the goal, 3.0 m away."
 
 
-def test_a_change_of_the_planner_is_used_by_the_next_plan(link: Link) -> None:
-    seen = SeenObstacle(3, 1.4, 1.2, 0.0, -0.5, 0.3, 0.05, 0.1, False)
-    sight = replace(SIGHT, obstacles=(seen,))
-    before, same = link.look(sight), link.look(sight)
-    assert before == same
-    wider = PARAMETERS.changed({"navigation.berth_m": 1.0})
-    assert link.look(sight, parameters=wider) != before
+def test_the_next_plan_uses_a_change_of_the_planner(link: Link) -> None:
+    crossing = SeenObstacle(3, 1.4, 1.2, 0.0, -0.5, 0.3, 0.05, 0.1, False)
+    sight = replace(SIGHT, obstacles=(crossing,))
+    careful = PARAMETERS.changed({"navigation.detour_m": 20.0})
+    plans = [link.look(sight, parameters=each) for each in (PARAMETERS, careful, PARAMETERS)]
+    assert [None if plan is None else plan.speed_mps for plan in plans] == [0.5, 0.0, 0.5]
 
 
 def test_a_frame_of_an_unknown_place_is_not_planned_by(link: Link) -> None:

@@ -26,6 +26,19 @@ async def test_a_goal_is_sent_told_and_given_up(http: Any, drive: Any) -> None:
 
 
 @pytest.mark.usefixtures("served")
+async def test_a_goal_without_a_risk_takes_the_parameter_in_force(http: Any, drive: Any) -> None:
+    lease = await drive.request(TakeLease("observer", "Ann"))
+    await http.patch("/api/parameters", json={"navigation.risk_per_metre": 0.01})
+    for told, taken in (
+        ({}, 0.01),
+        ({"risk_per_metre": None}, 0.01),
+        ({"risk_per_metre": 0.1}, 0.1),
+    ):
+        await http.post("/api/goal", json={"ahead_m": 1.0, "lease": lease, **told})
+        assert drive.of(StartGoal)[-1].risk_per_metre == taken
+
+
+@pytest.mark.usefixtures("served")
 @pytest.mark.parametrize(
     ("body", "field"),
     [

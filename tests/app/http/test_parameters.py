@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
+from app.contract.drive import SetGuard
+
 THRESHOLD = "ego_motion.ransac_threshold_px"
 
 
@@ -161,17 +163,37 @@ async def test_the_guard_has_a_revision_of_its_own(serve: Any, peer: Any, storag
         await http.patch("/api/parameters", json={THRESHOLD: 3.5})
         state = (await http.patch("/api/parameters", json={"guard.margin_m": 0.3})).json()
         assert state["values"]["guard.margin_m"] == 0.3
-        assert (state["revision"], state["guard_revision"], state["frame"]) == (1, 1, 1)
+        assert (state["revision"], state["driving_revision"], state["frame"]) == (1, 1, 1)
         assert state["preset"] is None
         assert (peer.parameters["guard.margin_m"], peer.commands[-1].revision) == (0.3, 1)
         status = (await http.get("/api/status")).json()
-        assert (status["parameters_revision"], status["guard_revision"]) == (1, 1)
+        assert (status["parameters_revision"], status["driving_revision"]) == (1, 1)
         refused = await http.patch("/api/parameters", json={"guard.margin_m": 9, THRESHOLD: 2.0})
         assert refused.status_code == 422
         assert (await http.get("/api/parameters")).json()["values"] == state["values"]
     with storage:
         assert storage.load_parameters().values["guard.margin_m"] == 0.3
         assert storage.parameter_revisions(None)[-1].difference == {"guard.margin_m": 0.3}
+
+
+async def test_a_change_of_the_planner_reaches_the_engine_and_no_guard(
+    serve: Any, peer: Any, drive: Any
+) -> None:
+    async with serve() as served:
+        before = (await served.http.get("/api/parameters")).json()
+        told = len(drive.of(SetGuard))
+        state = (
+            await served.http.patch("/api/parameters", json={"navigation.berth_m": 0.3})
+        ).json()
+        # Vision goes on as it was; other pages learn of the change all the same.
+        assert (state["revision"], state["frame"]) == (before["revision"], before["frame"])
+        assert state["driving_revision"] == before["driving_revision"] + 1
+        assert peer.parameters["navigation.berth_m"] == 0.3
+        assert peer.commands[-1].revision == before["revision"]
+        refused = await served.http.patch("/api/parameters", json={"navigation.berth_m": -1})
+        assert refused.status_code == 422
+        assert "from 0 to 2 m" in refused.text
+        assert len(drive.of(SetGuard)) == told
 
 
 async def test_what_does_not_act_with_the_method_is_taken_with_a_note(served: Any) -> None:

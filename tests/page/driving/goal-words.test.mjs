@@ -85,10 +85,18 @@ test("another number alone is no news", () => {
   assert.equal(one, two);
 });
 
-test("the usual risk can be chosen", () => {
-  assert.ok(words.RISKS.some(([value]) => value === words.USUAL_RISK));
-  assert.deepEqual(
-    words.RISKS.map(([value]) => Number(value)),
-    [0.0001, 0.001, 0.01],
-  );
+test("the first risk is the server's, and none is offered twice", () => {
+  const offered = (/** @type {number | undefined} */ usual) =>
+    words.risks(usual).map(([value, told]) => [value, told?.split(" ")[0]]);
+  const others = [
+    ["0.0001", "0.0001"],
+    ["0.001", "0.001"],
+    ["0.01", "0.01"],
+  ];
+  assert.deepEqual(offered(undefined), [["", "Default"], ...others]);
+  assert.deepEqual(offered(0.001), [
+    ["", "0.001"],
+    ...others.filter(([value]) => value !== "0.001"),
+  ]);
+  assert.deepEqual(offered(0.0005), [["", "0.0005"], ...others]);
 });

@@ -28,7 +28,7 @@ function served() {
     "/api/presets": presets,
     "/api/parameters": {
       revision,
-      guard_revision: 0,
+      driving_revision: 0,
       values: { ...values },
       preset: null,
       based_on: basedOn,

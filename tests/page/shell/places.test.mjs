@@ -11,6 +11,7 @@ const ALLOWED = {
   // Of another page: nothing of this one is there.
   "scene-frame": [],
   calibration: ["elements", "shell", "live", "sources"],
+  driving: ["elements", "shell", "parameters"],
   live: ["elements", "shell", "parameters"],
   runs: ["elements", "shell", "chart", "parameters"],
   sources: ["elements", "shell", "runs"],
