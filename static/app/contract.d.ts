@@ -326,6 +326,13 @@ export interface components {
       waits_for: number | null;
       /** @description Until it would meet that track, s. */
       meets_s: number | null;
+      /** @description Where that track is predicted to be then. */
+      meets_at: [number, number] | null;
+      /**
+       * @description Some paths that it does not take, the best one first.
+       * @default []
+       */
+      refused: components["schemas"]["RefusedPath"][];
     };
     /** @description Velocity that the guard permits; zones are corners in the robot's base frame, metres. */
     GuardVerdict: {
@@ -573,6 +580,33 @@ export interface components {
       dropped: number;
       /** @description Why nothing is recorded any more. */
       trouble: string | null;
+    };
+    /**
+     * @description Path that the robot could have taken, and why it does not.
+     *
+     *     Attributes:
+     *         direction: from the robot's heading to the path's end, radians, positive to the left.
+     *         speed_mps: highest speed on it.
+     *         path: x, y of some places along it, metres.
+     *         cause: ``risk`` where it would exceed the declared risk before the robot could stand again,
+     *             ``later`` where somebody would probably be met after that, ``guard`` where the guard
+     *             would not permit to begin it, ``surface`` where it runs into what stands.
+     *         risk: probability of a contact, on each metre for ``risk`` and altogether for ``later``;
+     *             None for the others.
+     *         track: number of the obstacle that would be met, below zero while that is tentative.
+     *         meets_s: seconds until that one, or the surface, is met.
+     *         guard: the guard's sentence.
+     */
+    RefusedPath: {
+      direction: number;
+      speed_mps: number;
+      path: [number, number][];
+      /** @enum {string} */
+      cause: "risk" | "later" | "guard" | "surface";
+      risk: number | null;
+      track: number | null;
+      meets_s: number | null;
+      guard: string | null;
     };
     /** @description A run whose recording is being observed again, beside the open source. */
     RerunStatus: {
@@ -1227,6 +1261,8 @@ export interface components {
       /** @description Time that the method took. */
       observed_ms: number | null;
       plan: components["schemas"]["FramePlan"];
+      /** @description Of the observer at that time; None where it had none. */
+      goal: components["schemas"]["GoalNow"] | null;
     };
     FrameObstacle: {
       id: number;
@@ -2084,6 +2120,7 @@ export type PoseEntry = components["schemas"]["PoseEntry"];
 export type ProgrammeNow = components["schemas"]["ProgrammeNow"];
 export type Rates = components["schemas"]["Rates"];
 export type RecordingStatus = components["schemas"]["RecordingStatus"];
+export type RefusedPath = components["schemas"]["RefusedPath"];
 export type RerunStatus = components["schemas"]["RerunStatus"];
 export type RobotIncident = components["schemas"]["RobotIncident"];
 export type RobotLimits = components["schemas"]["RobotLimits"];

@@ -16,7 +16,7 @@ import pytest
 from playwright.sync_api import Error, Frame, Locator, Page, ViewportSize, expect
 
 from .axe import findings
-from .conftest import TOO_WIDE, Eventually, KeepPicture, OpenPanel, Server
+from .conftest import TOO_WIDE, Eventually, KeepPicture, OpenPanel, Pixels, Server
 from .witness import Witness
 
 # Drawn and looked at in time on slow machines too, where frames would come late and end the drive.
@@ -40,6 +40,7 @@ _SMALL: ViewportSize = {"width": 980, "height": 620}
 _PHONE: ViewportSize = {"width": 390, "height": 844}
 _NARROWEST = 360
 _BASE = "/display/world/base"
+_MAP = "/display/world/map/cells"
 # Have the page hear of this goal, as if the server had told of it.
 _TELL = """{
   const { parse } = JSON;
@@ -60,7 +61,19 @@ _TOLD = {
     "planned_risk_per_metre": 0.0002,
     "waits_for": 3,
     "meets_s": 1.4,
-}
+    "meets_at": [0.9, 0.1],
+    "refused": [
+        {
+            "direction": 0.0, "speed_mps": 0.5, "path": [[0.1, 0.0], [2.0, 0.0]], "cause": "risk",
+            "risk": 0.0412, "track": 3, "meets_s": 1.4, "guard": None,
+        },
+        {
+            "direction": 0.79, "speed_mps": 0.3, "path": [[0.1, 0.0], [1.0, 1.0]],
+            "cause": "guard", "risk": None, "track": None, "meets_s": None,
+            "guard": "obstacle 2 is within the stopping distance",
+        },
+    ],
+}  # fmt: skip
 # Where a place seen from the robot is in the frame's window, px, by the viewer's own camera.
 _PLACE = """([node, ahead, left]) => {
   const { camera, canvas, nodeRefFromName } = window.__viserMutable;
@@ -228,15 +241,30 @@ def test_every_state_of_a_goal_is_told_to_everybody(
     check("driving")
     expect(driving).to_contain_text("Passing behind obstacle 3.")
     expect(driving).to_contain_text("2.33 m left · 1:08")
-    expect(driving).to_contain_text(
-        "Decided by obstacle 3: on the straight path they would meet in 1.4 s"
-    )
-    expect(driving).to_contain_text("Risk per metre: 0.001 accepted, 0.0002 planned")
     expect(section.locator("[role=status].visually-hidden")).to_have_text(
         "Passing behind obstacle 3."
     )
+    why, refused = driving.locator("observer-goal-why"), driving.locator(".refused-paths li")
+    expect(why).to_be_hidden()
+    # By keyboard, after the button above it.
+    driving.get_by_role("button", name="Give up goal").focus()
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    expect(why).to_contain_text("obstacle 3: on the straight path they would meet in 1.4 s")
+    expect(why).to_contain_text("0.001 accepted, 0.0002 planned")
+    expect(refused).to_have_text(
+        [
+            "Left by 45° at 0.3 m/s: refused by the guard, obstacle 2 is within the stopping "
+            "distance.",
+            "Straight on at 0.5 m/s: would meet obstacle 3 in 1.4 s (risk per metre 0.04).",
+        ]
+    )
     check("driving", sentence="Waiting for obstacle 3: it would cross in 1.4 s.")
-    expect(driving).not_to_contain_text("Decided by")
+    refused.last.scroll_into_view_if_needed()
+    keep_picture(page, f"goal-why-{look}")
+    check("driving", refused=[], waits_for=None)
+    expect(why).to_contain_text("no obstacle")
+    expect(why).to_contain_text("No path was refused.")
     check("ended", sentence="The goal was given up: the robot reports no odometry any more.")
     expect(ended).to_contain_text("no odometry any more")
     check("reached", sentence="The goal is reached.")
@@ -376,3 +404,45 @@ def test_an_armed_observer_is_sent_by_the_click_at_once(
             page.wait_for_timeout(500)
     expect(page.locator(".scene-pick")).to_be_hidden()
     expect(_section(page).locator(".missing")).to_contain_text("reset the stop first")
+
+
+def _colour(pixels: Pixels, page: Page, ahead: float, left: float) -> tuple[float, ...]:
+    """Mean colour around a place on the floor as it is seen, blue, green and red."""
+    x, y = _viewer(page).evaluate(_PLACE, [_BASE, ahead, left])
+    scene = pixels(page.locator("observer-scene iframe"))
+    around = scene[round(y) - 4 : round(y) + 5, round(x) - 4 : round(x) + 5]
+    return tuple(around.reshape(-1, 3).mean(axis=0).tolist())
+
+
+def test_the_local_map_is_seen_where_the_robot_saw_free_floor(
+    scene: Callable[..., Page], room: Server, pixels: Pixels, keep_picture: KeepPicture
+) -> None:
+    page = _on_robots_tab(scene())
+    page.get_by_role("radio", name="Top-down").check(force=True)
+    layers = page.locator("#scene-layers")
+    box = layers.get_by_label("Local map")
+    expect(box).to_be_checked()
+    for other in ("Point cloud", "Boxes", "Arrows", "Trails", "Guard zones", "Path"):
+        layers.get_by_label(other).uncheck(force=True)
+    send = _section(page).get_by_role("button", name="Drive there")
+    deadline = time.monotonic() + _DRIVEN_S
+    # What is seen in the last second of a drive stays while the playback is paused.
+    while not _viewer(page).evaluate(_READY, _MAP):
+        assert time.monotonic() < deadline
+        if _arm(page):
+            send.click()
+        page.wait_for_timeout(200)
+    room.api.post("/api/playback", json={"paused": True}).raise_for_status()
+    page.wait_for_timeout(1500)
+    keep_picture(page, "local-map")
+    seen = 1.8, 0.0
+    blue, green, red = _colour(pixels, page, *seen)
+    assert green > max(blue, red) + 8
+    # Beside the view it is unknown.
+    unknown = _colour(pixels, page, 0.7, 0.8)
+    assert max(unknown) - min(unknown) < 8
+    assert findings(page) == []
+    box.uncheck(force=True)
+    page.wait_for_timeout(800)
+    hidden = _colour(pixels, page, *seen)
+    assert max(hidden) - min(hidden) < 8

@@ -186,6 +186,8 @@ export function goal(changes) {
     planned_risk_per_metre: 0.0002,
     waits_for: null,
     meets_s: null,
+    meets_at: null,
+    refused: [],
     ...changes,
   };
 }

@@ -15,6 +15,7 @@ import {
 } from "../elements/dom.js";
 import { passFocus } from "../elements/focus-place.js";
 import { GLOSSARY } from "../elements/glossary.js";
+import { GoalWhy } from "../elements/goal-why.js";
 import { Part } from "../elements/part.js";
 import { fixed } from "../elements/words.js";
 import { ApiError, request } from "../shell/api.js";
@@ -23,7 +24,6 @@ import { oneAtATime, refuse } from "../shell/notice.js";
 import { openPane } from "../shell/splitter.js";
 import {
   FARTHEST_M,
-  decidedByInWords,
   goalOf,
   missingForGoal,
   notDone,
@@ -42,6 +42,8 @@ const ROLE = "observer";
 const FIELDS = { min: -FARTHEST_M, max: FARTHEST_M, step: "any", "aria-describedby": "goal-error" };
 // What became of a click is read in the scene for this long.
 const TOLD_MS = 6000;
+// Plans come ten times a second, faster than their reasons can be read.
+const EXPLAINED_EVERY_MS = 500;
 
 class GoalPanel extends Part {
   #ahead = input("number", "goal-ahead", { ...FIELDS, value: "2" });
@@ -58,8 +60,10 @@ class GoalPanel extends Part {
   /** The same for who hears the page, but not each time that a number changes. */
   #spoken = h("p.visually-hidden", { role: "status" });
   #way = h("p.figure");
-  #decider = h("p.figure.goal-decider");
-  #risks = h("p.hint.figure");
+  #why = new GoalWhy();
+  #whyOpens = details("Why", this.#why);
+  /** When it was filled last, ms. */
+  #explained = 0;
   #kept = h("p.field-error", { role: "alert" });
   #leave = oneAtATime(undefined, this.#kept);
   #giveUp = button([icon("stop"), "Give up goal"], () =>
@@ -72,8 +76,7 @@ class GoalPanel extends Part {
     h("div.goal-head", this.#way, this.#giveUp),
     this.#kept,
     this.#sentence,
-    this.#decider,
-    this.#risks,
+    this.#whyOpens,
   );
   #ended = h("p.goal-ended", { role: "status", hidden: true });
   #do = oneAtATime(undefined, this.#refusal);
@@ -124,6 +127,10 @@ class GoalPanel extends Part {
       form,
     );
     onSubmit(form, () => this.#do(() => this.#sendTyped()));
+    this.#whyOpens.addEventListener("toggle", () => {
+      this.#explained = 0;
+      this.#render();
+    });
     this.hear("robots connection", () => this.#render());
     this.hear("change", () => this.#render(), driver);
     this.hear("change", () => this.#render(), floorPick);
@@ -222,7 +229,7 @@ class GoalPanel extends Part {
     setAttribute(this, "data-old", lost ? "" : null);
     const goal = robots?.goal ?? null;
     const drives = goal?.state === "driving";
-    if (!drives) passFocus(this.#giveUp, this.#ahead);
+    if (!drives) passFocus(this.#driving, this.#ahead);
     this.#driving.hidden = !drives;
     if (goal && drives) this.#renderDriving(goal);
     else setText(this.#spoken, "");
@@ -244,14 +251,10 @@ class GoalPanel extends Part {
     const left =
       goal.distance_m === null ? "Distance unknown" : `${fixed(goal.distance_m, 2)} m left`;
     setText(this.#way, `${left} · ${clock(goal.elapsed_s)}`);
-    const words = decidedByInWords(goal);
-    setText(this.#decider, words);
-    this.#decider.hidden = !words;
-    const planned = goal.planned_risk_per_metre;
-    setText(
-      this.#risks,
-      `Risk per metre: ${goal.risk_per_metre} accepted${planned === null ? "" : `, ${shortRisk(planned)} planned`}`,
-    );
+    const now = performance.now();
+    if (!this.#whyOpens.open || now - this.#explained < EXPLAINED_EVERY_MS) return;
+    this.#explained = now;
+    this.#why.show(goal);
   }
 
   /** Learn which robots the running programme moves. */
@@ -269,11 +272,6 @@ class GoalPanel extends Part {
     this.#programme = answer;
     this.#render();
   }
-}
-
-/** @param {number} risk @returns {string} as in "0.0002" */
-function shortRisk(risk) {
-  return risk < 0.00001 ? "below 0.00001" : String(Number(risk.toPrecision(1)));
 }
 
 /**

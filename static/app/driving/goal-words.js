@@ -3,7 +3,7 @@
 import { fixed, sentence } from "../elements/words.js";
 import { isArmed } from "./roles.js";
 
-/** @import { GoalNow, RobotNow, RobotsMessage } from "../contract" */
+/** @import { RobotNow, RobotsMessage } from "../contract" */
 /** @import { FloorPlace } from "../shell/floor-pick.js" */
 
 /** A goal beyond is one of another room; the server takes none. */
@@ -83,22 +83,6 @@ export function placeInWords({ ahead, left }) {
     return Number(size) === 0 ? [] : [`${size} m ${Number(value) > 0 ? plus : minus}`];
   });
   return parts.join(", ") || "where the robot stands";
-}
-
-/**
- * Say for whom it stands or turns aside, unless its sentence says it all.
- *
- * @param {GoalNow} goal
- * @returns {string} as in "Decided by obstacle 3: on the straight path they would meet in 1.4 s"; empty for nobody
- */
-export function decidedByInWords({ sentence: told, waits_for, meets_s }) {
-  if (waits_for === null) return "";
-  // What begins to move has no track yet.
-  const who = waits_for < 0 ? "an object that starts to move" : `obstacle ${waits_for}`;
-  const when =
-    meets_s === null ? "" : `: on the straight path they would meet in ${fixed(meets_s, 1)} s`;
-  if (told.includes(who) && told.includes(when.replace(/\D*/, ""))) return "";
-  return `Decided by ${who}${when}`;
 }
 
 /** Begin a refusal with what did not happen. @param {string} what @param {string} why */

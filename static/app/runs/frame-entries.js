@@ -50,6 +50,11 @@ export class FrameEntries {
     return this.#spread;
   }
 
+  /** Whether the observer had a goal in one of those that are spread over the run. */
+  get hasGoal() {
+    return this.#spread.frames.some(({ goal }) => goal !== null);
+  }
+
   /** Those that are spread over the run, in order. */
   get spread() {
     return this.#spread.frames;

@@ -10,7 +10,7 @@ import { FramePicture } from "./frame-picture.js";
 import { hasImages, methodHref } from "./run-words.js";
 import { TopView } from "./top-view.js";
 
-/** @import { Run } from "../contract" */
+/** @import { FrameEntry, Run } from "../contract" */
 
 /** @type {[string, string][]} */
 const RATES = [
@@ -26,6 +26,12 @@ const NO_IMAGES = "This run has no images: the top view shows what was found.";
 export class RunPlayer extends Part {
   /** Called with the second that is shown, on the run's clock. @type {(time: number) => void} */
   moved = () => {};
+  /**
+   * Called with what is known of the frame that is shown, and whether the run had a goal.
+   *
+   * @type {(entry: FrameEntry | null, goal: boolean) => void}
+   */
+  shown = () => {};
 
   #picture = new FramePicture();
   #top = new TopView();
@@ -144,6 +150,7 @@ export class RunPlayer extends Part {
     setText(this.#place, "–");
     this.#picture.show(null, null, { width: 1, height: 1 });
     this.#top.take([]);
+    this.shown(null, false);
   }
 
   /** @param {FrameEntries} frames */
@@ -191,7 +198,9 @@ export class RunPlayer extends Part {
     if (this.#slider.valueAsNumber !== position) this.#slider.value = String(position);
     setAttribute(this.#slider, "aria-valuetext", `${words}, frame ${position + 1} of ${count}`);
     setText(this.#place, `${words} · frame ${position + 1} / ${count}`);
-    this.#top.show(frames.near(position));
+    const near = frames.near(position);
+    this.#top.show(near);
+    this.shown(near, frames.hasGoal);
     this.#linkMethod(position);
     void this.#showImage(position);
     if (tell) this.moved(time);

@@ -20,6 +20,7 @@ import { RerunForm } from "./rerun-form.js";
 import { RerunProgress } from "./rerun-progress.js";
 import { RunChart } from "./run-chart.js";
 import { RunExport } from "./run-export.js";
+import { RunGoal } from "./run-goal.js";
 import { RunLabels } from "./run-labels.js";
 import { RunPlayer } from "./run-player.js";
 import { removeRun } from "./run-search.js";
@@ -52,6 +53,7 @@ export class RunView extends Part {
   #player = new RunPlayer();
   #progress = new RerunProgress();
   #chart = new RunChart({ exporting: false });
+  #goal = new RunGoal();
   #labels = new RunLabels();
   #truth = new AlignmentPanel();
   #rerun = new RerunForm();
@@ -81,6 +83,8 @@ export class RunView extends Part {
       this.#progress,
       this.#waiting,
       this.#chart,
+      // Below the chart: however long it gets, that stays under the pointer.
+      this.#goal,
       h(
         "div.run-columns",
         h("div.stack", this.#truth, this.#rerun),
@@ -93,6 +97,7 @@ export class RunView extends Part {
     this.#labels.changed = (run) => this.#takeRun(run);
     this.#truth.aligned = () => void this.#load();
     this.#player.moved = (time) => this.#chart.mark(time);
+    this.#player.shown = (entry, had) => this.#goal.show(entry, had);
     this.#chart.pointed = (time) => this.#player.seek(time);
     this.#progress.ended = (run) => {
       if (run) void this.#load();

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import * as words from "../../../static/app/driving/goal-words.js";
-import { goal, robot, robots } from "../made.mjs";
+import { robot, robots } from "../made.mjs";
 
 /** @import { RobotNow, RobotsMessage } from "../../../static/app/contract" */
 
@@ -58,19 +58,6 @@ test("a place is told by its sides", () => {
   assert.equal(words.placeInWords({ ahead: 2, left: -0.5 }), "2.00 m ahead, 0.50 m to the right");
   assert.equal(words.placeInWords({ ahead: -1, left: 0.251 }), "1.00 m behind, 0.25 m to the left");
   assert.equal(words.placeInWords({ ahead: 0.001, left: 0 }), "where the robot stands");
-});
-
-test("who decides is told as far as it is known", () => {
-  assert.equal(words.decidedByInWords(goal()), "");
-  assert.equal(words.decidedByInWords(goal({ waits_for: 3 })), "Decided by obstacle 3");
-  const met = goal({ waits_for: -2, meets_s: 1.42 });
-  assert.equal(
-    words.decidedByInWords(met),
-    "Decided by an object that starts to move: on the straight path they would meet in 1.4 s",
-  );
-  // Once is enough.
-  const told = { ...met, sentence: "Waiting for an object that starts to move: 1.4 s." };
-  assert.equal(words.decidedByInWords(told), "");
 });
 
 test("a refusal begins with what did not happen", () => {

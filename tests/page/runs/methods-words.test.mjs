@@ -36,6 +36,7 @@ const entry = (frame, obstacles, counts) => ({
   counts,
   observed_ms: 12,
   plan: { time: frame / 15, segment: 0, camera: null, obstacles: [], truth: [] },
+  goal: null,
 });
 
 /** @param {FrameEntry[]} frames @returns {RunFrames} */

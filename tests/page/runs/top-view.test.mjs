@@ -35,6 +35,7 @@ function frame(time, camera, obstacles = []) {
       })),
       truth: [],
     },
+    goal: null,
   };
 }
 

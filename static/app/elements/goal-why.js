@@ -1,0 +1,27 @@
+/** Why the observer does what it does on its way to a goal: who decides, and what it refuses. */
+
+import { fillList, h, setText } from "./dom.js";
+import { fillFigures } from "./figure-list.js";
+import { figuresOfGoal, refusalsInWords } from "./why-words.js";
+
+/** @import { GoalNow } from "../contract" */
+
+/** What is behind the one sentence that is told of a goal anyway. */
+export class GoalWhy extends HTMLElement {
+  #figures = h("dl.figures");
+  #title = h("p.hint");
+  #refused = h("ul.refused-paths");
+
+  connectedCallback() {
+    if (!this.childElementCount) this.append(this.#figures, this.#title, this.#refused);
+  }
+
+  /** @param {GoalNow} goal */
+  show(goal) {
+    fillFigures(this.#figures, figuresOfGoal(goal));
+    setText(this.#title, goal.refused.length > 0 ? "Refused paths" : "No path was refused.");
+    fillList(this.#refused, refusalsInWords(goal));
+  }
+}
+
+customElements.define("observer-goal-why", GoalWhy);
