@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from app.cli.assignments import driving_parameters
 from app.cli.benchmark import FIGURE_SUFFIXES
 from app.cli.progress import progress_bar
 from app.cli.results import JsonOption, tell
@@ -16,7 +17,7 @@ from observer.errors import InputError
 # Seeds below were used while the planner was made.
 _FIRST_SEED = 1000
 _DENSITIES = (0.1, 0.2)
-_RISK_PER_M = 1e-3
+_RISK = "navigation.risk_per_metre"
 
 
 def navigate_benchmark(
@@ -39,11 +40,13 @@ def navigate_benchmark(
     risk: Annotated[
         list[float] | None,
         typer.Option(
-            min=1e-6,
-            max=1.0,
-            help="Declared probability of a contact on each metre; give it several times to "
-            f"compare; {_RISK_PER_M:g}.",
+            help="Accepted probability of a contact on each metre; give it several times to "
+            f"compare; default: {_RISK}.",
         ),
+    ] = None,
+    assignments: Annotated[
+        list[str] | None,
+        typer.Option("--set", help="NAME=VALUE of a parameter of guard or navigation; repeatable."),
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = _FIRST_SEED,
     jobs: Annotated[
@@ -63,6 +66,9 @@ def navigate_benchmark(
     """
     if figure is not None:
         _refuse_bad(figure)
+    parameters = driving_parameters(assignments or [])
+    for each in risk or []:
+        parameters.changed({_RISK: each})
     # They bring OpenCV and the methods with them, which take seconds.
     from observer.evaluation.navigation.benchmark import Choice, measure
     from observer.evaluation.navigation.tables import navigation_markdown
@@ -71,8 +77,9 @@ def navigate_benchmark(
         runs=runs,
         densities=_each_once(density, _DENSITIES),
         kinds=(False, True) if kind is None else (kind,),
-        risks=_each_once(risk, (_RISK_PER_M,)),
+        risks=_each_once(risk, (parameters.navigation.risk_per_metre,)),
         seed=seed,
+        parameters=parameters,
     )
     with progress_bar("driving") as progress:
         result = measure(choice, jobs or os.cpu_count() or 1, progress)

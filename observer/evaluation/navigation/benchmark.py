@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from observer.errors import InputError
 from observer.evaluation.jobs import use_one_core, worker_pool
@@ -12,7 +12,7 @@ from observer.evaluation.navigation.coverage import Walk, WalkResult, follow
 from observer.evaluation.navigation.crowd import crowd_missing
 from observer.evaluation.navigation.results import NavigationBenchmark, coverages, summarize
 from observer.evaluation.navigation.run import DRIVERS, Case, RunResult, run
-from observer.navigation.parameters import AllParameters, NavigationParameters
+from observer.navigation.parameters import AllParameters
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class Choice:
     Attributes:
         runs: of every setting, with the seeds ``seed`` and following. kinds: True for people who
             avoid the robot. risks: declared per metre.
+        parameters: of guard and planner.
     """
 
     runs: int
@@ -29,6 +30,7 @@ class Choice:
     kinds: tuple[bool, ...]
     risks: tuple[float, ...]
     seed: int
+    parameters: AllParameters = field(default_factory=AllParameters)
 
     def cases(self) -> tuple[Case, ...]:
         """Return all runs; the guard alone runs once, as it knows no risk."""
@@ -63,31 +65,37 @@ def measure(
     if missing is not None:
         raise InputError(missing)
     cases, walks = choice.cases(), choice.walks()
-    done = _in_processes([*cases, *walks], jobs, progress)
+    done = _in_processes([*cases, *walks], choice.parameters, jobs, progress)
     runs = [each for each in done if isinstance(each, RunResult)]
     walked = [each for each in done if isinstance(each, WalkResult)]
-    return NavigationBenchmark(choice.seed, summarize(runs), coverages(walked))
+    changed = AllParameters().difference(choice.parameters)
+    return NavigationBenchmark(choice.seed, summarize(runs), coverages(walked), changed)
 
 
 def _in_processes(
-    tasks: Sequence[Case | Walk], jobs: int, progress: Callable[[int, int | None], None]
+    tasks: Sequence[Case | Walk],
+    parameters: AllParameters,
+    jobs: int,
+    progress: Callable[[int, int | None], None],
 ) -> list[RunResult | WalkResult]:
     progress(0, len(tasks))
     results: list[RunResult | WalkResult] = []
     if jobs == 1:
         for task in tasks:
-            results.append(_done(task))
+            results.append(_done(task, parameters))
             progress(len(results), len(tasks))
         return results
     with worker_pool(min(jobs, len(tasks)), use_one_core) as pool:
-        futures: list[Future[RunResult | WalkResult]] = [pool.submit(_done, t) for t in tasks]
+        futures: list[Future[RunResult | WalkResult]] = [
+            pool.submit(_done, task, parameters) for task in tasks
+        ]
         for number, each in enumerate(as_completed(futures), 1):
             each.result()
             progress(number, len(tasks))
         return [each.result() for each in futures]
 
 
-def _done(task: Case | Walk) -> RunResult | WalkResult:
+def _done(task: Case | Walk, parameters: AllParameters) -> RunResult | WalkResult:
     if isinstance(task, Case):
-        return run(task, AllParameters())
-    return follow(task, NavigationParameters())
+        return run(task, parameters)
+    return follow(task, parameters.navigation)

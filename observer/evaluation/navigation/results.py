@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import statistics
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from scipy.special import gammaincinv
@@ -13,6 +13,7 @@ from scipy.special import gammaincinv
 from observer.evaluation.navigation.coverage import AHEAD_S, WalkResult
 from observer.evaluation.navigation.run import Driver, RunResult
 from observer.navigation.calibration import coverage
+from observer.parameters import ParameterValue
 
 
 @dataclass(frozen=True)
@@ -85,11 +86,16 @@ class Coverage:
 
 @dataclass(frozen=True)
 class NavigationBenchmark:
-    """All results, and the coverage of the predictions over other walks of the same crowds."""
+    """All results, and the coverage of the predictions over other walks of the same crowds.
+
+    Attributes:
+        changed: parameters of guard and planner that were not the default ones.
+    """
 
     first_seed: int
     summaries: tuple[Summary, ...]
     coverage: tuple[Coverage, ...]
+    changed: Mapping[str, ParameterValue] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain values, for JSON."""

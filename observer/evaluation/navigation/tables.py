@@ -18,6 +18,9 @@ _HEAD = (
 def navigation_markdown(result: NavigationBenchmark) -> str:
     """Return the tables of results, of the guard's stops and of the predictions."""
     parts = [_table(_HEAD, [_row(each) for each in result.summaries]), _NOTE]
+    if result.changed:
+        told = ", ".join(f"{name} = {value}" for name, value in result.changed.items())
+        parts += [f"Not at their defaults: {told}."]
     parts += ["## Stops by the guard", _stops(result.summaries)]
     rows = [
         (f"{each.ahead_s:g} s", str(each.predictions), _percent(each.share))

@@ -29,6 +29,21 @@ def test_it_prints_both_drivers_and_draws_a_figure(shell: Shell, tmp_path: Path)
     assert [each["setting"]["driver"] for each in values["summaries"]] == ["planner", "guard"]
 
 
+def test_parameters_of_planner_and_guard_can_be_set(shell: Shell) -> None:
+    pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
+    # Half the speed takes twice the time, less what it takes to get there.
+    slow = ("--set", "guard.speed_max_mps=0.25", "--set", "navigation.risk_per_metre=0.02")
+    done = shell(*CALL, "--seed", "7", "--json", *slow)
+    assert done.code == 0, done.err
+    values = json.loads(done.out)
+    assert values["changed"] == {"guard.speed_max_mps": 0.25, "navigation.risk_per_metre": 0.02}
+    planner, _ = values["summaries"]
+    assert planner["setting"]["risk_per_metre"] == 0.02
+    assert planner["total_s"] > 9.75 / 0.25
+    table = shell(*CALL, "--seed", "7", *slow)
+    assert "Not at their defaults: guard.speed_max_mps = 0.25, navigation.risk" in table.out
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
@@ -37,6 +52,10 @@ def test_it_prints_both_drivers_and_draws_a_figure(shell: Shell, tmp_path: Path)
         (("--density", "-1"), "density"),
         (("--risk", "0"), "risk"),
         (("--runs", "0"), "runs"),
+        (("--set", "navigation.berth_m=9"), "must be a finite number from 0 to 2 m"),
+        (("--set", "navigation.berth_m"), "--set takes NAME=VALUE"),
+        (("--set", "dense.rate_hz=5"), "has no effect: people are perceived without images"),
+        (("--set", "navigation.berht_m=1"), "did you mean navigation.berth_m?"),
     ],
 )
 def test_what_is_wrong_is_said_before_the_work(
