@@ -48,6 +48,15 @@ def navigate_benchmark(
         list[str] | None,
         typer.Option("--set", help="NAME=VALUE of a parameter of guard or navigation; repeatable."),
     ] = None,
+    image_runs: Annotated[
+        int,
+        typer.Option(
+            min=0,
+            max=10_000,
+            help="Also drive so many runs of the planner by rendered images, among people who do "
+            "not avoid the robot; each takes about a minute.",
+        ),
+    ] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = _FIRST_SEED,
     jobs: Annotated[
         int | None,
@@ -62,7 +71,8 @@ def navigate_benchmark(
     """Measure driving to a goal among people: the planner beside the guard alone.
 
     The robot drives 10 m through a room of 14 by 10 m. A third-party crowd model, JuPedSim, moves
-    the people. The robot perceives them with the measured errors of the observer, not from images.
+    the people. The robot perceives them with the measured errors of the observer, and in
+    --image-runs by the observer itself, from rendered images.
     """
     if figure is not None:
         _refuse_bad(figure)
@@ -79,6 +89,7 @@ def navigate_benchmark(
         kinds=(False, True) if kind is None else (kind,),
         risks=_each_once(risk, (parameters.navigation.risk_per_metre,)),
         seed=seed,
+        image_runs=image_runs,
         parameters=parameters,
     )
     with progress_bar("driving") as progress:

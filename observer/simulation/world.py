@@ -14,7 +14,7 @@ Frames
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -92,6 +92,7 @@ class World:
 
     Args:
         seed: 0 is the scenario as written; other seeds vary textures, layout and motion.
+        walks: motions of the people, in place of the scenario's own and in its order.
 
     Attributes:
         beginnings: counted up whenever it begins anew and may take another course, as when its
@@ -101,7 +102,9 @@ class World:
         ScenarioError: a vehicle leaves the room, a leg is too short for its speed.
     """
 
-    def __init__(self, scenario: Scenario, seed: int = 0) -> None:
+    def __init__(
+        self, scenario: Scenario, seed: int = 0, *, walks: Sequence[PlanarMotion] | None = None
+    ) -> None:
         if seed < 0:
             raise ScenarioError(f"the seed must be a whole number of at least 0, not {seed}")
         self.seed = seed
@@ -121,8 +124,8 @@ class World:
                 Body(k + 1, robot.name, "obstacle", robot.size, 0.0, motion, parts, shadow)
             )
         count = len(s.robots) + len(s.objects)
-        for k, spec in enumerate(s.people, start=1):
-            motion = build_motion(spec)
+        walks = [build_motion(spec) for spec in s.people] if walks is None else walks
+        for k, (spec, motion) in enumerate(zip(s.people, walks, strict=True), start=1):
             person = Person.of(spec, motion, s.texture, s.duration_s, texture_seed + 300 + 10 * k)
             shadow = shadow_facet(0.3, 0.4)
             bodies.append(

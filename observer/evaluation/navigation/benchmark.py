@@ -10,9 +10,13 @@ from observer.errors import InputError
 from observer.evaluation.jobs import use_one_core, worker_pool
 from observer.evaluation.navigation.coverage import Walk, WalkResult, follow
 from observer.evaluation.navigation.crowd import crowd_missing
+from observer.evaluation.navigation.oracle import Answer, Question, ask
 from observer.evaluation.navigation.results import NavigationBenchmark, coverages, summarize
 from observer.evaluation.navigation.run import DRIVERS, Case, RunResult, run
 from observer.navigation.parameters import AllParameters
+
+Task = Case | Walk | Question
+Result = RunResult | WalkResult | Answer
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,8 @@ class Choice:
     Attributes:
         runs: of every setting, with the seeds ``seed`` and following. kinds: True for people who
             avoid the robot. risks: declared per metre.
+        image_runs: of the planner at every density and risk, through images, among people who do
+            not avoid the robot.
         parameters: of guard and planner.
     """
 
@@ -30,11 +36,12 @@ class Choice:
     kinds: tuple[bool, ...]
     risks: tuple[float, ...]
     seed: int
+    image_runs: int = 0
     parameters: AllParameters = field(default_factory=AllParameters)
 
     def cases(self) -> tuple[Case, ...]:
         """Return all runs; the guard alone runs once, as it knows no risk."""
-        return tuple(
+        modelled = tuple(
             Case(driver, density, kind, risk, seed)
             for kind in self.kinds
             for density in self.densities
@@ -42,11 +49,25 @@ class Choice:
             for risk in (self.risks if driver == "planner" else self.risks[:1])
             for seed in range(self.seed, self.seed + self.runs)
         )
+        return modelled + tuple(
+            Case("planner", density, False, risk, seed, "images")
+            for density in self.densities
+            for risk in self.risks
+            for seed in range(self.seed, self.seed + self.image_runs)
+        )
 
     def walks(self) -> tuple[Walk, ...]:
         """Return the walks over which predictions are judged."""
-        seeds = range(self.seed, self.seed + self.runs)
-        return tuple(Walk(density, seed) for density in self.densities for seed in seeds)
+        return tuple(Walk(*each) for each in self._crowds(self.runs))
+
+    def questions(self) -> tuple[Question, ...]:
+        """Return the crowds whose oracle is asked: of those who avoid the robot there is none."""
+        runs = max(self.runs if False in self.kinds else 0, self.image_runs)
+        return tuple(Question(*each) for each in self._crowds(runs))
+
+    def _crowds(self, runs: int) -> list[tuple[float, int]]:
+        seeds = range(self.seed, self.seed + runs)
+        return [(density, seed) for density in self.densities for seed in seeds]
 
 
 def measure(
@@ -64,38 +85,45 @@ def measure(
     missing = crowd_missing()
     if missing is not None:
         raise InputError(missing)
-    cases, walks = choice.cases(), choice.walks()
-    done = _in_processes([*cases, *walks], choice.parameters, jobs, progress)
+    tasks: list[Task] = [*choice.cases(), *choice.walks(), *choice.questions()]
+    done = _in_processes(tasks, choice.parameters, jobs, progress)
     runs = [each for each in done if isinstance(each, RunResult)]
     walked = [each for each in done if isinstance(each, WalkResult)]
-    changed = AllParameters().difference(choice.parameters)
-    return NavigationBenchmark(choice.seed, summarize(runs), coverages(walked), changed)
+    answers = [each for each in done if isinstance(each, Answer)]
+    return NavigationBenchmark(
+        choice.seed,
+        summarize(runs, answers),
+        coverages(walked),
+        AllParameters().difference(choice.parameters),
+    )
 
 
 def _in_processes(
-    tasks: Sequence[Case | Walk],
+    tasks: Sequence[Task],
     parameters: AllParameters,
     jobs: int,
     progress: Callable[[int, int | None], None],
-) -> list[RunResult | WalkResult]:
+) -> list[Result]:
     progress(0, len(tasks))
-    results: list[RunResult | WalkResult] = []
+    results: list[Result] = []
     if jobs == 1:
         for task in tasks:
             results.append(_done(task, parameters))
             progress(len(results), len(tasks))
         return results
     with worker_pool(min(jobs, len(tasks)), use_one_core) as pool:
-        futures: list[Future[RunResult | WalkResult]] = [
-            pool.submit(_done, task, parameters) for task in tasks
-        ]
+        futures: list[Future[Result]] = [pool.submit(_done, task, parameters) for task in tasks]
         for number, each in enumerate(as_completed(futures), 1):
             each.result()
             progress(number, len(tasks))
         return [each.result() for each in futures]
 
 
-def _done(task: Case | Walk, parameters: AllParameters) -> RunResult | WalkResult:
-    if isinstance(task, Case):
-        return run(task, parameters)
-    return follow(task, parameters.navigation)
+def _done(task: Task, parameters: AllParameters) -> Result:
+    match task:
+        case Case():
+            return run(task, parameters)
+        case Walk():
+            return follow(task, parameters.navigation)
+        case Question():
+            return ask(task, parameters.guard)

@@ -15,14 +15,15 @@ _APART = 1.06
 def navigation_figure(result: NavigationBenchmark) -> Figure:
     """Plot contacts per metre over the declared risk per metre, with 95 % intervals.
 
-    All densities together. No contact at all is drawn as its upper limit alone.
+    All densities together, without runs through images, which are few. No contact at all is drawn
+    as its upper limit alone.
     """
     figure = Figure(figsize=(7.5, 5.6), layout="constrained", facecolor="white")
     axes = figure.add_subplot()
     sums: dict[tuple[bool, float], tuple[int, float]] = {}
     for one in result.summaries:
         risk = one.setting.risk_per_metre
-        if risk is None:
+        if risk is None or one.setting.sees != "model":
             continue
         count, way = sums.get((one.setting.kind, risk), (0, 0.0))
         sums[one.setting.kind, risk] = count + one.ahead, way + one.way_m
@@ -55,7 +56,8 @@ def navigation_figure(result: NavigationBenchmark) -> Figure:
     axes.set_xlabel("declared risk, contacts per metre")
     axes.set_ylabel("contacts that the robot drove up to, per metre")
     axes.set_title("Contacts against declared risk", loc="left", fontsize=11, fontweight="bold")
-    runs = sum(each.runs for each in result.summaries if each.setting.risk_per_metre is not None)
+    drawn = [s for s in result.summaries if s.setting.driver == "planner"]
+    runs = sum(each.runs for each in drawn if each.setting.sees == "model")
     axes.set_title(f"{runs} runs, 95 % intervals", loc="right", fontsize=9, color=GREY)
     axes.legend(frameon=False, fontsize=9)
     plain_axes(axes, "both")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import statistics
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -11,7 +12,8 @@ from typing import Any
 from scipy.special import gammaincinv
 
 from observer.evaluation.navigation.coverage import AHEAD_S, WalkResult
-from observer.evaluation.navigation.run import Driver, RunResult
+from observer.evaluation.navigation.oracle import Answer, Question
+from observer.evaluation.navigation.run import Driver, RunResult, Sees
 from observer.navigation.calibration import coverage
 from observer.parameters import ParameterValue
 
@@ -28,6 +30,7 @@ class Setting:
     density_per_m2: float
     kind: bool
     risk_per_metre: float | None
+    sees: Sees
 
 
 @dataclass(frozen=True)
@@ -38,6 +41,8 @@ class Summary:
         reached: how many reached the goal within three times the free time.
         time_ratio: median of the time to the goal as a multiple of the free time, where a run that
             did not reach it counts as longer than any other; None where the median is of such.
+        oracle_ratio: the same as a multiple of the oracle's time; None also for people who avoid
+            the robot, whose future depends on it.
         way_m: driven by all.
         contacts: persons touched while the robot moved. ahead: those of them to whom the robot
             drove up. avoidable: those who could have been seen a second before.
@@ -50,6 +55,7 @@ class Summary:
     runs: int
     reached: int
     time_ratio: float | None
+    oracle_ratio: float | None
     way_m: float
     contacts: int
     ahead: int
@@ -102,21 +108,25 @@ class NavigationBenchmark:
         return asdict(self)
 
 
-def summarize(runs: Sequence[RunResult]) -> tuple[Summary, ...]:
-    """Return a summary of each setting, in the order in which they first come."""
+def summarize(runs: Sequence[RunResult], answers: Sequence[Answer]) -> tuple[Summary, ...]:
+    """Return a summary of each setting, in the order in which they first come.
+
+    Args:
+        answers: of the oracle, at least for every crowd of hard people.
+    """
+    best = {each.question: each.time_s for each in answers}
     groups: dict[Setting, list[RunResult]] = {}
     for run in runs:
         case = run.case
         risk = case.risk_per_metre if case.driver == "planner" else None
-        setting = Setting(case.driver, case.density_per_m2, case.kind, risk)
+        setting = Setting(case.driver, case.density_per_m2, case.kind, risk, case.sees)
         groups.setdefault(setting, []).append(run)
-    return tuple(_summary(setting, each) for setting, each in groups.items())
+    return tuple(_summary(setting, each, best) for setting, each in groups.items())
 
 
-def _summary(setting: Setting, runs: Sequence[RunResult]) -> Summary:
-    ratios = [run.time_s / run.free_s if run.reached else float("inf") for run in runs]
-    # With an even number of runs the greater of the two in the middle: half of the runs reach it.
-    ratio = statistics.median_high(ratios)
+def _summary(
+    setting: Setting, runs: Sequence[RunResult], best: Mapping[Question, float | None]
+) -> Summary:
     stops: Counter[str] = Counter()
     for run in runs:
         stops.update(run.stops)
@@ -124,7 +134,8 @@ def _summary(setting: Setting, runs: Sequence[RunResult]) -> Summary:
         setting=setting,
         runs=len(runs),
         reached=sum(run.reached for run in runs),
-        time_ratio=None if ratio == float("inf") else ratio,
+        time_ratio=_ratio(runs, [run.free_s for run in runs]),
+        oracle_ratio=None if setting.kind else _ratio(runs, [best[_question(r)] for r in runs]),
         way_m=sum(run.way_m for run in runs),
         contacts=sum(run.contacts for run in runs),
         ahead=sum(run.ahead for run in runs),
@@ -135,6 +146,24 @@ def _summary(setting: Setting, runs: Sequence[RunResult]) -> Summary:
         waited_s=sum(run.waited_s for run in runs),
         total_s=sum(run.time_s for run in runs),
     )
+
+
+def _question(run: RunResult) -> Question:
+    return Question(run.case.density_per_m2, run.case.seed)
+
+
+def _ratio(runs: Sequence[RunResult], least_s: Sequence[float | None]) -> float | None:
+    """Return the median of the times as multiples, without those of which even the best is none."""
+    ratios = [
+        run.time_s / least if run.reached else math.inf
+        for run, least in zip(runs, least_s, strict=True)
+        if least is not None
+    ]
+    if not ratios:
+        return None
+    # With an even number of runs the greater of the two in the middle: half of the runs reach it.
+    ratio = statistics.median_high(ratios)
+    return None if math.isinf(ratio) else ratio
 
 
 def coverages(walks: Sequence[WalkResult]) -> tuple[Coverage, ...]:

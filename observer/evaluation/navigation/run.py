@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections import Counter, deque
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from typing import Final, Literal
 import numpy as np
 
 from observer.evaluation.navigation.crowd import Crowd, People, Room
+from observer.evaluation.navigation.imaged import ImagedEye
 from observer.evaluation.navigation.perceived import (
     FRAME_S,
     LATENCY_S,
@@ -32,9 +34,11 @@ from observer.navigation.plan import Plan
 
 Driver = Literal["planner", "guard"]
 DRIVERS: Final[tuple[Driver, ...]] = ("planner", "guard")
+# What the robot perceives by: a model of the observer's errors, or rendered images.
+Sees = Literal["model", "images"]
 ROOM: Final = Room(14.0, 10.0)
 START, GOAL = (2.0, 5.0), (12.0, 5.0)
-_CLEAR_M: Final = 1.5
+CLEAR_M: Final = 1.5
 # A goal counts as reached within so many times the free time; later nothing is looked at.
 IN_TIME: Final = 3.0
 # Slower than this it stands.
@@ -50,6 +54,7 @@ class Case:
         driver: ``planner``, or ``guard`` for one who drives straight and leaves all to the guard.
         kind: True for people who avoid the robot.
         risk_per_metre: declared; of no effect on the driver ``guard``.
+        sees: ``images`` only among people who do not avoid the robot.
     """
 
     driver: Driver
@@ -57,6 +62,7 @@ class Case:
     kind: bool
     risk_per_metre: float
     seed: int
+    sees: Sees = "model"
 
 
 @dataclass(frozen=True)
@@ -147,17 +153,15 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
         parameters: of guard and planner. watch: called with every step.
     """
     limits = parameters.guard
-    crowd = Crowd(
-        ROOM, case.density_per_m2, case.seed, kind=case.kind, keep_clear=(*START, _CLEAR_M)
-    )
-    robot, guard, eye = Robot((*START, 0.0), limits), Guard(limits), Eye(case.seed)
+    crowd = _crowd(case)
+    robot, guard, eye = Robot((*START, 0.0), limits), Guard(limits), _eye(case, limits)
     navigator, ring = Navigator(limits, parameters.navigation), SonarRing(SPEC.sonars)
     goal = Goal(1, *GOAL, case.risk_per_metre)
     free_s = free_time_s(limits)
     frames: deque[tuple[Sight, Float64Array]] = deque()
     visible: deque[frozenset[int]] = deque(maxlen=round(_SEEN_BEFORE_S / FRAME_S))
     tally = _Tally()
-    for step in range(math.floor(IN_TIME * free_s / FRAME_S)):
+    for step in range(_steps(limits)):
         time = step * FRAME_S
         people = crowd.people
         frames.append((eye.look(people, robot.pose, ROOM, time), robot.pose.copy()))
@@ -198,6 +202,26 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
     return _result(case, tally, False, IN_TIME * free_s, free_s)
 
 
+def _crowd(case: Case) -> Crowd:
+    return Crowd(ROOM, case.density_per_m2, case.seed, kind=case.kind, keep_clear=(*START, CLEAR_M))
+
+
+def _steps(limits: GuardParameters) -> int:
+    return math.floor(IN_TIME * free_time_s(limits) / FRAME_S)
+
+
+def _eye(case: Case, limits: GuardParameters) -> Eye | ImagedEye:
+    if case.sees == "model":
+        return Eye(case.seed)
+    if case.kind:
+        raise ValueError("people who avoid the robot have no way that is known before the run")
+    crowd, steps = _crowd(case), []
+    for _ in range(_steps(limits)):
+        steps.append(crowd.people)
+        crowd.step(FRAME_S, (*START, 0.0, 0.0, SPEC.radius_m))
+    return ImagedEye(steps, START, case.seed, limits)
+
+
 def _walk(crowd: Crowd, robot: Robot) -> None:
     vx, vy = turned(np.array([robot.speed_mps, 0.0]), float(robot.pose[2])).tolist()
     x, y, _ = robot.pose.tolist()
@@ -236,10 +260,10 @@ def free_time_s(limits: GuardParameters) -> float:
 
 
 def general(reason: str) -> str:
-    """Return a reason without the numbers of obstacles and sonars."""
-    words = reason.split()
-    return " ".join(
-        word
-        for before, word in zip(["", *words], words, strict=False)
-        if not (before in {"obstacle", "sonar"} and word.isdigit())
-    )
+    """Return a reason without the numbers of obstacles and sonars, and without figures of vision.
+
+    So that equal causes are counted together.
+    """
+    if reason.startswith("vision is"):
+        return re.sub(r"\d+(\.\d+)?", "…", reason)
+    return re.sub(r"\b(obstacle|sonar) \d+\b", r"\1", reason)

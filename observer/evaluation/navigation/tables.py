@@ -9,9 +9,10 @@ from observer.evaluation.navigation.results import NavigationBenchmark, Summary
 from observer.evaluation.navigation.run import IN_TIME
 
 _HEAD = (
-    "driver", "people", "per m²", "declared risk / m", "runs", f"reached in {IN_TIME:g}x",
-    "time ratio", "contacts moving", "driven up to", "avoidable", "run-ins standing",
-    "guard stops / run", "stopped by guard", "waited",
+    "driver", "sees by", "people", "per m²", "declared risk / m", "runs",
+    f"reached in {IN_TIME:g}x", "time ratio", "time / oracle", "contacts moving",
+    "driven up to", "avoidable", "run-ins standing", "guard stops / run",
+    "stopped by guard", "waited",
 )  # fmt: skip
 
 
@@ -35,10 +36,11 @@ def navigation_markdown(result: NavigationBenchmark) -> str:
 
 _NOTE = (
     "Time ratio: median time to the goal over that without people, a goal not reached counted as "
-    "longest. Contacts: persons touched while the robot moved; *driven up to*: those towards whom "
-    "it drove, the others walked into its side or back; *avoidable*: those who could have been "
-    "seen a second before. Run-ins: persons who walked into the standing robot. Stopped, waited: "
-    "share of the time for which the guard had the robot stand, and the driver itself."
+    "longest; *time / oracle*: over that of a driver who knows where everybody will walk. "
+    "Contacts: persons touched while the robot moved; *driven up to*: those towards whom it drove, "
+    "the others walked into its side or back; *avoidable*: those who could have been seen a second "
+    "before. Run-ins: persons who walked into the standing robot. Stopped, waited: share of the "
+    "time for which the guard had the robot stand, and the driver itself."
 )
 
 
@@ -49,12 +51,14 @@ def _row(one: Summary) -> tuple[str, ...]:
     ahead = one.ahead_per_m
     return (
         setting.driver,
+        setting.sees,
         people_word(setting.kind),
         f"{setting.density_per_m2:g}",
         risk,
         str(one.runs),
         _percent(one.reached / one.runs),
-        f"> {IN_TIME:g}" if one.time_ratio is None else f"{one.time_ratio:.2f}",
+        _ratio(one.time_ratio),
+        "–" if setting.kind else _ratio(one.oracle_ratio),
         f"{one.contacts}" + ("" if per_m is None else f" ({per_m:.4f} / m)"),
         f"{one.ahead}"
         + ("" if ahead is None else f" ({ahead[0]:.4f} / m, {ahead[1]:.4f} to {ahead[2]:.4f})"),
@@ -66,16 +70,25 @@ def _row(one: Summary) -> tuple[str, ...]:
     )
 
 
+def _ratio(ratio: float | None) -> str:
+    return f"> {IN_TIME:g}" if ratio is None else f"{ratio:.2f}"
+
+
 def _stops(summaries: Sequence[Summary]) -> str:
-    """Table of reasons by driver and people, all densities and risks together."""
-    kinds = list(dict.fromkeys((one.setting.driver, one.setting.kind) for one in summaries))
-    counts: dict[str, Counter[tuple[str, bool]]] = {}
+    """Table of reasons by driver, people and eye, all densities and risks together."""
+    columns = list(dict.fromkeys(_column(each) for each in summaries))
+    counts: dict[str, Counter[str]] = {}
     for one in summaries:
         for reason, count in one.stops.items():
-            counts.setdefault(reason, Counter())[one.setting.driver, one.setting.kind] += count
-    head = ("reason", *(f"{driver}, {people_word(kind)}" for driver, kind in kinds))
+            counts.setdefault(reason, Counter())[_column(one)] += count
     ordered = sorted(counts.items(), key=lambda item: -item[1].total())
-    return _table(head, [(reason, *(str(by[k]) for k in kinds)) for reason, by in ordered])
+    rows = [(reason, *(str(by[column]) for column in columns)) for reason, by in ordered]
+    return _table(("reason", *columns), rows)
+
+
+def _column(one: Summary) -> str:
+    by = ", by images" if one.setting.sees == "images" else ""
+    return f"{one.setting.driver}, {people_word(one.setting.kind)}{by}"
 
 
 def people_word(kind: bool) -> str:

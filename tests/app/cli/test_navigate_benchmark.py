@@ -19,8 +19,8 @@ def test_it_prints_both_drivers_and_draws_a_figure(shell: Shell, tmp_path: Path)
     figure = tmp_path / "risk.png"
     done = shell(*CALL, "--seed", "7", "--risk", "0.01", "--figure", str(figure))
     assert done.code == 0, done.err
-    assert "| planner | hard | 0.02 | 0.01 | 1 |" in done.out
-    assert "| guard | hard | 0.02 | – | 1 |" in done.out
+    assert "| planner | model | hard | 0.02 | 0.01 | 1 |" in done.out
+    assert "| guard | model | hard | 0.02 | – | 1 |" in done.out
     assert "within the 95 % region" in done.out
     assert figure.stat().st_size > 5000
     again = shell(*CALL, "--seed", "7", "--risk", "0.01", "--json")

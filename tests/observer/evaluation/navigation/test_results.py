@@ -14,6 +14,7 @@ from observer.evaluation.navigation import benchmark
 from observer.evaluation.navigation.benchmark import Choice, measure
 from observer.evaluation.navigation.coverage import Walk, WalkResult
 from observer.evaluation.navigation.figure import navigation_figure
+from observer.evaluation.navigation.oracle import Answer, Question
 from observer.evaluation.navigation.results import (
     NavigationBenchmark,
     coverages,
@@ -31,17 +32,19 @@ SLOW = dataclasses.replace(FAST, reached=False, time_s=60.0, contacts=0, ahead=0
 BESIDE = dataclasses.replace(
     FAST, case=Case("guard", 0.1, False, 1e-3, 1000), stops={"an obstruction": 1}
 )
+ANSWER = Answer(Question(0.1, 1000), 24.0)
 WALK = WalkResult(Walk(0.1, 1000), ((0.1, 0.5, 0.96, 0.2), ()))
 
 
 def result(*runs: RunResult) -> NavigationBenchmark:
-    return NavigationBenchmark(1000, summarize(runs), coverages([WALK]))
+    return NavigationBenchmark(1000, summarize(runs, [ANSWER]), coverages([WALK]))
 
 
 def test_runs_of_a_setting_are_summed_up() -> None:
-    planner, guard = summarize([FAST, SLOW, BESIDE, FAST])
+    planner, guard = summarize([FAST, SLOW, BESIDE, FAST], [ANSWER])
     assert (planner.runs, planner.reached, planner.contacts, planner.ahead) == (3, 2, 2, 2)
     assert planner.time_ratio == pytest.approx(1.5)
+    assert planner.oracle_ratio == pytest.approx(1.25)
     assert planner.stops == {"sonar detects something approaching": 9}
     assert planner.setting.risk_per_metre == 1e-3
     assert guard.setting.risk_per_metre is None
@@ -49,9 +52,23 @@ def test_runs_of_a_setting_are_summed_up() -> None:
 
 
 def test_a_goal_that_most_runs_do_not_reach_has_no_time() -> None:
-    (one,) = summarize([FAST, SLOW])
+    (one,) = summarize([FAST, SLOW], [ANSWER])
     assert one.time_ratio is None
     assert "> 3" in navigation_markdown(result(FAST, SLOW))
+
+
+def test_the_future_of_people_who_avoid_the_robot_is_not_compared() -> None:
+    kind = dataclasses.replace(FAST, case=dataclasses.replace(FAST.case, kind=True))
+    (one,) = summarize([kind], [ANSWER])
+    assert one.oracle_ratio is None
+    assert "| 1.50 | – |" in navigation_markdown(result(kind))
+
+
+def test_a_goal_that_even_the_oracle_does_not_reach_does_not_count_against_the_driver() -> None:
+    blocked = dataclasses.replace(SLOW, case=dataclasses.replace(SLOW.case, seed=1001))
+    (one,) = summarize([FAST, blocked], [ANSWER, Answer(Question(0.1, 1001), None)])
+    assert one.oracle_ratio == pytest.approx(1.25)
+    assert one.time_ratio is None
 
 
 def test_rates_have_exact_poisson_intervals() -> None:
@@ -68,13 +85,13 @@ def test_coverage_is_told_by_time_and_unknown_for_nobody() -> None:
 
 def test_the_table_shows_both_drivers_and_every_reason() -> None:
     text = navigation_markdown(result(FAST, SLOW, BESIDE))
-    assert "| planner | hard | 0.1 | 0.001 | 2 | 50 % |" in text
-    assert "| guard | hard | 0.1 | – | 1 | 100 % | 1.50 |" in text
+    assert "| planner | model | hard | 0.1 | 0.001 | 2 | 50 % |" in text
+    assert "| guard | model | hard | 0.1 | – | 1 | 100 % | 1.50 | 1.25 |" in text
     assert "| sonar detects something approaching | 6 | 0 |" in text
     assert "| an obstruction | 0 | 1 |" in text
     assert "| 1 s | 4 | 75 % |" in text
     rows = [line for line in text.splitlines() if line.startswith("|")]
-    assert all(line.count("|") == 15 for line in rows[:4])
+    assert all(line.count("|") == 17 for line in rows[:4])
     json.dumps(result(FAST, BESIDE).as_dict(), allow_nan=False)
 
 
@@ -106,5 +123,6 @@ def test_processes_give_what_one_gives() -> None:
     choice = Choice(1, (0.02,), (False,), (1e-3,), 7)
     seen: list[tuple[int, int | None]] = []
     alone = measure(choice, 1, lambda done, total: seen.append((done, total)))
-    assert seen == [(k, 3) for k in range(4)]
+    # Both drivers, the walk and the oracle.
+    assert seen == [(k, 4) for k in range(5)]
     assert measure(choice, 2, lambda *_: None) == alone

@@ -63,6 +63,22 @@ def test_reasons_are_counted_without_numbers() -> None:
         "the time to contact with obstacle is short"
     )
     assert general("sonar 3 has an echo within 0.20 m") == "sonar has an echo within 0.20 m"
+    weak = "vision is degraded: only 35 % of the points agree on one motion"
+    assert general(weak) == "vision is degraded: only … % of the points agree on one motion"
+
+
+def test_people_who_avoid_the_robot_are_not_driven_through_by_images() -> None:
+    with pytest.raises(ValueError, match="avoid the robot"):
+        run(Case("planner", 0.02, True, 1e-3, 1, "images"), PARAMETERS)
+
+
+@pytest.mark.timeout(240)
+def test_an_empty_hall_is_driven_through_by_images() -> None:
+    result = run(Case("planner", 0.0, False, 1e-3, 1, "images"), PARAMETERS)
+    assert result.reached
+    assert result.time_s < 1.2 * free_time_s(LIMITS)
+    # Before the first pair of frames nothing is known.
+    assert sum(result.stops.values()) <= 2
 
 
 def test_the_robot_keeps_to_its_limits_and_touches_whom_it_reaches() -> None:
