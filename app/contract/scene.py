@@ -15,7 +15,7 @@ from app.contract.views import OBSTACLE_RGB
 
 Rgb = tuple[int, int, int]
 Vector = tuple[float, float, float]
-LayerName = Literal["cloud", "boxes", "arrows", "trails", "guard", "path", "truth"]
+LayerName = Literal["cloud", "boxes", "arrows", "trails", "guard", "path", "map", "truth"]
 
 # Level axes, z up, x ahead at the start; moved by whole steps to keep the robot in view.
 DISPLAY_NODE = "/display"
@@ -82,6 +82,11 @@ _LAYERS = (
         "path", "Path", "The goal of the observer and its planned path (violet), refused paths "
         "(grey), and where it would meet the obstacle that decides (magenta ring).",
         f"{WORLD_NODE}/path", ((150, 70, 220), (150, 140, 160), (220, 50, 140)),
+    ),
+    SceneLayer(
+        "map", "Local map", "What the observer knows of the room on its way to a goal: what stands "
+        "(brown), and floor seen to be free lately (green). The rest is unknown.",
+        f"{WORLD_NODE}/map", ((158, 106, 54), (64, 168, 98)),
     ),
     SceneLayer(
         "truth", "Ground truth", "True boxes, where ground truth is known.", f"{WORLD_NODE}/truth",

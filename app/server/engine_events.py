@@ -14,6 +14,7 @@ from app.contract.events import (
     EngineLostEvent,
     EngineStartedEvent,
     Event,
+    LocalMapEvent,
     ObservationEvent,
     SkippedFrameEvent,
     StateEvent,
@@ -81,6 +82,8 @@ class EngineEvents:
             case DenseStereoEvent():
                 if self._shared.telemetry.dense_made(event, self._shared.clock()):
                     self._shared.followers.status_changed()
+            case LocalMapEvent():
+                self._source.local_map = event
             case EngineStartedEvent():
                 self.engine_started(event.generation)
             case EngineLostEvent():

@@ -23,6 +23,7 @@ from app.contract.scene import (
     LayerName,
     Rgb,
 )
+from app.viewer.map_tiles import MapTiles
 from app.viewer.picture import Cloud, Picture, Tag
 from app.viewer.robot_marks import (
     GOAL_LINES,
@@ -132,6 +133,14 @@ class Scene:
         self._refused = self._lines(path("refused"), MOST_REFUSED_LINES, _REFUSED, 1.5)
         self._meeting = self._lines(path("meeting"), MEETING_LINES, _MEETING, 3.0)
         self._goal = self._lines(path("goal"), GOAL_LINES, _PATH, 3.0)
+        self._map = scene.add_image(
+            _in_layer("map", "cells"),
+            np.zeros((1, 1, 4), np.uint8),
+            *(1.0, 1.0),
+            cast_shadow=False,
+            receive_shadow=False,
+            visible=False,
+        )
         # Nothing is drawn there: it tells the page where the robot is.
         self._base = scene.add_frame(BASE_NODE, show_axes=False, visible=False)
         self._level: Level | None = None
@@ -227,6 +236,16 @@ class Scene:
             self._reason.text = robot.text
             self._reason.position = robot.place
         self._reason.visible = robot.text is not None
+
+    def show_map(self, tiles: MapTiles | None) -> None:
+        """Draw the local map from now on; None: there is none."""
+        with self._server.atomic():
+            if tiles is not None:
+                # As with the live image: its own setter would encode it again.
+                self._map._data = tiles.png
+                self._map.scale = tiles.side_m
+                _move(self._map, tiles.T_world_middle)
+            self._map.visible = tiles is not None
 
     def show_cloud(self, cloud: Cloud) -> None:
         """Draw the cloud in the pose of its own instant."""

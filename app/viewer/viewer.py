@@ -17,9 +17,11 @@ from typing import TYPE_CHECKING
 
 import structlog
 
+from app.contract.events import LocalMapEvent
 from app.contract.robots import RobotsNow
 from app.contract.views import CLOUD_NAME
 from app.server import Server
+from app.viewer.map_tiles import map_tiles
 from app.viewer.picture import make_picture, read_cloud
 
 if TYPE_CHECKING:
@@ -89,6 +91,7 @@ class ViserViewer:
         self._image_sequence = 0
         self._image_due = 0.0
         self._driving: RobotsNow | None = None
+        self._local_map: LocalMapEvent | None = None
         self._thread = threading.Thread(target=self._run, name="viewer", daemon=True)
         self._thread.start()
 
@@ -148,6 +151,10 @@ class ViserViewer:
                 source.latest, source.state, source.generation, now, self._driving
             )
             self._scene.show(picture, now)
+            local_map = None if picture.stale else source.local_map
+            if local_map is not self._local_map:
+                self._local_map = local_map
+                self._scene.show_map(map_tiles(local_map))
             cloud = server.engine.cloud.read(self._cloud_sequence)
             if cloud is not None:
                 self._cloud_sequence = cloud.sequence

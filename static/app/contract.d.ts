@@ -1806,7 +1806,7 @@ export interface components {
     /** @description Part of the scene that can be hidden. */
     SceneLayer: {
       /** @enum {string} */
-      name: "cloud" | "boxes" | "arrows" | "trails" | "guard" | "path" | "truth";
+      name: "cloud" | "boxes" | "arrows" | "trails" | "guard" | "path" | "map" | "truth";
       title: string;
       help: string;
       /** @description Above everything of the layer; the server never hides it itself. */

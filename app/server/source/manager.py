@@ -7,7 +7,13 @@ from dataclasses import replace
 from functools import partial
 
 from app.contract.commands import CloseSource, OpenSource, RecordOrder
-from app.contract.events import EngineLostEvent, EngineState, ObservationEvent, StateEvent
+from app.contract.events import (
+    EngineLostEvent,
+    EngineState,
+    LocalMapEvent,
+    ObservationEvent,
+    StateEvent,
+)
 from app.server.asking import ask
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
@@ -31,6 +37,7 @@ class SourceManager:
     Attributes:
         wanted: the source that is open or should be.
         state: the engine's last reported state. latest: the newest observation.
+        local_map: of the observer; None before the first.
         time: the open source's clock.
         before: what was open before a run's recording was; None without one.
         recent: sources that were opened lately. thumbnails: pictures of sources to choose from.
@@ -56,6 +63,7 @@ class SourceManager:
         self.before: Opening | None = None
         self.state = StateEvent(EngineState.IDLE, None)
         self.latest: ObservationEvent | None = None
+        self.local_map: LocalMapEvent | None = None
         self.time = SourceTime()
         self.recent = RecentSources(shared)
         self.thumbnails = Thumbnails(shared.storage.folder.path / THUMBNAILS)
@@ -164,7 +172,7 @@ class SourceManager:
         if run_id is None:
             self.recent.opened(opening.source)
         self._shared.telemetry.new_source()
-        self.latest = None
+        self.latest = self.local_map = None
         self.time.begin()
         return str(reply.calibration_yaml)
 
@@ -255,6 +263,7 @@ class SourceManager:
         """Note that there is no engine until the next one has started."""
         self.fruitless_losses += 1
         self.restoring = True
+        self.local_map = None
         self.failed(f"{event.reason}; it is restarting")
 
     def failed(self, reason: str) -> None:

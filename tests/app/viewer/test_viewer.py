@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from app.contract.commands import OpenSource
 from app.contract.drive import DriveState
-from app.contract.events import EngineState
+from app.contract.events import EngineState, LocalMapEvent
 from app.contract.robots import (
     DriveFacts,
     DriveProcess,
@@ -51,6 +51,7 @@ from app.viewer.trails import Trails
 from observer.geometry import Pose
 from observer.mount import CameraMount, level_pose
 from observer.navigation.plan import RefusedPath
+from observer.occupancy import OccupancyMap
 from observer.robots.contract import RobotPhase, RobotReport, SonarReading
 
 ANGLES = st.floats(-1.4, 1.4)
@@ -458,6 +459,14 @@ async def test_the_scene_reuses_its_nodes_and_hides_the_place_of_a_robot_that_is
             assert not scene._labels[1].visible
             assert scene._camera._image_data == peer.views["plain"].read(0).payload
             assert not scene._outline.visible
+            assert not scene._map.visible
+            cells = OccupancyMap.of(np.ones((9, 9), np.uint8), (0.0, 0.0), 0.1, (0.0,) * 3, 0.0)
+            for local_map in (LocalMapEvent(cells, Pose.identity()), LocalMapEvent(None, None)):
+                peer.publish(local_map)
+                while scene._map.visible != (local_map.map is not None):
+                    peer.observe()
+                    await asyncio.sleep(0.03)
+            assert scene._map.scale == pytest.approx(0.9)
             robots: Any = {"observer": _ROBOT, "obstacle": None}
             drive.publish(DriveState(DriveFacts(None, None, None, None, None, robots), 0.0))
             while not scene._outline.visible:
