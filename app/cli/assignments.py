@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from observer.errors import InputError, ParameterError
-from observer.navigation.parameters import AllParameters
+from observer.errors import InputError
 from observer.parameters import Parameters, ParameterValue, effective, preset, typed_value
 
 
@@ -17,26 +16,15 @@ def chosen_parameters(preset_name: str, assignments: Sequence[str]) -> Parameter
         ParameterError: a parameter was refused; the message names each with its range, or the
             parameters that have no effect with the method in force.
     """
-    return effective(preset(preset_name), _changes(assignments))
+    return effective(preset(preset_name), changes_of(assignments))
 
 
-def driving_parameters(assignments: Sequence[str]) -> AllParameters:
-    """Return the default parameters with ``name=value`` assignments to guard and planner applied.
+def changes_of(assignments: Sequence[str]) -> dict[str, ParameterValue]:
+    """Return the values of ``name=value`` assignments by name.
 
     Raises:
         InputError: an assignment has no ``=``.
-        ParameterError: a parameter was refused, or acts on what is seen in images.
     """
-    changes = _changes(assignments)
-    parameters = AllParameters().changed(changes)
-    if seeing := Parameters.own(changes):
-        raise ParameterError(
-            dict.fromkeys(seeing, "has no effect: people are perceived without images")
-        )
-    return parameters
-
-
-def _changes(assignments: Sequence[str]) -> dict[str, ParameterValue]:
     changes: dict[str, ParameterValue] = {}
     for text in assignments:
         name, equals, value = text.partition("=")

@@ -8,11 +8,12 @@ from typing import Annotated
 
 import typer
 
-from app.cli.assignments import driving_parameters
+from app.cli.assignments import changes_of
 from app.cli.benchmark import FIGURE_SUFFIXES
 from app.cli.progress import progress_bar
 from app.cli.results import JsonOption, tell
 from observer.errors import InputError
+from observer.evaluation.navigation.parameters import crowd_parameters
 
 # Seeds below were used while the planner was made.
 _FIRST_SEED = 1000
@@ -76,7 +77,7 @@ def navigate_benchmark(
     """
     if figure is not None:
         _refuse_bad(figure)
-    parameters = driving_parameters(assignments or [])
+    parameters = crowd_parameters(changes_of(assignments or []))
     for each in risk or []:
         parameters.changed({_RISK: each})
     # They bring OpenCV and the methods with them, which take seconds.

@@ -1,5 +1,5 @@
-"""``dynamic-observer sweep``: run a grid of parameters over many sources, on all cores or a
-cluster.
+"""``dynamic-observer sweep``: run a grid of parameters over many sources or through crowds, on all
+cores or a cluster.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import typer
 from app.cli.output import whole_file
 from app.cli.progress import progress_bar
 from observer.errors import DynamicObserverError, InputError
-from observer.evaluation.choices import LAB, ROAD, RankedBy
+from observer.evaluation.choices import CROWD, DEFAULT_RUNS, LAB, ROAD, RankedBy
 
 if TYPE_CHECKING:
     from observer.evaluation.sweep.results import Sweep
@@ -33,7 +33,10 @@ def sweep(
     ],
     sources: Annotated[
         list[str],
-        typer.Argument(help="Recordings, folders with truth.csv, simulated:SCENARIO."),
+        typer.Argument(
+            help="Recordings, folders with truth.csv, simulated:SCENARIO; or, to drive through, "
+            "crowd:hard:DENSITY and crowd:kind:DENSITY."
+        ),
     ],
     output: Annotated[
         Path,
@@ -41,6 +44,10 @@ def sweep(
     ],
     frames: Annotated[
         int | None, typer.Option(min=5, help="Maximum number of frames per source; default: all.")
+    ] = None,
+    runs: Annotated[
+        int | None,
+        typer.Option(min=1, help=f"Runs through each crowd, each of a seed; {DEFAULT_RUNS}."),
     ] = None,
     limit: Annotated[
         int | None, typer.Option(min=1, help="Only the first combinations, up to this many.")
@@ -51,8 +58,11 @@ def sweep(
     ] = None,
     seed: Annotated[int, typer.Option(help="Seed of the random choice.")] = 0,
     rank_by: Annotated[
-        RankedBy, typer.Option(help="Metric to rank by (mean over the sources).")
-    ] = "mota",
+        RankedBy | None,
+        typer.Option(
+            help="Metric to rank by (mean over the sources); mota, and time_ratio for crowds."
+        ),
+    ] = None,
     road: Annotated[
         bool,
         typer.Option(
@@ -74,12 +84,15 @@ def sweep(
 ) -> None:
     """Evaluate every combination of parameters on every source, and rank them.
 
-    Sources need ground truth. Finished tasks are saved at once, so that an interrupted sweep
-    continues when it is called again.
+    Sources need ground truth. Crowds are driven through by the planner, as in navigate-benchmark,
+    and the grid then varies parameters of guard and navigation. Finished tasks are saved at once,
+    so that an interrupted sweep continues when it is called again.
     """
     # They bring OpenCV and the methods with them, which take seconds.
     from observer.evaluation.sweep.cluster import ClusterChoice, cluster_missing
+    from observer.evaluation.sweep.crowds import sweep_crowd
     from observer.evaluation.sweep.grid import read_grid
+    from observer.evaluation.sweep.results import rankable
     from observer.evaluation.sweep.sources import sweep_source
     from observer.evaluation.sweep.store import TaskStore
     from observer.evaluation.sweep.sweep import Plan, SweepRun
@@ -89,13 +102,24 @@ def sweep(
         raise InputError(missing)
     if scheduler is not None and jobs is not None:
         raise InputError("--jobs is for processes on this computer; omit it with --scheduler")
-    read = read_grid(grid)
+    crowds = [spec for spec in sources if spec.startswith(CROWD)]
+    driving = bool(crowds)
+    if driving and len(crowds) < len(sources):
+        raise InputError("crowds are judged by other figures than sources; sweep over one of both")
+    if (idle := frames if driving else runs) is not None:
+        name = "--frames" if driving else "--runs"
+        raise InputError(f"{name} {idle} has no effect on these sources; omit it")
+    if driving and road:
+        raise InputError("--road has no effect on crowds; omit it")
+    by = rankable(rank_by, driving=driving)
+    read = read_grid(grid, driving=driving)
     combinations = read.chosen(limit=limit, drawn=drawn, seed=seed)
     store = TaskStore(output)
     plan = Plan(
         read,
         combinations,
-        tuple(sweep_source(spec, frames) for spec in sources),
+        tuple(sweep_crowd(spec, runs or DEFAULT_RUNS) for spec in crowds)
+        or tuple(sweep_source(spec, frames) for spec in sources),
         (ROAD if road else LAB).gate_m,
     )
     run = SweepRun(plan, store)
@@ -119,7 +143,7 @@ def sweep(
     finally:
         # Done for an interrupted sweep too: finished results are worth a look.
         result = run.result
-        text = _write(result, output, rank_by)
+        text = _write(result, output, by)
     typer.echo(text.rstrip())
     if run.use is not None:
         typer.echo(

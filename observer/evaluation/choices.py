@@ -14,8 +14,11 @@ GATE_M = 0.5
 ROAD_GATE_M = 3.0
 # A scenario without an end is left after this many frames, unless told otherwise.
 DEFAULT_MAX_FRAMES = 300
+# What a crowd as a source of a sweep begins with, and how often it is driven through.
+CROWD = "crowd:"
+DEFAULT_RUNS = 20
 
-RankedBy = Literal[
+ObservingFigure = Literal[
     "mota",
     "recall",
     "false_per_100_frames",
@@ -24,6 +27,8 @@ RankedBy = Literal[
     "centre_rmse_m",
     "delay_median_s",
 ]
+DrivingFigure = Literal["time_ratio", "contacts_per_m", "ahead_per_m", "reached"]
+RankedBy = Literal[ObservingFigure, DrivingFigure]
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Figure of the accuracy of a sweep's combinations against their cost."""
+"""Figure of what a sweep's combinations achieve against their cost."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from observer.evaluation.choices import RankedBy
 from observer.evaluation.figure import COLOURS, GREY, TARGET, plain_axes
-from observer.evaluation.sweep.results import RANKED_BY, Ranked, Sweep
+from observer.evaluation.sweep.results import Ranked, Sweep, cost_title
 
 # Number of the best that are labelled; more labels would overlap.
 _NAMED = 12
@@ -18,17 +18,15 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
     """Plot each combination as a point, means over the sources, and the Pareto front as a line.
 
     Args:
-        by: the figure of ``RANKED_BY`` that ranks them.
+        by: the figure of ``Sweep.ranked_by`` that ranks them.
     """
-    title, more = RANKED_BY[by]
+    title, more = sweep.ranked_by[by]
     figure = Figure(figsize=(8.5, 5.6), layout="constrained", facecolor="white")
     axes = figure.add_subplot()
     points = [
-        (each, each.cost_ratio, value)
+        (each, each.cost, value)
         for each in ranked
-        if each.rank is not None
-        and each.cost_ratio is not None
-        and (value := each.means[by]) is not None
+        if each.rank is not None and each.cost is not None and (value := each.means[by]) is not None
     ]
     for number, preset in enumerate(sweep.grid.presets):
         mine = [(x, y) for each, x, y in points if each.combination.preset == preset]
@@ -48,10 +46,14 @@ def sweep_figure(sweep: Sweep, ranked: Sequence[Ranked], by: RankedBy) -> Figure
     for x, y, each in front[-_NAMED:]:
         name, offset = str(each.combination.number), "offset points"
         axes.annotate(name, (x, y), xytext=(6, 6), textcoords=offset, fontsize=8.5)
-    axes.axvline(1.0, color=TARGET, linewidth=1, linestyle="--", zorder=1)
-    axes.set_xlabel("cost of observe relative to the preset default")
+    if not sweep.grid.driving:
+        axes.axvline(1.0, color=TARGET, linewidth=1, linestyle="--", zorder=1)
+    axes.set_xlabel(cost_title(by))
     axes.set_ylabel(f"{title} ({'more' if more else 'less'} is better)")
-    axes.set_title("Accuracy against cost", loc="left", fontsize=11, fontweight="bold")
+    heading = "Accuracy against cost"
+    if sweep.grid.driving:
+        heading = f"Driving: {title} against {cost_title(by)}"
+    axes.set_title(heading, loc="left", fontsize=11, fontweight="bold")
     counts = f"{len(points)} combinations, {len(sweep.sources)} sources"
     axes.set_title(counts, loc="right", fontsize=9, color=GREY)
     axes.legend(frameon=False, fontsize=9)

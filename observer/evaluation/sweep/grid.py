@@ -5,6 +5,9 @@ set:                              # the same in every combination
   tracking.gate: 3.0
 evidence.radius_px: [20, 26, 32]  # every value with every other
 evidence.memory_s: [0.3, 0.5]
+
+For crowds it is the parameters of guard and planner that are varied, as in
+``navigation.berth_m: [0.1, 0.2, 0.3]``; no preset sets any.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from typing import Annotated, TypeAlias
 from pydantic import BeforeValidator, ConfigDict, Field, PlainValidator
 
 from observer.errors import InputError, ParameterError
+from observer.evaluation.navigation.parameters import crowd_parameters
+from observer.navigation.parameters import AllParameters
 from observer.parameters import Parameters, ParameterValue, preset, preset_names
 from observer.text_files import (
     NUMBER,
@@ -43,7 +48,8 @@ class Combination:
     Attributes:
         number: in the grid, from 1. preset: what it starts from.
         values: of the parameters that the grid varies, by name.
-        parameters: all of them, the fixed ones included.
+        parameters: all of them, the fixed ones included; for driving those of guard and planner
+            too.
     """
 
     number: int
@@ -59,11 +65,13 @@ class Grid:
     Attributes:
         presets: to start from. fixed: values of every combination.
         lists: the values of each parameter that is varied, by name, in the order of the text.
+        driving: it varies parameters of guard and planner, for crowds.
     """
 
     presets: tuple[str, ...]
     fixed: Mapping[str, ParameterValue]
     lists: Mapping[str, tuple[ParameterValue, ...]]
+    driving: bool = False
 
     @property
     def count(self) -> int:
@@ -83,7 +91,16 @@ class Grid:
             values[name] = self.lists[name][at]
         base = self.presets[rest]
         values = {name: values[name] for name in self.lists}
-        return Combination(number, base, values, preset(base).changed({**self.fixed, **values}))
+        return Combination(number, base, values, self.parameters(base, values))
+
+    def parameters(self, base: str, values: Mapping[str, ParameterValue]) -> Parameters:
+        """Return a preset's parameters with the fixed values and others.
+
+        Raises:
+            ParameterError: they are refused.
+        """
+        changes = {**self.fixed, **values}
+        return crowd_parameters(changes) if self.driving else preset(base).changed(changes)
 
     def chosen(
         self, *, limit: int | None = None, drawn: int | None = None, seed: int = 0
@@ -105,17 +122,23 @@ class Grid:
         return tuple(self.combination(number) for number in numbers[:limit])
 
 
-def read_grid(path: Path) -> Grid:
+def read_grid(path: Path, *, driving: bool = False) -> Grid:
     """Read the grid of a YAML file.
+
+    Args:
+        driving: it is for crowds.
 
     Raises:
         InputError: one sentence that names the file, the key and what would be right.
     """
-    return grid_from_text(read_text(path, "a grid of parameters"), path.name)
+    return grid_from_text(read_text(path, "a grid of parameters"), path.name, driving=driving)
 
 
-def grid_from_text(text: str, name: str) -> Grid:
+def grid_from_text(text: str, name: str, *, driving: bool = False) -> Grid:
     """Read the grid of a YAML text; ``name`` is its name in messages.
+
+    Args:
+        driving: it is for crowds.
 
     Raises:
         InputError: one sentence that names the key and what would be right.
@@ -131,7 +154,9 @@ def grid_from_text(text: str, name: str) -> Grid:
         if key in fixed:
             raise InputError(f"{name}: {key} is both fixed and varied; keep one of them")
         _check_differ(key, values, name)
-    grid = Grid(read.preset, fixed, lists)
+    if driving and read.preset != ("default",):
+        raise InputError(f"{name}: a preset has no effect on driving; omit preset")
+    grid = Grid(read.preset, fixed, lists, driving)
     _check_values(grid, name)
     return grid
 
@@ -179,7 +204,7 @@ class _GridFile(FileModel):
 
 def _value(key: str, value: str) -> ParameterValue:
     """Convert a value to its parameter's type; what does not fit stays text, and is refused."""
-    declared = next((e for e in Parameters.declared() if e["name"] == key), None)
+    declared = next((e for e in AllParameters.declared() if e["name"] == key), None)
     kind = "choice" if declared is None else declared["type"]
     if kind == "integer" and _WHOLE.fullmatch(value):
         return int(value)
@@ -198,18 +223,13 @@ def _check_differ(key: str, values: tuple[ParameterValue, ...], name: str) -> No
 
 def _check_values(grid: Grid, name: str) -> None:
     """Try every value once, rather than every combination: a grid may have millions."""
+    each: list[dict[str, ParameterValue]] = [{}]
+    each += [{key: value} for key, values in grid.lists.items() for value in values]
     for base in grid.presets:
-        parameters = _changed(preset(base), grid.fixed, name)
-        for key, values in grid.lists.items():
-            for value in values:
-                _changed(parameters, {key: value}, name)
-
-
-def _changed(
-    parameters: Parameters, changes: Mapping[str, ParameterValue], name: str
-) -> Parameters:
-    try:
-        return parameters.changed(changes)
-    except ParameterError as error:
-        given = ", ".join(f"{key} {str(changes[key])[:60]}" for key in error.problems)
-        raise InputError(f"{name}: {error} (given: {given})") from None
+        for values in each:
+            try:
+                grid.parameters(base, values)
+            except ParameterError as error:
+                changes = {**grid.fixed, **values}
+                given = ", ".join(f"{key} {str(changes[key])[:60]}" for key in error.problems)
+                raise InputError(f"{name}: {error} (given: {given})") from None

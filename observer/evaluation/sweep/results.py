@@ -8,15 +8,30 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import get_args
 
-from observer.evaluation.choices import RankedBy
+from observer.errors import InputError
+from observer.evaluation.choices import ObservingFigure, RankedBy
 from observer.evaluation.evaluate import FIGURE_TITLES
+from observer.evaluation.sweep.crowds import SweepCrowd
 from observer.evaluation.sweep.grid import Combination, Grid
 from observer.evaluation.sweep.sources import SweepSource
 from observer.evaluation.sweep.task import Outcome
 
 # Figures that may rank combinations: title, and True if more of it is better.
-RANKED_BY: Mapping[RankedBy, tuple[str, bool]] = {
-    name: (FIGURE_TITLES[name], name in ("mota", "recall")) for name in get_args(RankedBy)
+OBSERVING: Mapping[RankedBy, tuple[str, bool]] = {
+    name: (FIGURE_TITLES[name], name in ("mota", "recall")) for name in get_args(ObservingFigure)
+}
+DRIVING: Mapping[RankedBy, tuple[str, bool]] = {
+    "time_ratio": ("time ratio", False),
+    "contacts_per_m": ("contacts / m", False),
+    "ahead_per_m": ("driven up to / m", False),
+    "reached": ("goals reached", True),
+}
+# What a robot pays for one of these with the other.
+_PAID_WITH: Mapping[RankedBy, RankedBy] = {
+    "time_ratio": "contacts_per_m",
+    "contacts_per_m": "time_ratio",
+    "ahead_per_m": "time_ratio",
+    "reached": "contacts_per_m",
 }
 
 
@@ -25,13 +40,19 @@ class Row:
     """A combination over a source; ``outcome`` is None where the sweep did not get to it."""
 
     combination: Combination
-    source: SweepSource
+    source: SweepSource | SweepCrowd
     outcome: Outcome | None
 
     @property
     def figures(self) -> Mapping[str, float | int | None]:
         """Figures that are known."""
         return {} if self.outcome is None else self.outcome.figures or {}
+
+    def cost(self, figure: RankedBy) -> float | None:
+        """Return what this figure is paid with: processing time, or another figure of driving."""
+        if figure in _PAID_WITH:
+            return self.figures.get(_PAID_WITH[figure])
+        return None if self.outcome is None else self.outcome.cost_ratio
 
 
 @dataclass(frozen=True)
@@ -45,12 +66,17 @@ class Sweep:
     """
 
     grid: Grid
-    sources: tuple[SweepSource, ...]
+    sources: tuple[SweepSource | SweepCrowd, ...]
     combinations: tuple[Combination, ...]
     rows: tuple[Row, ...]
     gate_m: float
     version: str
     kept: int
+
+    @property
+    def ranked_by(self) -> Mapping[RankedBy, tuple[str, bool]]:
+        """Figures that may rank its combinations: title, and True if more of it is better."""
+        return DRIVING if self.grid.driving else OBSERVING
 
     @property
     def failed(self) -> tuple[Row, ...]:
@@ -70,8 +96,9 @@ class Ranked:
     Attributes:
         rank: from 1, by the mean of the figure; None where the figure is missing on a source
             that others have it on: means over different sources cannot be compared.
-        means: over the sources, of every figure of ``RANKED_BY``; None where none is known.
-        cost_ratio: to the preset ``default``, mean over the sources.
+        means: over the sources, of every figure of ``Sweep.ranked_by``; None where none is known.
+        cost: mean over the sources: of processing relative to the preset ``default``, for driving
+            as ``Row.cost``.
         judged: sources that it was evaluated on.
         best: no other is both better and cheaper (it lies on the Pareto front).
     """
@@ -79,13 +106,13 @@ class Ranked:
     combination: Combination
     rank: int | None
     means: Mapping[RankedBy, float | None]
-    cost_ratio: float | None
+    cost: float | None
     judged: int
     best: bool = False
 
 
 def ranking(sweep: Sweep, figure: RankedBy = "mota") -> tuple[Ranked, ...]:
-    """Rank the combinations by this figure of ``RANKED_BY``, then by cost.
+    """Rank the combinations by this figure of ``Sweep.ranked_by``, then by cost.
 
     Unranked ones are at the end, in the grid's order.
     """
@@ -100,14 +127,14 @@ def ranking(sweep: Sweep, figure: RankedBy = "mota") -> tuple[Ranked, ...]:
     for combination in sweep.combinations:
         mine = rows[combination.number]
         means: dict[RankedBy, float | None] = {
-            name: _mean([r.figures.get(name) for r in mine]) for name in RANKED_BY
+            name: _mean([r.figures.get(name) for r in mine]) for name in sweep.ranked_by
         }
-        cost = _mean([None if r.outcome is None else r.outcome.cost_ratio for r in mine])
+        cost = _mean([r.cost(figure) for r in mine])
         value = means[figure]
         if value is None or known.get(combination.number, set()) != all_known:
             unranked.append(Ranked(combination, None, means, cost, len(mine)))
             continue
-        loss = -value if RANKED_BY[figure][1] else value
+        loss = -value if sweep.ranked_by[figure][1] else value
         dear = float("inf") if cost is None else cost
         ranked.append((loss, dear, Ranked(combination, 0, means, cost, len(mine))))
     ranked.sort(key=lambda each: each[:2])
@@ -118,6 +145,30 @@ def ranking(sweep: Sweep, figure: RankedBy = "mota") -> tuple[Ranked, ...]:
         cheapest = min(cheapest, dear)
         result.append(replace(each, rank=rank, best=best))
     return (*result, *unranked)
+
+
+def rankable(wanted: RankedBy | None, *, driving: bool) -> RankedBy:
+    """Return the figure to rank by; the usual one where none is wanted.
+
+    Args:
+        driving: the sweep is over crowds.
+
+    Raises:
+        InputError: such a sweep has no such figure.
+    """
+    figures = DRIVING if driving else OBSERVING
+    if wanted is None:
+        return next(iter(figures))
+    if wanted not in figures:
+        over = "crowds" if driving else "sources with ground truth"
+        raise InputError(f"{wanted} is not measured over {over}; rank by {', '.join(figures)}")
+    return wanted
+
+
+def cost_title(figure: RankedBy) -> str:
+    """Return what a figure is paid with, in words."""
+    paid = _PAID_WITH.get(figure)
+    return "cost of observe relative to the preset default" if paid is None else DRIVING[paid][0]
 
 
 def _known(row: Row, figure: str) -> bool:

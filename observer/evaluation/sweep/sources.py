@@ -32,6 +32,11 @@ class SweepSource:
     frames: int
     digest: str
 
+    @property
+    def extent(self) -> str:
+        """Return how much of it there is, in words."""
+        return f"{self.frames} frames"
+
 
 def sweep_source(spec: str, frames: int | None) -> SweepSource:
     """Check and describe a source before it is run.

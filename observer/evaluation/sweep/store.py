@@ -48,7 +48,7 @@ class TaskStore:
             return
         told = {
             "source": task.source.name,
-            "frames": task.source.frames,
+            "extent": task.source.extent,
             "version": task.version,
             "gate_m": task.gate_m,
             "parameters": task.parameters.flat(),

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 
 from observer.errors import InputError
 from observer.evaluation.sweep.cluster import ClusterChoice, evaluate_tasks, opened_cluster
+from observer.evaluation.sweep.crowds import SweepCrowd
 from observer.evaluation.sweep.grid import Combination, Grid
 from observer.evaluation.sweep.results import Row, Sweep
 from observer.evaluation.sweep.sources import SweepSource
@@ -23,12 +24,13 @@ class Plan:
     """Plan of a sweep.
 
     Attributes:
+        sources: of one kind; for a grid of driving they are crowds.
         gate_m: greatest distance of an instance from its body.
     """
 
     grid: Grid
     combinations: tuple[Combination, ...]
-    sources: tuple[SweepSource, ...]
+    sources: tuple[SweepSource | SweepCrowd, ...]
     gate_m: float
 
     @property

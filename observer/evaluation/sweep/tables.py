@@ -13,8 +13,11 @@ from typing import Any
 from observer.errors import InputError
 from observer.evaluation.choices import RankedBy
 from observer.evaluation.evaluate import Evaluation, markdown_table, shown
-from observer.evaluation.sweep.results import RANKED_BY, Ranked, Row, Sweep
-from observer.parameters import Parameters, ParameterValue
+from observer.evaluation.sweep.crowds import SweepCrowd
+from observer.evaluation.sweep.results import DRIVING, Ranked, Row, Sweep, cost_title
+from observer.evaluation.sweep.sources import SweepSource
+from observer.navigation.parameters import AllParameters
+from observer.parameters import ParameterValue
 
 # More are in the CSV file.
 _MARKDOWN_ROWS = 100
@@ -22,33 +25,34 @@ _FAILED_TOLD = 20
 
 
 def ranking_markdown(sweep: Sweep, ranked: Sequence[Ranked], figure: RankedBy) -> str:
-    """Return the combinations ranked by a figure of ``RANKED_BY``, and what failed."""
-    title, more = RANKED_BY[figure]
+    """Return the combinations ranked by a figure of ``Sweep.ranked_by``, and what failed."""
+    title, more = sweep.ranked_by[figure]
     names = list(sweep.grid.lists)
     header = ["rank", "combination", "preset", *names]
-    header += [title for title, _ in RANKED_BY.values()]
-    header += ["cost / default", "sources"]
+    header += [title for title, _ in sweep.ranked_by.values()]
+    # What driving costs is among these figures.
+    header += [*(["cost / default"] if not sweep.grid.driving else []), "sources"]
     rows = [
         [
             ("-" if each.rank is None else str(each.rank)) + (" *" if each.best else ""),
             str(each.combination.number),
             each.combination.preset,
             *(_value(each.combination.values[name]) for name in names),
-            *(shown(each.means[name]) for name in RANKED_BY),
-            shown(each.cost_ratio),
+            *(shown(each.means[name]) for name in sweep.ranked_by),
+            *([shown(each.cost)] if not sweep.grid.driving else []),
             str(each.judged),
         ]
         for each in ranked[:_MARKDOWN_ROWS]
     ]
     fixed = ", ".join(f"{name} = {_value(value)}" for name, value in sweep.grid.fixed.items())
-    sources = ", ".join(f"{s.name} ({s.frames} frames)" for s in sweep.sources)
+    sources = ", ".join(f"{s.name} ({s.extent})" for s in sweep.sources)
     parts = [
         "# Sweep\n",
         f"{len(sweep.combinations)} of {sweep.grid.count} combinations over {len(sweep.sources)} "
-        f"sources, matched within {sweep.gate_m:g} m, version {sweep.version}. Means over the "
-        f"sources, ranked by {title} ({'more' if more else 'less'} is better). Cost is that of "
-        "`observe` relative to the preset default on the same frames. Combinations marked with an "
-        "asterisk are Pareto-optimal: no other is both better and cheaper.\n",
+        f"sources, {_judged(sweep)}version {sweep.version}. Means over the sources, ranked by "
+        f"{title} ({'more' if more else 'less'} is better). {_explained(sweep, figure)} "
+        "Combinations marked with an asterisk are Pareto-optimal: no other is both better and "
+        "cheaper.\n",
         f"Sources: {sources}.\n",
     ]
     parts += [f"Common to all: {fixed}.\n"] * bool(fixed)
@@ -60,6 +64,21 @@ def ranking_markdown(sweep: Sweep, ranked: Sequence[Ranked], figure: RankedBy) -
     if sweep.failed:
         parts += ["## Failed\n", "\n".join(_failures(sweep)) + "\n"]
     return "\n".join(parts)
+
+
+def _judged(sweep: Sweep) -> str:
+    return "" if sweep.grid.driving else f"matched within {sweep.gate_m:g} m, "
+
+
+def _explained(sweep: Sweep, figure: RankedBy) -> str:
+    if not sweep.grid.driving:
+        return "Cost is that of `observe` relative to the preset default on the same frames."
+    return (
+        "Time ratio: median time to the goal over that without people at the default speed, a goal "
+        "not reached counted with the time after which it is given up; contacts: persons touched "
+        "while the robot moved; driven up to: those of them towards whom it drove. The cost is "
+        f"{cost_title(figure)}."
+    )
 
 
 def _failures(sweep: Sweep) -> list[str]:
@@ -77,14 +96,16 @@ def ranking_csv(sweep: Sweep, ranked: Sequence[Ranked]) -> str:
     names = list(sweep.grid.lists)
     text = io.StringIO()
     out = csv.writer(text, lineterminator="\n")
+    cost = [] if sweep.grid.driving else ["cost_ratio"]
     out.writerow(
-        ["rank", "combination", "preset", *names, *RANKED_BY, "cost_ratio", "sources", "best"]
+        ["rank", "combination", "preset", *names, *sweep.ranked_by, *cost, "sources", "best"]
     )
     for each in ranked:
         row: list[Any] = [each.rank, each.combination.number, each.combination.preset]
         row += [_value(each.combination.values[name]) for name in names]
-        row += [each.means[name] for name in RANKED_BY]
-        out.writerow([*row, each.cost_ratio, each.judged, int(each.best)])
+        row += [each.means[name] for name in sweep.ranked_by]
+        row += [each.cost] * len(cost)
+        out.writerow([*row, each.judged, int(each.best)])
     return text.getvalue()
 
 
@@ -94,7 +115,7 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
     Columns: ``combination, preset, source, frames_planned, status`` (``finished``, ``failed`` or
     ``left``), ``error``, the varied parameters by their dotted names, every figure of
     ``Evaluation``, ``frames_observed, frames_skipped, median_ms, cost_ratio, cpu_s, wall_s,
-    version``.
+    version``. For driving it is ``runs_planned``, and the figures are those of ``DRIVING``.
 
     Raises:
         InputError: the file cannot be written.
@@ -102,7 +123,7 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
     import pyarrow  # type: ignore[import-untyped]
     import pyarrow.parquet  # type: ignore[import-untyped]
 
-    declared = {entry["name"]: entry["type"] for entry in Parameters.declared()}
+    declared = {entry["name"]: entry["type"] for entry in AllParameters.declared()}
     types = {
         "text": pyarrow.string(),
         "choice": pyarrow.string(),
@@ -110,13 +131,20 @@ def write_parquet(sweep: Sweep, path: Path) -> None:
         "integer": pyarrow.int64(),
         "number": pyarrow.float64(),
     }
-    kinds = {
-        **dict.fromkeys(("combination", "frames_planned"), "integer"),
-        **dict.fromkeys(("preset", "source", "status", "error", "version"), "text"),
-        **{name: declared[name] for name in sweep.grid.lists},
+    observing = {
         **{f.name: "integer" if f.type in ("int", int) else "number" for f in fields(Evaluation)},
         **dict.fromkeys(("frames_observed", "frames_skipped"), "integer"),
-        **dict.fromkeys(("median_ms", "cost_ratio", "cpu_s", "wall_s"), "number"),
+        **dict.fromkeys(("median_ms", "cost_ratio"), "number"),
+    }
+    driving = sweep.grid.driving
+    kinds: dict[str, str] = {
+        **dict.fromkeys(
+            ("combination", "runs_planned" if driving else "frames_planned"), "integer"
+        ),
+        **dict.fromkeys(("preset", "source", "status", "error", "version"), "text"),
+        **{name: declared[name] for name in sweep.grid.lists},
+        **({str(name): "number" for name in DRIVING} if driving else observing),
+        **dict.fromkeys(("cpu_s", "wall_s"), "number"),
     }
     rows = [_flat(row, sweep.version) for row in sweep.rows]
     table = pyarrow.table(
@@ -139,7 +167,7 @@ def _flat(row: Row, version: str) -> Mapping[str, Any]:
         "combination": row.combination.number,
         "preset": row.combination.preset,
         "source": row.source.name,
-        "frames_planned": row.source.frames,
+        **_planned(row.source),
         "status": "left" if outcome is None else "failed" if outcome.error else "finished",
         "version": version,
         **row.combination.values,
@@ -155,6 +183,12 @@ def _flat(row: Row, version: str) -> Mapping[str, Any]:
         "cpu_s": outcome.cpu_s,
         "wall_s": outcome.wall_s,
     }
+
+
+def _planned(source: SweepSource | SweepCrowd) -> Mapping[str, int]:
+    if isinstance(source, SweepCrowd):
+        return {"runs_planned": source.runs}
+    return {"frames_planned": source.frames}
 
 
 def _value(value: ParameterValue) -> str:

@@ -1,4 +1,4 @@
-"""Task of a worker, a combination over a source, and its outcome."""
+"""Task of a worker, a combination over a source or through a crowd, and its outcome."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import statistics
 import time
 from collections.abc import Mapping
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import cv2
@@ -17,8 +17,10 @@ import cv2
 from observer.errors import DynamicObserverError
 from observer.evaluation.evaluate import summarise
 from observer.evaluation.source_run import SourceRun, run_opened
+from observer.evaluation.sweep.crowds import SweepCrowd, driving_figures
 from observer.evaluation.sweep.frames import FrameCache
 from observer.evaluation.sweep.sources import SweepSource
+from observer.navigation.parameters import AllParameters
 from observer.parameters import Parameters, preset
 from observer.version import library_version
 
@@ -34,12 +36,13 @@ class Task:
     """A combination over a source.
 
     Attributes:
+        parameters: those of guard and planner too, where the source is a crowd.
         gate_m: greatest distance of an instance from its body.
         version: of the method, as of ``method_version``.
         elsewhere: another machine may work on it, whose version may differ.
     """
 
-    source: SweepSource
+    source: SweepSource | SweepCrowd
     parameters: Parameters
     gate_m: float
     version: str
@@ -50,7 +53,7 @@ class Task:
         """Name of the result, by all that it depends on."""
         named = {
             "source": self.source.digest,
-            "frames": self.source.frames,
+            "extent": self.source.extent,
             "parameters": self.parameters.flat(),
             "gate_m": self.gate_m,
             "version": self.version,
@@ -66,7 +69,7 @@ class Outcome:
     Attributes:
         error: one sentence where it failed; the rest is unknown then.
         frames: observed. skipped: frames that the source could not read.
-        figures: as ``Evaluation.as_dict`` gives them.
+        figures: as ``Evaluation.as_dict`` gives them, through a crowd as ``driving_figures``.
         median_ms: of the whole of ``observe``, on a machine that others use too.
         cost_ratio: median over the frames of this cost over that of the preset ``default`` on
             the same frame; None where there were too few frames.
@@ -104,23 +107,14 @@ def run_task(task: Task, cache_bytes: int, own_process: bool) -> Outcome:
                 f"needs {task.version}; install the same version on every machine of the "
                 "cluster"
             )
-        runs = _observe(task, _cache(cache_bytes))
+        outcome = _outcome(task, cache_bytes)
     except DynamicObserverError as error:
         return Outcome(error=str(error))
     except Exception as error:  # noqa: BLE001 -- one combination must not end hours of work
         return Outcome(error=f"{type(error).__name__}: {error}")
-    run = runs[_COMBINATION]
-    if run.tally is None or run.frames == 0:
-        return Outcome(error=f"{task.source.name} has no frame that can be evaluated")
-    return Outcome(
-        frames=run.frames,
-        skipped=run.skipped,
-        figures=summarise([run.tally]).as_dict(),
-        median_ms=statistics.median(run.times_ms["total"]) if run.timed_frames else None,
-        cost_ratio=_cost_ratio(run, runs[REFERENCE]),
-        cpu_s=time.process_time() - cpu,
-        wall_s=time.perf_counter() - wall,
-    )
+    if outcome.error is not None:
+        return outcome
+    return replace(outcome, cpu_s=time.process_time() - cpu, wall_s=time.perf_counter() - wall)
 
 
 @functools.cache
@@ -138,16 +132,35 @@ def _cache(most_bytes: int) -> FrameCache:
     return FrameCache(most_bytes)
 
 
-def _observe(task: Task, cache: FrameCache) -> dict[str, SourceRun]:
-    begin = max(0, (task.source.frames - _REFERENCE_FRAMES) // 2)
-    opened = cache.opened(task.source)
+def _outcome(task: Task, cache_bytes: int) -> Outcome:
+    if isinstance(task.source, SweepCrowd):
+        assert isinstance(task.parameters, AllParameters)
+        return Outcome(figures=driving_figures(task.source, task.parameters))
+    runs = _observe(task.source, task.parameters, task.gate_m, _cache(cache_bytes))
+    run = runs[_COMBINATION]
+    if run.tally is None or run.frames == 0:
+        return Outcome(error=f"{task.source.name} has no frame that can be evaluated")
+    return Outcome(
+        frames=run.frames,
+        skipped=run.skipped,
+        figures=summarise([run.tally]).as_dict(),
+        median_ms=statistics.median(run.times_ms["total"]) if run.timed_frames else None,
+        cost_ratio=_cost_ratio(run, runs[REFERENCE]),
+    )
+
+
+def _observe(
+    source: SweepSource, parameters: Parameters, gate_m: float, cache: FrameCache
+) -> dict[str, SourceRun]:
+    begin = max(0, (source.frames - _REFERENCE_FRAMES) // 2)
+    opened = cache.opened(source)
     with closing(opened.source):
         return run_opened(
             opened,
-            task.source.benchmark,
-            {_COMBINATION: task.parameters, REFERENCE: preset(REFERENCE)},
-            task.source.frames,
-            task.gate_m,
+            source.benchmark,
+            {_COMBINATION: parameters, REFERENCE: preset(REFERENCE)},
+            source.frames,
+            gate_m,
             lambda _: None,
             during={REFERENCE: range(begin, begin + _REFERENCE_FRAMES)},
             recorded_share=0.0,

@@ -54,7 +54,7 @@ def test_parameters_of_planner_and_guard_can_be_set(shell: Shell) -> None:
         (("--runs", "0"), "runs"),
         (("--set", "navigation.berth_m=9"), "must be a finite number from 0 to 2 m"),
         (("--set", "navigation.berth_m"), "--set takes NAME=VALUE"),
-        (("--set", "dense.rate_hz=5"), "has no effect: people are perceived without images"),
+        (("--set", "dense.rate_hz=5"), "has no effect here: only those of guard"),
         (("--set", "navigation.berht_m=1"), "did you mean navigation.berth_m?"),
     ],
 )

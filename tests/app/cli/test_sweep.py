@@ -109,6 +109,9 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
         ("evidence.radius_px: [20]", ("--jobs", "1", "--scheduler", "tcp://h:1"), "--jobs"),
         ("evidence.radius_px: [20]", ("--rank-by", "beauty"), "beauty"),
         ("evidence.radius_px: [20]", ("--output", "/dev/null/x"), "/dev/null/x"),
+        ("evidence.radius_px: [20]", ("--rank-by", "time_ratio"), "time_ratio is not measured"),
+        ("evidence.radius_px: [20]", ("--runs", "3"), "--runs 3 has no effect on these sources"),
+        ("navigation.berth_m: [0.2]", ("crowd:hard:0.1",), "sweep over one of both"),
     ],
 )
 def test_what_is_wrong_is_said_before_the_work(

@@ -63,7 +63,7 @@ def test_the_best_mean_is_first_and_the_front_is_beaten_by_nobody(sweep: Sweep) 
     ranked = ranking(sweep)
     assert [(r.combination.number, r.rank) for r in ranked] == [(2, 1), (1, 2), (4, 3), (3, None)]
     assert ranked[1].means["mota"] == pytest.approx(0.6)
-    assert ranked[1].cost_ratio == pytest.approx(1.1)
+    assert ranked[1].cost == pytest.approx(1.1)
     # The last but one is worse and dearer than the second.
     assert [r.best for r in ranked] == [True, True, False, False]
     assert [r.judged for r in ranked] == [2, 2, 2, 1]

@@ -1,0 +1,88 @@
+"""Crowds as sources of a sweep: the robot drives through them to a goal."""
+
+from __future__ import annotations
+
+import re
+import statistics
+from dataclasses import dataclass
+from typing import Final
+
+from observer.errors import InputError
+from observer.evaluation.choices import CROWD, DEFAULT_RUNS
+from observer.evaluation.navigation.crowd import crowd_missing
+from observer.evaluation.navigation.run import Case, free_time_s, run
+from observer.guard.parameters import GuardParameters
+from observer.navigation.parameters import AllParameters
+
+_SPEC: Final = re.compile(CROWD + r"(kind|hard):(\d*\.?\d+)", re.ASCII)
+# The seeds of ``navigate-benchmark`` begin far above: it judges what a sweep found by other runs.
+_FIRST_SEED: Final = 1
+_MOST_RUNS: Final = 900
+_DENSEST: Final = 1.0
+
+
+@dataclass(frozen=True)
+class SweepCrowd:
+    """Crowds of one kind.
+
+    Attributes:
+        name: as it was given. density_per_m2: of the people. kind: True for people who avoid the
+            robot. runs: through crowds of different seeds.
+    """
+
+    name: str
+    density_per_m2: float
+    kind: bool
+    runs: int
+
+    @property
+    def digest(self) -> str:
+        """Return a name that equal crowds share."""
+        return f"crowd {self.kind} {self.density_per_m2!r}"
+
+    @property
+    def extent(self) -> str:
+        """Return how much of it there is, in words."""
+        return f"{self.runs} runs"
+
+
+def sweep_crowd(spec: str, runs: int = DEFAULT_RUNS) -> SweepCrowd:
+    """Read ``crowd:hard:0.1`` or ``crowd:kind:0.1``, people per square metre.
+
+    Raises:
+        InputError: it is none, or the package that moves crowds is not installed.
+    """
+    found = _SPEC.fullmatch(spec)
+    if found is None or float(found[2]) > _DENSEST:
+        raise InputError(
+            f"{spec[:80]} is no crowd; give crowd:hard:DENSITY or crowd:kind:DENSITY with 0 to "
+            f"{_DENSEST:g} people per m², for example crowd:hard:0.1"
+        )
+    if runs > _MOST_RUNS:
+        raise InputError(f"a sweep makes at most {_MOST_RUNS} runs through each crowd")
+    missing = crowd_missing()
+    if missing is not None:
+        raise InputError(missing)
+    return SweepCrowd(spec, float(found[2]), found[1] == "kind", runs)
+
+
+def driving_figures(crowd: SweepCrowd, parameters: AllParameters) -> dict[str, float | None]:
+    """Drive through a crowd with the planner, once for each seed; return a ``DrivingFigure`` each.
+
+    Returns:
+        ``time_ratio``: median of the time to the goal as a multiple of the free time at the default
+        speed; a goal that is not reached counts with the time after which it is given up.
+        ``contacts_per_m``: persons touched while the robot moved, ``ahead_per_m``: those of them to
+        whom it drove up, on each metre; None where none was driven. ``reached``: share of goals.
+    """
+    risk = parameters.navigation.risk_per_metre
+    seeds = range(_FIRST_SEED, _FIRST_SEED + crowd.runs)
+    cases = [Case("planner", crowd.density_per_m2, crowd.kind, risk, seed) for seed in seeds]
+    done = [run(case, parameters) for case in cases]
+    free_s, way_m = free_time_s(GuardParameters()), sum(each.way_m for each in done)
+    return {
+        "time_ratio": statistics.median(each.time_s for each in done) / free_s,
+        "contacts_per_m": sum(each.contacts for each in done) / way_m if way_m > 0 else None,
+        "ahead_per_m": sum(each.ahead for each in done) / way_m if way_m > 0 else None,
+        "reached": statistics.fmean(each.reached for each in done),
+    }

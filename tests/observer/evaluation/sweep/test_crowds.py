@@ -1,0 +1,161 @@
+"""Sweeps over crowds: parameters of guard and planner, judged by how the robot drives."""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+
+import pyarrow.parquet
+import pytest
+
+from observer.errors import InputError
+from observer.evaluation.navigation.run import Case, free_time_s, run
+from observer.evaluation.sweep import crowds
+from observer.evaluation.sweep.cluster import ClusterChoice
+from observer.evaluation.sweep.crowds import SweepCrowd, driving_figures, sweep_crowd
+from observer.evaluation.sweep.figure import sweep_figure
+from observer.evaluation.sweep.grid import grid_from_text
+from observer.evaluation.sweep.results import Row, Sweep, rankable, ranking
+from observer.evaluation.sweep.store import TaskStore
+from observer.evaluation.sweep.sweep import Plan, SweepRun
+from observer.evaluation.sweep.tables import ranking_csv, ranking_markdown, write_parquet
+from observer.evaluation.sweep.task import Outcome
+from observer.navigation.parameters import AllParameters
+
+GRID = grid_from_text(
+    "set: {guard.speed_max_mps: 1}\nnavigation.berth_m: [0.1, 0.2, 0.4]", "grid.yaml", driving=True
+)
+CROWD = SweepCrowd("crowd:hard:0.1", 0.1, False, 2)
+# By combination: time ratio and contacts per metre.
+DRIVEN = {1: (1.5, 0.02), 2: (1.2, 0.02), 3: (2.0, 0.0)}
+
+
+@pytest.fixture
+def sweep() -> Sweep:
+    combinations = GRID.chosen()
+    rows = []
+    for each in combinations:
+        time_ratio, contacts = DRIVEN[each.number]
+        figures = {"time_ratio": time_ratio, "contacts_per_m": contacts}
+        figures |= {"ahead_per_m": contacts / 2, "reached": 1.0}
+        rows.append(Row(each, CROWD, Outcome(figures=figures, cpu_s=9.0, wall_s=9.5)))
+    return Sweep(GRID, (CROWD,), combinations, tuple(rows), 0.5, "1", 0)
+
+
+def test_a_grid_for_crowds_varies_guard_and_planner() -> None:
+    (first, *_) = GRID.chosen()
+    changes = {"guard.speed_max_mps": 1.0, "navigation.berth_m": 0.1}
+    assert first.parameters == AllParameters().changed(changes)
+
+
+@pytest.mark.parametrize(
+    ("text", "part"),
+    [
+        ("navigation.berth_m: [0.1, 9]", "from 0 to 2 m (given: navigation.berth_m 9.0)"),
+        ("navigation.berht_m: [0.1]", "did you mean navigation.berth_m?"),
+        ("evidence.radius_px: [20]", "has no effect here: only those of guard and navigation"),
+        ("set: {dense.rate_hz: 5}", "has no effect here"),
+        ("preset: [paper]", "a preset has no effect on driving"),
+    ],
+)
+def test_what_does_not_act_is_refused(text: str, part: str) -> None:
+    with pytest.raises(InputError) as refused:
+        grid_from_text(text, "grid.yaml", driving=True)
+    assert str(refused.value).startswith("grid.yaml")
+    assert part in str(refused.value)
+
+
+def test_other_sweeps_have_no_parameters_of_driving() -> None:
+    with pytest.raises(InputError, match="no such parameter"):
+        grid_from_text("navigation.berth_m: [0.1]", "grid.yaml")
+
+
+def test_a_crowd_is_read_strictly(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(crowds, "crowd_missing", lambda: None)
+    kind = sweep_crowd("crowd:kind:0.05", 3)
+    assert (kind.density_per_m2, kind.kind, kind.runs) == (0.05, True, 3)
+    assert kind.digest == sweep_crowd("crowd:kind:.050").digest
+    assert kind.digest != sweep_crowd("crowd:hard:0.05").digest
+    for spec in ("crowd:", "crowd:soft:0.1", "crowd:hard:many", "crowd:hard:2", "crowd:hard:-0.1"):
+        with pytest.raises(InputError, match="is no crowd; give crowd:hard:DENSITY"):
+            sweep_crowd(spec)
+    # Later seeds belong to the benchmark.
+    with pytest.raises(InputError, match="at most 900 runs"):
+        sweep_crowd("crowd:hard:0.1", 901)
+    monkeypatch.setattr(crowds, "crowd_missing", lambda: "a crowd needs the package jupedsim")
+    with pytest.raises(InputError, match="jupedsim"):
+        sweep_crowd("crowd:hard:0.1")
+
+
+def test_time_is_paid_with_contacts_and_contacts_with_time(sweep: Sweep) -> None:
+    ranked = ranking(sweep, "time_ratio")
+    assert [(r.combination.number, r.best) for r in ranked] == [(2, True), (1, False), (3, True)]
+    ranked = ranking(sweep, "contacts_per_m")
+    assert [(r.combination.number, r.best) for r in ranked] == [(3, True), (2, True), (1, False)]
+
+
+def test_every_sweep_is_ranked_by_what_it_measures() -> None:
+    assert rankable(None, driving=True) == "time_ratio"
+    assert rankable(None, driving=False) == "mota"
+    assert rankable("reached", driving=True) == "reached"
+    with pytest.raises(InputError, match="mota is not measured over crowds; rank by time_ratio,"):
+        rankable("mota", driving=True)
+    with pytest.raises(InputError, match="reached is not measured over sources"):
+        rankable("reached", driving=False)
+
+
+def test_tables_and_figure_tell_of_driving(sweep: Sweep, tmp_path: Path) -> None:
+    ranked = ranking(sweep, "time_ratio")
+    text = ranking_markdown(sweep, ranked, "time_ratio")
+    assert "crowd:hard:0.1 (2 runs)" in text
+    assert "| 1 * | 2 | default | 0.2 | 1.200 | 0.020 | 0.010 | 1.000 | 1 |" in text
+    assert "matched within" not in text
+    assert "cost / default" not in text
+    first, *_ = csv.DictReader(io.StringIO(ranking_csv(sweep, ranked)))
+    assert (first["time_ratio"], first["navigation.berth_m"]) == ("1.2", "0.2")
+    write_parquet(sweep, tmp_path / "results.parquet")
+    table = pyarrow.parquet.read_table(tmp_path / "results.parquet")
+    assert table.to_pylist()[2] == {
+        "combination": 3, "runs_planned": 2, "preset": "default", "source": "crowd:hard:0.1",
+        "status": "finished", "error": None, "version": "1", "navigation.berth_m": 0.4,
+        "time_ratio": 2.0, "contacts_per_m": 0.0, "ahead_per_m": 0.0, "reached": 1.0,
+        "cpu_s": 9.0, "wall_s": 9.5,
+    }  # fmt: skip
+    (axes,) = sweep_figure(sweep, ranked, "time_ratio").axes
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (
+        "contacts / m",
+        "time ratio (less is better)",
+    )
+
+
+def test_figures_are_those_of_the_benchmark() -> None:
+    pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
+    parameters = AllParameters()
+    runs = [run(Case("planner", 0.02, False, 1e-3, seed), parameters) for seed in (1, 2, 3)]
+    figures = driving_figures(SweepCrowd("crowd:hard:0.02", 0.02, False, 3), parameters)
+    way = sum(each.way_m for each in runs)
+    times = sorted(each.time_s for each in runs)
+    assert figures == {
+        "time_ratio": times[1] / free_time_s(parameters.guard),
+        "contacts_per_m": sum(each.contacts for each in runs) / way,
+        "ahead_per_m": sum(each.ahead for each in runs) / way,
+        "reached": 1.0,
+    }
+
+
+def test_a_sweep_over_crowds_is_kept_and_gone_on_with(tmp_path: Path) -> None:
+    pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
+    grid = grid_from_text("guard.speed_max_mps: [0.5, 1.0]", "grid.yaml", driving=True)
+    plan = Plan(grid, grid.chosen(), (sweep_crowd("crowd:hard:0.01", 1),), 0.5)
+    made = SweepRun(plan, TaskStore(tmp_path))
+    made.run(ClusterChoice(processes=False))
+    assert not made.result.failed
+    slow, fast = (row.figures["time_ratio"] for row in made.result.rows)
+    assert slow is not None
+    assert fast is not None
+    # Measured by the same clock: twice the speed is no worse for its own free time.
+    assert fast < 0.8 * slow
+    again = SweepRun(plan, TaskStore(tmp_path))
+    assert again.kept == 2
+    assert [row.figures for row in again.result.rows] == [r.figures for r in made.result.rows]
