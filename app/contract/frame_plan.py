@@ -40,6 +40,23 @@ class PlanBody:
 
 
 @dataclass(frozen=True)
+class PlanMap:
+    """A local map by which the observer planned its way to a goal, as it was recorded."""
+
+    first: Annotated[int, means("Position in the run of its frame, from 0.")]
+    last: Annotated[int, means("And of the last frame at which it is the newest one.")]
+    corner: Annotated[
+        Sequence[float],
+        means(f"{_AT} Of the corner of its cells; then the angle of their x from ahead, rad."),
+    ]
+    cell_m: float
+    size: Annotated[int, means("Cells along each side, y within x.")]
+    runs: Annotated[
+        Sequence[int], means("How many in a row are unknown, free, blocked, unknown and so on.")
+    ]
+
+
+@dataclass(frozen=True)
 class FramePlan:
     time: Annotated[float, means("On the run's clock, as in its chart, s.")]
     segment: int

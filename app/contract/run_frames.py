@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from app.contract.frame_plan import FramePlan
+from app.contract.frame_plan import FramePlan, PlanMap
 from app.contract.robots import GoalNow
 from app.contract.values import means
 
@@ -78,3 +78,7 @@ class RunFrames:
     first: Annotated[int, means("Position in the run of the first of these frames, from 0.")] = 0
     every: Annotated[int, means("And of each further one so many after that before.")] = 1
     count: Annotated[int, means("Number of frames of the run.")] = 0
+    maps: Annotated[
+        Sequence[PlanMap],
+        means("Local maps that count at any of these; none where some are left out."),
+    ] = ()

@@ -1493,6 +1493,20 @@ export interface components {
       at: number[];
       velocity: number[];
     };
+    /** @description A local map by which the observer planned its way to a goal, as it was recorded. */
+    PlanMap: {
+      /** @description Position in the run of its frame, from 0. */
+      first: number;
+      /** @description And of the last frame at which it is the newest one. */
+      last: number;
+      /** @description Metres ahead of and to the left of the camera's place at the segment's beginning. Of the corner of its cells; then the angle of their x from ahead, rad. */
+      corner: number[];
+      cell_m: number;
+      /** @description Cells along each side, y within x. */
+      size: number;
+      /** @description How many in a row are unknown, free, blocked, unknown and so on. */
+      runs: number[];
+    };
     PlanObstacle: {
       id: number;
       /** @enum {string} */
@@ -1769,6 +1783,11 @@ export interface components {
        * @default 0
        */
       count: number;
+      /**
+       * @description Local maps that count at any of these; none where some are left out.
+       * @default []
+       */
+      maps: components["schemas"]["PlanMap"][];
     };
     RunStart: {
       name?: string | null;
@@ -2201,6 +2220,7 @@ export type Pixel = components["schemas"]["Pixel"];
 export type PixelObstacle = components["schemas"]["PixelObstacle"];
 export type PlaceDepth = components["schemas"]["PlaceDepth"];
 export type PlanBody = components["schemas"]["PlanBody"];
+export type PlanMap = components["schemas"]["PlanMap"];
 export type PlanObstacle = components["schemas"]["PlanObstacle"];
 export type PlaybackChange = components["schemas"]["PlaybackChange"];
 export type PortChoice = components["schemas"]["PortChoice"];

@@ -29,7 +29,7 @@ ExportFormat = Literal["zip", "csv", "parquet", "mp4", "ply", "ros2"]
 # Prefixes of files that nobody needs to read by name.
 _CHART, _FRAMES = ".chart-", ".frames-"
 # Number of what these files have in them: another one where a field is added.
-_FORM = 3
+_FORM = 4
 # Results are far smaller than the run's recording; this much space stays free.
 _SPARE_BYTES = 100 << 20
 _IN_NO_NAME = '/\\:*?"<>|'

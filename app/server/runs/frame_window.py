@@ -5,6 +5,8 @@ An hour of them are tens of megabytes, of which a page shows one at a time.
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 
 
@@ -19,6 +21,7 @@ class _Frames(msgspec.Struct):
     first: int
     every: int
     count: int
+    maps: list[dict[str, Any]]
 
 
 def some_frames(content: bytes, first: int, count: int | None, most: int | None) -> bytes:
@@ -35,4 +38,6 @@ def some_frames(content: bytes, first: int, count: int | None, most: int | None)
     found.every = 1 if most is None else max(1, -(-inside // most))
     found.first = first
     found.frames = found.frames[first : end : found.every]
+    near = found.maps if found.every == 1 else []
+    found.maps = [one for one in near if one["first"] < end and one["last"] >= first]
     return msgspec.json.encode(found)

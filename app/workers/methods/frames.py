@@ -13,7 +13,7 @@ import numpy as np
 
 from app.contract.run_frames import FrameBody, FrameCounts, FrameEntry, FrameObstacle, RunFrames
 from app.workers.methods.goals import Goals
-from app.workers.methods.plans import Plans
+from app.workers.methods.plans import Plans, plan_maps
 from observer.camera import StereoCamera
 from observer.evaluation.lines import checked_lines
 from observer.evaluation.tally import Sample, Tally, tally
@@ -63,6 +63,7 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
         truth=truth is not None,
         observed_ms=round(median(took), _MS_DIGITS) if took else None,
         count=len(entries),
+        maps=plan_maps(recording),
     )
 
 

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from app.contract.frame_plan import SIGMAS_95_2D, FramePlan, PlanBody, PlanObstacle
+from app.contract.frame_plan import SIGMAS_95_2D, FramePlan, PlanBody, PlanMap, PlanObstacle
 from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.mount import level_pose
+from observer.recording.local_maps import maps_in_force
 from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
 from observer.recording.run_time import RunTime
@@ -102,6 +103,31 @@ class Plans:
 
     def _rotated(self, vector: Any) -> list[float]:
         return _flat(self._T_level_world.rotate(vector))
+
+
+def plan_maps(recording: Recording) -> list[PlanMap]:
+    """Return the local maps of a run that have a place in it, in order."""
+    T_level_world = level_pose(recording.facts.camera_mount())
+    found = []
+    for one in maps_in_force(recording):
+        T_world_base = one.T_world_base.get(one.positions.start)
+        if T_world_base is None:
+            continue
+        T_level_corner = T_level_world @ one.map.placed(T_world_base)
+        found.append(
+            PlanMap(
+                first=one.positions.start,
+                last=one.positions.stop - 1,
+                corner=[
+                    *_flat(T_level_corner.translation),
+                    _angle(T_level_corner.rotate([1.0, 0.0, 0.0])),
+                ],
+                cell_m=one.map.cell_m,
+                size=one.map.size,
+                runs=one.map.runs,
+            )
+        )
+    return found
 
 
 def _flat(vector: Float64Array) -> list[float]:

@@ -7,7 +7,7 @@ import { BoundedMap } from "../elements/bounded-map.js";
 import { request } from "../shell/api.js";
 import { frameAt } from "./run-words.js";
 
-/** @import { FrameEntry, RunFrames } from "../contract" */
+/** @import { FrameEntry, PlanMap, RunFrames } from "../contract" */
 
 // More than a top view or a slider can show; about a minute of a camera.
 const SPREAD = 1000;
@@ -73,6 +73,13 @@ export class FrameEntries {
     const { every, frames } = this.#spread;
     const nearest = Math.min(Math.round(position / every), frames.length - 1);
     return this.at(position) ?? frames[nearest] ?? null;
+  }
+
+  /** The local map that counts at a frame; null where there is none, or `fetch` does not have it yet. @param {number} position @returns {PlanMap | null} */
+  mapAt(position) {
+    const page = this.#pages.get(Math.floor(position / PAGE));
+    const { maps } = this.#spread.every === 1 ? this.#spread : (page ?? { maps: [] });
+    return maps.find(({ first, last }) => first <= position && position <= last) ?? null;
   }
 
   /**

@@ -199,7 +199,7 @@ export class RunPlayer extends Part {
     setAttribute(this.#slider, "aria-valuetext", `${words}, frame ${position + 1} of ${count}`);
     setText(this.#place, `${words} · frame ${position + 1} / ${count}`);
     const near = frames.near(position);
-    this.#top.show(near);
+    this.#top.show(near, frames.mapAt(position));
     this.shown(near, frames.hasGoal);
     this.#linkMethod(position);
     void this.#showImage(position);

@@ -2,9 +2,10 @@
 
 import { h, setAttribute, setText, svg, tint } from "../elements/dom.js";
 import { fixed, trackColour } from "../elements/words.js";
+import { matrixOf, outlinesOf } from "./map-cells.js";
 import { boundsOf, gridOf } from "./top-view-bounds.js";
 
-/** @import { FrameEntry, FramePlan, PlanBody, PlanObstacle } from "../contract" */
+/** @import { FrameEntry, FramePlan, PlanBody, PlanMap, PlanObstacle } from "../contract" */
 
 const LABEL_PX = 12;
 const CAMERA_PX = 11;
@@ -20,6 +21,8 @@ export class TopView extends HTMLElement {
   #frames = [];
   /** @type {FrameEntry | null} */
   #shown = null;
+  /** @type {PlanMap | null} */
+  #map = null;
   #kept = { of: "", bounds: { ahead: 0, left: 0, perMetre: 1 } };
   #resized = new ResizeObserver(() => this.#draw());
 
@@ -35,14 +38,18 @@ export class TopView extends HTMLElement {
   /** @param {readonly FrameEntry[]} frames some that are spread over the whole run, in order */
   take(frames) {
     this.#frames = frames;
-    this.#shown = null;
+    this.#shown = this.#map = null;
     this.#kept.of = "";
     this.#draw();
   }
 
-  /** @param {FrameEntry | null} entry */
-  show(entry) {
+  /**
+   * @param {FrameEntry | null} entry
+   * @param {PlanMap | null} [map] the local map that counts there
+   */
+  show(entry, map = null) {
     this.#shown = entry;
+    this.#map = map;
     this.#draw();
   }
 
@@ -62,6 +69,7 @@ export class TopView extends HTMLElement {
     setAttribute(this.#drawing, "viewBox", `0 0 ${wide} ${high}`);
     setAttribute(this.#drawing, "aria-label", inWords(plan));
     this.#drawing.replaceChildren(
+      ...(this.#map ? [brush.map(this.#map)] : []),
       ...gridLines(wide, high, step, ahead, left, perMetre),
       brush.trail(this.#trail(plan)),
       ...plan.truth.map((body) => brush.body(body)),
@@ -70,7 +78,7 @@ export class TopView extends HTMLElement {
     );
     setText(
       this.#scale,
-      `Top view, grid ${step} m. Ellipses: 95 %. Arrows: 1 s of motion.${plan.truth.length > 0 ? " Dashed: ground truth." : ""}`,
+      `Top view, grid ${step} m. Ellipses: 95 %. Arrows: 1 s of motion.${plan.truth.length > 0 ? " Dashed: ground truth." : ""}${this.#map ? " Local map: green is free, brown stands." : ""}`,
     );
   }
 
@@ -108,6 +116,21 @@ class Brush {
   constructor(place, perMetre) {
     this.place = place;
     this.perMetre = perMetre;
+  }
+
+  /** @param {PlanMap} map */
+  map(map) {
+    const { free, blocked } = outlinesOf(map);
+    const matrix = matrixOf(map, this.place(map.corner), this.perMetre);
+    return svg(
+      "g",
+      {
+        class: "local-map",
+        transform: `matrix(${matrix.map((each) => each.toFixed(3)).join(" ")})`,
+      },
+      svg("path", { class: "free", d: free }),
+      svg("path", { class: "blocked", d: blocked }),
+    );
   }
 
   /** @param {readonly (readonly number[])[]} places */

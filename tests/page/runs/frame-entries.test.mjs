@@ -10,6 +10,11 @@ const all = Array.from({ length: COUNT }, (_, frame) => ({
   plan: { time: timeOf(frame) },
 }));
 
+const MAPS = [
+  { first: 990, last: 1005 },
+  { first: 1006, last: 1013 },
+];
+
 /** @type {string[]} */
 let asked = [];
 let refusing = false;
@@ -29,6 +34,7 @@ globalThis.fetch = /** @type {any} */ (
       every,
       count: COUNT,
       truth: false,
+      maps: every === 1 ? MAPS.filter((map) => map.first < end && map.last >= first) : [],
     };
     return refusing
       ? new Response(JSON.stringify({ detail: "no" }), { status: 503 })
@@ -85,4 +91,15 @@ test("what could not be read is asked for again", async () => {
   assert.equal(await entries.fetch(4), null);
   refusing = false;
   assert.equal((await entries.fetch(4))?.frame, 4);
+});
+
+test("the local map that counts at a frame comes with the frames around it", async () => {
+  const entries = await read();
+  assert.equal(entries.mapAt(1001), null);
+  await entries.fetch(1001);
+  await entries.fetch(998);
+  assert.deepEqual(
+    [989, 990, 999, 1007, 1013, 1014].map((at) => entries.mapAt(at)?.first ?? null),
+    [null, 990, 990, 1006, 1006, null],
+  );
 });
