@@ -17,6 +17,7 @@ import pytest
 
 import observer
 from app.cli.command_line import COMMANDS, load_command
+from app.contract.scene import LAYERS
 from observer.navigation.parameters import AllParameters
 
 from .visible_words import visible
@@ -126,8 +127,9 @@ def _wrong_labels(text: str) -> list[str]:
 
 @cache
 def _labels() -> set[str]:
-    """Return what stands on the page: its texts, and the titles of the parameters."""
+    """Return what stands on the page: its texts, and the titles of parameters and layers."""
     titles = {entry["title"] for entry in AllParameters.declared()}
+    titles |= {layer.title for layer in LAYERS.values()}
     return titles | {text for place, text in visible() if place.startswith("static")}
 
 

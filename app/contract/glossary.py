@@ -152,6 +152,12 @@ GLOSSARY: tuple[Term, ...] = (
     ),
     Term("latency", "Time from an exposure until its result is available."),
     Term(
+        "local map",
+        "Cells of 0.1 m around the observer on its way to a goal that were seen to be free or "
+        "blocked lately. All others are unknown.",
+        "your-robot.md",
+    ),
+    Term(
         "lost",
         "Status of a frame whose ego-motion could not be estimated. Nothing can be said about "
         "motion in it.",

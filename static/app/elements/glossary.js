@@ -41,6 +41,8 @@ export const GLOSSARY = {
   "inlier": "Match that agrees with the estimated ego-motion.",
   "keypoint": "Place in the image that can be found again in the next one; also called feature.",
   "latency": "Time from an exposure until its result is available.",
+  "local map":
+    "Cells of 0.1 m around the observer on its way to a goal that were seen to be free or blocked lately. All others are unknown.",
   "lost":
     "Status of a frame whose ego-motion could not be estimated. Nothing can be said about motion in it.",
   "monocular": "With the left camera only.",
