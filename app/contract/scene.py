@@ -80,8 +80,8 @@ _LAYERS = (
     ),
     SceneLayer(
         "path", "Path", "The goal of the observer and its planned path (violet), refused paths "
-        "(grey), and where it would meet the obstacle that decides (magenta ring).",
-        f"{WORLD_NODE}/path", ((150, 70, 220), (150, 140, 160), (220, 50, 140)),
+        "(pale), and where it would meet the obstacle that decides (magenta ring).",
+        f"{WORLD_NODE}/path", ((150, 70, 220), (158, 138, 190), (220, 50, 140)),
     ),
     SceneLayer(
         "map", "Local map", "What the observer knows of the room on its way to a goal: what stands "

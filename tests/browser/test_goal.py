@@ -10,6 +10,7 @@ import math
 import re
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -33,10 +34,31 @@ robots:
     size: [0.455, 0.381, 0.33]
 texture: {robot: red}
 """
+# Somebody goes to and fro across the way to a goal.
+_CROSSING = """\
+based_on: drive
+title: A room with somebody in the way
+help: A P3-DX goes to and fro in front of the observer.
+camera: {width: 320, height: 160}
+robots:
+  - name: P3-DX
+    x: 2.3
+    y: 0.9
+    heading_deg: -90
+    size: [0.455, 0.381, 0.33]
+    motion:
+      kind: course
+      after: back
+      acceleration: 0.8
+      legs:
+        - {kind: drive, distance_m: 1.8, speed: 0.5}
+texture: {robot: red}
+"""
 _RATE = 0.6
 _DRIVEN_S = 90.0
 # So small that the processor draws several times a second, with the panel beside the scene.
 _SMALL: ViewportSize = {"width": 980, "height": 620}
+_WIDE: ViewportSize = {"width": 1440, "height": 900}
 _PHONE: ViewportSize = {"width": 390, "height": 844}
 _NARROWEST = 360
 _BASE = "/display/world/base"
@@ -87,10 +109,15 @@ _READY = """(node) => window.__viserSceneTree?.getState()[node]?.visibility === 
 
 
 @pytest.fixture(scope="module")
-def room(server: Server, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
+def room_source(tmp_path_factory: pytest.TempPathFactory) -> str:
     scenario = tmp_path_factory.mktemp("room") / "room.yaml"
     scenario.write_text(_ROOM)
-    _open(server, f"simulated:{scenario}")
+    return f"simulated:{scenario}"
+
+
+@pytest.fixture(scope="module")
+def room(server: Server, room_source: str) -> Iterator[Server]:
+    _open(server, room_source)
     server.api.post("/api/playback", json={"rate": _RATE}).raise_for_status()
     yield server
     server.api.delete("/api/goal")
@@ -129,7 +156,9 @@ def _arm(page: Page) -> bool:
     """Arm the observer if it is not; return whether a goal can be sent."""
     arm = page.get_by_role("button", name="Arm", exact=True)
     if arm.is_visible() and arm.is_enabled():
-        arm.click()
+        # Unless it changes meanwhile.
+        with contextlib.suppress(Error):
+            arm.click(timeout=2000)
         page.wait_for_timeout(300)
     return _section(page).get_by_role("button", name="Drive there").is_enabled()
 
@@ -446,3 +475,66 @@ def test_the_local_map_is_seen_where_the_robot_saw_free_floor(
     page.wait_for_timeout(800)
     hidden = _colour(pixels, page, *seen)
     assert max(hidden) - min(hidden) < 8
+
+
+@pytest.fixture
+def crossing(room: Server, room_source: str, tmp_path: Path) -> Iterator[Server]:
+    """Somebody is in the way; other tests find their room again."""
+    scenario = tmp_path / "crossing.yaml"
+    scenario.write_text(_CROSSING)
+    _open(room, f"simulated:{scenario}")
+    yield room
+    run = room.get("/status")["run"]
+    if run:
+        room.api.post(f"/api/runs/{run['id']}/stop")
+    for kept in room.get("/history")["runs"]:
+        room.api.delete(f"/api/runs/{kept['id']}")
+    room.api.delete("/api/goal")
+    _open(room, room_source)
+
+
+def test_whoever_is_in_the_way_is_told_of_live_and_in_the_run(
+    crossing: Server, open_panel: OpenPanel, keep_picture: KeepPicture
+) -> None:
+    page = _on_robots_tab(open_panel(refusals=True, viewport=_SMALL))
+    section = _section(page)
+    section.get_by_label("Ahead (m)").fill("4.5")
+    send = section.get_by_role("button", name="Drive there")
+    # Open before it is sent anywhere: a slow machine drives for moments only.
+    section.locator("details", has=page.locator("observer-goal-why")).evaluate("e => e.open = true")
+    run = crossing.api.post("/api/runs", json={"record": "none"}).json()["id"]
+    refused = section.locator(".refused-paths li")
+    deadline = time.monotonic() + _DRIVEN_S
+    while not refused.first.is_visible():
+        assert time.monotonic() < deadline, section.inner_text()
+        _until_driving(page, send.click)
+        page.wait_for_timeout(100)
+    keep_picture(page, "goal-refused")
+    crossing.api.post("/api/robots/stop").raise_for_status()
+    crossing.api.post(f"/api/runs/{run}/stop").raise_for_status()
+
+    page.set_viewport_size(_WIDE)
+    page.evaluate("(run) => { location.hash = `#history/${run}`; }", run)
+    told, slider = page.locator("observer-run-goal"), page.locator("#player-frame")
+    expect(slider).to_be_enabled(timeout=60_000)
+    frames = crossing.get(f"/runs/{run}/frames")["frames"]
+    expect(told).to_contain_text("s: no goal.")
+    goals = {at: entry["goal"] for at, entry in enumerate(frames) if entry["goal"]}
+    at, goal = next((at, goal) for at, goal in goals.items() if goal["refused"])
+    slider.fill(str(at))
+    expect(told).to_contain_text(f"s: {goal['sentence']}")
+    expect(told.locator(".refused-paths li")).to_have_count(len(goal["refused"]))
+    expect(told).to_contain_text("0.001 accepted")
+    told.scroll_into_view_if_needed()
+    assert findings(page) == []
+    keep_picture(page, "goal-run")
+    # The same for the second that is read in the chart.
+    slider.fill("0")
+    expect(told).to_contain_text("s: no goal.")
+    chart = page.locator("observer-run-chart .chart")
+    chart.focus()
+    for _ in range(60):
+        page.keyboard.press("ArrowRight")
+        if told.locator(".refused-paths li").first.is_visible():
+            break
+    expect(told.locator(".refused-paths li").first).to_contain_text("m/s: ")

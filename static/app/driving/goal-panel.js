@@ -62,8 +62,8 @@ class GoalPanel extends Part {
   #way = h("p.figure");
   #why = new GoalWhy();
   #whyOpens = details("Why", this.#why);
-  /** When it was filled last, ms. */
-  #explained = 0;
+  /** What it was filled with last, and when, ms. */
+  #explained = { news: "", at: 0 };
   #kept = h("p.field-error", { role: "alert" });
   #leave = oneAtATime(undefined, this.#kept);
   #giveUp = button([icon("stop"), "Give up goal"], () =>
@@ -127,10 +127,7 @@ class GoalPanel extends Part {
       form,
     );
     onSubmit(form, () => this.#do(() => this.#sendTyped()));
-    this.#whyOpens.addEventListener("toggle", () => {
-      this.#explained = 0;
-      this.#render();
-    });
+    this.#whyOpens.addEventListener("toggle", () => this.#render());
     this.hear("robots connection", () => this.#render());
     this.hear("change", () => this.#render(), driver);
     this.hear("change", () => this.#render(), floorPick);
@@ -251,9 +248,11 @@ class GoalPanel extends Part {
     const left =
       goal.distance_m === null ? "Distance unknown" : `${fixed(goal.distance_m, 2)} m left`;
     setText(this.#way, `${left} · ${clock(goal.elapsed_s)}`);
+    if (!this.#whyOpens.open) return;
     const now = performance.now();
-    if (!this.#whyOpens.open || now - this.#explained < EXPLAINED_EVERY_MS) return;
-    this.#explained = now;
+    const news = `${withoutNumbers(goal.sentence)} ${goal.waits_for}`;
+    if (news === this.#explained.news && now - this.#explained.at < EXPLAINED_EVERY_MS) return;
+    this.#explained = { news, at: now };
     this.#why.show(goal);
   }
 

@@ -1,18 +1,21 @@
 /** What the observer did on its way to a goal at the frame of a run that is shown, and why. */
 
-import { h, setText } from "../elements/dom.js";
+import { details, h, setText } from "../elements/dom.js";
 import { GoalWhy } from "../elements/goal-why.js";
 import { fixed } from "../elements/words.js";
 
 /** @import { FrameEntry } from "../contract" */
 
 export class RunGoal extends HTMLElement {
-  #title = h("h3");
-  #sentence = h("p.goal-sentence");
+  #sentence = h("p");
   #why = new GoalWhy();
+  // It scrolls: what is below stays where it is while somebody points at a chart there.
+  #opens = details("Why", h("div", { tabindex: 0, role: "group", "aria-label": "Why" }, this.#why));
 
   connectedCallback() {
-    if (!this.childElementCount) this.append(this.#title, this.#sentence, this.#why);
+    if (this.childElementCount) return;
+    this.#opens.open = true;
+    this.append(h("h3", "On the way to a goal"), this.#sentence, this.#opens);
   }
 
   /**
@@ -23,8 +26,8 @@ export class RunGoal extends HTMLElement {
     this.hidden = !had || !entry;
     if (!had || !entry) return;
     const { goal, plan } = entry;
-    setText(this.#title, `On the way to a goal, at ${fixed(plan.time, 2)} s`);
-    setText(this.#sentence, goal?.sentence ?? "No goal at this time.");
+    const told = goal?.sentence ?? "no goal.";
+    setText(this.#sentence, `${fixed(plan.time, 2)} s: ${told}`);
     this.#why.hidden = goal?.state !== "driving";
     if (goal) this.#why.show(goal);
   }

@@ -77,14 +77,13 @@ export class RunView extends Part {
     this.#body.append(
       this.#files.told,
       this.#player,
+      this.#goal,
       h("div.run-head", this.#state, this.#facts, this.#original, this.#playHelp, this.#play),
       this.#back,
       this.#reason,
       this.#progress,
       this.#waiting,
       this.#chart,
-      // Below the chart: however long it gets, that stays under the pointer.
-      this.#goal,
       h(
         "div.run-columns",
         h("div.stack", this.#truth, this.#rerun),
