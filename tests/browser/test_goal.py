@@ -243,6 +243,22 @@ def test_a_page_that_is_left_ends_the_drive(
     expect(_section(page).locator(".goal-ended")).to_contain_text("given up: ")
 
 
+def test_the_risk_of_a_goal_is_the_parameter_unless_another_is_chosen(
+    room: Server, open_panel: OpenPanel
+) -> None:
+    page = _on_robots_tab(open_panel())
+    risk = _section(page).locator("#goal-risk")
+    usual = risk.locator("option").first
+    expect(usual).to_have_text("0.001 – default")
+    name = "navigation.risk_per_metre"
+    try:
+        room.api.patch("/api/parameters", json={name: 0.005}).raise_for_status()
+        expect(usual).to_have_text("0.005 – default")
+        expect(risk).to_have_value("")
+    finally:
+        room.api.patch("/api/parameters", json={name: 0.001}).raise_for_status()
+
+
 @pytest.mark.parametrize("look", ["light", "dark", "phone"])
 def test_every_state_of_a_goal_is_told_to_everybody(
     open_panel: OpenPanel, keep_picture: KeepPicture, look: str
