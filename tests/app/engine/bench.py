@@ -13,6 +13,7 @@ import numpy as np
 
 from app.contract.commands import OpenSource, ToEngine
 from app.contract.events import StateEvent
+from app.engine.drive_link import DriveLink
 from app.engine.loop import Engine
 from app.runtime.requests import Reply, Request
 from observer.camera import StereoCalibration, StereoCamera
@@ -120,7 +121,8 @@ class Publisher:
 class Bench:
     """An engine in a thread, its messages in a list, and its sources by name."""
 
-    def __init__(self) -> None:
+    def __init__(self, drive: DriveLink | None = None) -> None:
+        self._drive = drive
         self.sources: dict[str, Any] = {}
         self.open_gate: threading.Event | None = None
         self.truth: StandingTruth | None = None
@@ -139,6 +141,7 @@ class Bench:
             send=self._take,
             observations_lost=lambda: 0,
             publisher=self.publisher,  # type: ignore[arg-type]
+            drive=self._drive,
             open_source=self._open,
             make_observer=self._make_observer,
         ).run()

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 from mcap.reader import make_reader
 
 from app.contract.commands import (
@@ -18,7 +20,10 @@ from app.contract.commands import (
     Shutdown,
     StopRun,
 )
-from app.contract.events import EngineState, ObservationEvent, StateEvent
+from app.contract.events import EngineState, LocalMapEvent, ObservationEvent, StateEvent
+from app.engine.observed import Observed
+from observer.navigation.parameters import AllParameters
+from observer.occupancy import OccupancyMap
 from observer.parameters.reductions import REDUCTIONS
 from observer.recording.payloads import RobotRow
 from observer.recording.reader import Recording
@@ -69,6 +74,39 @@ def test_a_run_is_recorded_as_it_was_observed(bench: Bench, tmp_path: Path) -> N
         assert truth is not None
         # The truth's own world and the frame's time.
         assert truth.bodies(100.0)[0].position.tolist() == [100.0, 0.0, 5.0]
+
+
+class _Mapping:
+    """Plans by no frame, and has a local map of every third one."""
+
+    def look(self, sight: Observed, _: AllParameters) -> OccupancyMap | None:
+        frame = sight.frame
+        if frame.index % 3:
+            return None
+        cells = np.full((3, 3), frame.index % 2 + 1, np.uint8)
+        return OccupancyMap.of(cells, (0.0, 0.0), 0.1, (0.0, 0.0, 0.0), frame.received)
+
+
+def test_local_maps_are_told_and_recorded_beside_their_frames(
+    numbered: Numbered, tmp_path: Path
+) -> None:
+    path = tmp_path / "recording.mcap"
+    telling = SimpleNamespace(tell=lambda observed, *_: observed)
+    drive: Any = SimpleNamespace(sight=telling, wheels=None, wayfinder=_Mapping())
+    with Bench(drive) as bench:
+        bench.sources["mounted"] = numbered(8)
+        bench.value(opening("mounted", run_id="r1", record=RecordOrder(str(path), "none", "a run")))
+        bench.wait(StateEvent, lambda s: s.playback is not None and s.playback.ended)
+        bench.value(StopRun())
+        events = bench.all(LocalMapEvent)
+    with Recording(path) as recording:
+        maps = list(recording.local_maps())
+        assert [told.frame for told in maps] == [0, 3, 6]
+        frames = {frame.index: frame for frame in recording.frames}
+        assert [told.map.received for told in maps] == [frames[k].received for k in (0, 3, 6)]
+        assert [set(told.map.cells().ravel().tolist()) for told in maps] == [{1}, {2}, {1}]
+    # Without a mount they have no place in the scene.
+    assert events == []
 
 
 def test_a_frame_that_breaks_the_observer_is_recorded_with_why(
