@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -9,6 +10,7 @@ from pydantic import TypeAdapter
 
 from app.contract.drive import StartGoal, StopGoal, TakeLease
 from app.contract.robots import GoalNow
+from observer.navigation.plan import RefusedPath
 
 
 @pytest.mark.usefixtures("served")
@@ -23,6 +25,20 @@ async def test_a_goal_is_sent_told_and_given_up(http: Any, drive: Any) -> None:
     told = (await http.delete("/api/goal")).json()
     assert told["goal"]["state"] == "ended"
     assert drive.of(StopGoal)
+
+
+@pytest.mark.usefixtures("served")
+async def test_what_is_refused_is_told_with_the_goal(http: Any, drive: Any) -> None:
+    lease = await drive.request(TakeLease("observer", "Ann"))
+    await http.post("/api/goal", json={"ahead_m": 3, "lease": lease})
+    refused = RefusedPath(0.0, 0.5, ((0.1, 0.0), (2.0, 0.0)), "risk", 0.04, 3, 1.2)
+    drive.goal = replace(
+        drive.goal, waits_for=3, meets_s=1.2, meets_at=(0.9, 0.1), refused=[refused]
+    )
+    drive.tell()
+    goal = (await http.get("/api/robots")).json()["goal"]
+    assert goal["meets_at"] == [0.9, 0.1]
+    assert TypeAdapter(RefusedPath).validate_python(goal["refused"][0]) == refused
 
 
 @pytest.mark.usefixtures("served")
