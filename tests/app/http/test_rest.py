@@ -9,6 +9,7 @@ from typing import Any
 from app.contract.commands import ExplainPixel
 from app.contract.events import DenseStereoEvent
 from app.contract.status import CameraMotion, Decomposition, EgoMotionStatus
+from observer.exporting.tables import TABLES
 
 
 async def test_metrics_are_the_statuss_figures_as_prometheus_reads_them(
@@ -96,6 +97,13 @@ async def test_the_description_is_whole_and_stays_on_this_machine(served: Any) -
     assert "https://" not in page.text
     script = await served.http.get("/docs/start.js")
     assert script.headers["content-type"].startswith("text/javascript")
+
+
+async def test_every_table_that_can_be_exported_can_be_asked_for(served: Any) -> None:
+    schema = (await served.http.get("/openapi.json")).json()
+    asked = schema["paths"]["/api/runs/{id}/export"]["get"]["parameters"]
+    (table,) = (each["schema"] for each in asked if each["name"] == "table")
+    assert set(table["anyOf"][0]["enum"]) == set(TABLES)
 
 
 def find(value: Any, key: str) -> list[str]:
