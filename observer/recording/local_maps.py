@@ -48,8 +48,8 @@ def maps_in_force(recording: Recording) -> tuple[MapInForce, ...]:
         SourceError: the recording is damaged.
     """
     maps, frames = list(recording.local_maps()), recording.frames
-    mount = recording.facts.camera_mount()
-    if not maps or mount is None:
+    mount = recording.facts.camera_mount() if maps else None
+    if mount is None:
         return ()
     # Frame numbers may come again in a recording.
     places = {frame.received: position for position, frame in enumerate(frames)}
@@ -57,8 +57,8 @@ def maps_in_force(recording: Recording) -> tuple[MapInForce, ...]:
     begins.sort(key=itemgetter(0))
     poses = list(_poses(recording, mount))
     found = []
-    newer = [*(begin for begin, _ in begins[1:]), len(frames)]
-    for (begin, one), after in zip(begins, newer, strict=True):
+    newer = [begin for begin, _ in begins[1:]]
+    for (begin, one), after in zip(begins, [*newer, len(frames)], strict=False):
         end = begin + 1
         while end < after and _goes_on(frames[end], frames[begin]):
             end += 1

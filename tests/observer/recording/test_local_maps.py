@@ -65,6 +65,18 @@ def test_a_map_counts_until_the_next_one_or_until_it_is_too_old(
     assert ranges(write(set())) == []
 
 
+def test_a_map_whose_frame_is_lost_counts_nowhere(
+    tmp_path: Path, frames: tuple[StereoFrame, ...], facts: Callable[..., RunFacts]
+) -> None:
+    path = tmp_path / "recording.mcap"
+    writer = RecordingWriter(path, facts("none"))
+    writer.frame(frames[0])
+    told = map_at(frames[1].received)
+    writer.local_map(LocalMapPayload(frame=frames[1].index, time=frames[1].time, map=told))
+    writer.finish()
+    assert ranges(path) == []
+
+
 def test_a_map_is_of_one_world(write: Write) -> None:
     assert ranges(write({5}, begins=8)) == [(5, 8)]
 
