@@ -45,6 +45,8 @@ _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
 # A segment is a body out of sight within this squared length of its place, which may have changed
 # by so many metres against expectation.
 _FOUND_CHI2, _CHANGED_M = 9.0, 0.25
+# It is no segment beyond this squared length, with a velocity that changed by so much out of sight.
+_LEAP_CHI2, _CHANGED_MPS = 25.0, 0.5
 # And what left the image comes back from where it could have gone, within so many metres.
 _TURNED_M = 0.5
 _LEVEL = np.array([1.0, 0.0, 1.0])
@@ -193,6 +195,8 @@ def _follow(
         segment = followed_segment(scene, where, core, free & (core | (owner < 0)), grows=grows)
         if segment is None or (track.outline is None and not segment.stands_apart):
             continue
+        if track.outline is not None and _leaps(track, segment, scene):
+            continue
         if track.outline is None:
             segment = _first_seen(track, segment, scene, free)
         free &= ~segment.mask
@@ -327,6 +331,7 @@ def _bodies_of(
         members = obstacle == track.id
         count = np.count_nonzero(members)
         on_it = count >= min_points and inside[members].mean() >= _OWN_SHARE
+        on_it = on_it and not (track.outline is not None and _leaps(track, segment, scene))
         if on_it or (track.missed_s > 0 and _returns_as(track, segment, scene)):
             found.append(track)
     found.sort(key=lambda t: (t.state is TrackState.TENTATIVE, -t.points, -t.age_s))
@@ -344,6 +349,22 @@ def _returns_as(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
     gap = (place - track.centre) * _LEVEL
     spread = track.filter.covariance[POSITION, POSITION] + cov + np.eye(3) * _CHANGED_M**2
     return bool(gap @ np.linalg.solve(spread, gap) < _FOUND_CHI2)
+
+
+def _leaps(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a segment is much farther from a body than that can have come.
+
+    Beside and behind a body are cells that it covered a moment ago, which seem to have arrived.
+    """
+    anchor = anchor_of(segment)
+    assert track.outline is not None
+    place, cov = measured_anchor(segment, anchor, scene)
+    offset = track.outline.offsets.get(anchor)
+    at = track.mean[POSITION] + offset if offset is not None else track.centre
+    gap = (place - at) * _LEVEL
+    changed = _CHANGED_M + track.missed_s * _CHANGED_MPS
+    spread = track.filter.covariance[POSITION, POSITION] + cov + np.eye(3) * changed**2
+    return bool(gap @ np.linalg.solve(spread, gap) > _LEAP_CHI2)
 
 
 def _has_left(track: BodyTrack, scene: DenseScene) -> bool:

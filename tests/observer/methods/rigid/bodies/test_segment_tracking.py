@@ -9,7 +9,7 @@ import pytest
 
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, YAW_RATE
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, YAW_RATE, BodyFilter
 from observer.methods.rigid.bodies.segment_tracking import (
     learn_box,
     measure_limbs,
@@ -216,6 +216,33 @@ def test_a_segment_with_the_points_of_two_bodies_on_it_is_both_in_one(
     points = tracked(tracks, points, arrived(person(0.1, 4.0)))
     assert tracks == [sure]
     assert set(points.obstacle) == {1, NO_OBSTACLE}
+
+
+@pytest.mark.parametrize(("z", "same"), [(3.3, True), (6.0, False)])
+def test_points_of_a_body_that_was_seen_do_not_make_something_far_behind_it(
+    z: float, same: bool
+) -> None:
+    tracks, host = outlined(person(0.1, 3.0), TrackIds())
+    host.id, host.state = 1, TrackState.CONFIRMED
+    # The person is gone, and some of the points around lay on what was hidden.
+    tracked(tracks, points_on(patch(0.1, 0.0, z - 0.13)), arrived(person(0.1, z)))
+    assert host.outline is not None
+    assert host.outline.seen is same
+    assert (len(tracks) == 1) is same
+
+
+@pytest.mark.parametrize(("aside", "same"), [(0.3, True), (1.9, False)])
+def test_a_body_is_not_followed_by_a_side_that_is_nowhere_near_it(aside: float, same: bool) -> None:
+    """Though of a side that was not seen before nobody knows how far from its middle it is."""
+    tracks, host = outlined(person(0.0, 4.0), TrackIds())
+    assert host.outline is not None
+    shift = np.array([aside, 0.0, 0.0])
+    place = host.mean[POSITION] + shift
+    host.outline.move_origin(shift)
+    host.filter = BodyFilter.begin(place, np.zeros(3), np.eye(3) * 0.1**2, np.eye(3), 0.0)
+    tracked(tracks, TrackedPoints.none(), arrived(person(0.0, 4.0)))
+    assert host.outline.seen is same
+    np.testing.assert_allclose(host.mean[POSITION], place, atol=1e-9)
 
 
 def outlined(guest: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrack]:
