@@ -44,7 +44,7 @@ _RADIUS_M = (0.2, 0.25)
 _ACCELERATION_MPS2 = 2.5
 _STAND_CHANCE = 0.2
 _STAND_S = (1.0, 4.0)
-_REACHED_M = 0.5
+_REACHED_M = 0.75
 # Targets lie no nearer to a wall, where the room is wide enough: people keep off walls.
 _FROM_WALL_M = 0.75
 # Who needs so much longer than the straight way takes walks elsewhere: someone stands there.
@@ -213,8 +213,10 @@ class Crowd:
         arrived = (np.hypot(way[:, 0], way[:, 1]) < _REACHED_M) | (now >= self._gives_up)
         stood = self._stands_until > 0
         for i in np.flatnonzero(np.where(stood, now >= self._stands_until, arrived)).tolist():
-            if not stood[i] and self._rng.random() < _STAND_CHANCE:
-                self._stands_until[i] = now + self._rng.uniform(*_STAND_S)
+            if not stood[i]:
+                # Nobody turns round at a walk: they come to a stand first.
+                stays = self._rng.uniform(*_STAND_S) if self._rng.random() < _STAND_CHANCE else 0.0
+                self._stands_until[i] = now + self._pace[i] / _ACCELERATION_MPS2 + stays
             else:
                 self._stands_until[i] = 0.0
                 self._target[i] = self._drawn_target()
