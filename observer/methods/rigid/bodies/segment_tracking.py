@@ -47,6 +47,8 @@ _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
 _FOUND_CHI2, _CHANGED_M = 9.0, 0.25
 # It is no segment beyond this squared length, with a velocity that changed by so much out of sight.
 _LEAP_CHI2, _CHANGED_MPS = 25.0, 0.5
+# Frames since a body was seen, below which it is followed rather than found again.
+_SEEN_BEFORE = 1.5
 # And what left the image comes back from where it could have gone, within so many metres.
 _TURNED_M = 0.5
 _LEVEL = np.array([1.0, 0.0, 1.0])
@@ -193,7 +195,10 @@ def _follow(
         core = owner == number
         grows = track.outline is None or not track.outline.stands
         segment = followed_segment(scene, where, core, free & (core | (owner < 0)), grows=grows)
-        if segment is None or (track.outline is None and not segment.stands_apart):
+        if segment is None:
+            continue
+        found = track.outline is None or track.missed_s > _SEEN_BEFORE * now.dt
+        if found and not segment.stands_apart:
             continue
         if track.outline is not None and _leaps(track, segment, scene):
             continue

@@ -245,6 +245,22 @@ def test_a_body_is_not_followed_by_a_side_that_is_nowhere_near_it(aside: float, 
     np.testing.assert_allclose(host.mean[POSITION], place, atol=1e-9)
 
 
+@pytest.mark.parametrize("seen_before", [True, False])
+def test_whoever_was_out_of_sight_is_found_only_where_something_stands_apart(
+    seen_before: bool,
+) -> None:
+    """A part of a wall that they covered is none, though it is where they should be."""
+    tracks, host = outlined(person(0.0, 4.0), TrackIds())
+    assert host.outline is not None
+    host.missed_s = DT if seen_before else 4 * DT
+    wall = seen([*ROOM, Solid((0.0, 0.0, 4.0), (6.0, 2.4, 0.1))])
+    tracked(tracks, TrackedPoints.none(), wall)
+    assert host.outline.seen is seen_before
+    host.missed_s = 4 * DT
+    tracked(tracks, TrackedPoints.none(), arrived(person(0.0, 4.0)))
+    assert host.outline.seen
+
+
 def outlined(guest: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrack]:
     tracks: list[BodyTrack] = []
     tracked(tracks, TrackedPoints.none(), arrived(guest), numbers)
