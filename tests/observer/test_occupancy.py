@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.typing import NDArray
@@ -23,6 +23,7 @@ PLACE = st.floats(-30.0, 30.0)
 ROBOT = st.tuples(PLACE, PLACE, st.floats(-math.pi, math.pi))
 
 
+@settings(deadline=None)
 @given(CELLS)
 def test_every_cell_comes_back_also_through_json(cells: NDArray[np.uint8]) -> None:
     made = OccupancyMap.of(cells, (0.3, -1.2), 0.1, (0.5, -0.5, 1.0), 7.0)
@@ -39,6 +40,7 @@ def test_a_room_takes_little() -> None:
     assert len(msgspec.json.encode(OccupancyMap.of(cells, (0.0, 0.0), 0.1, (0,) * 3, 0.0))) < 600
 
 
+@settings(deadline=None)
 @given(ROBOT, ROBOT, PLACE, PLACE)
 def test_a_cell_is_where_the_robot_saw_it(
     robot: tuple[float, float, float], base: tuple[float, float, float], x: float, y: float

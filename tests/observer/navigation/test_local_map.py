@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.geometry import Float64Array
@@ -127,6 +127,7 @@ def test_near_echoes_count_for_a_second_where_they_stand() -> None:
     assert not local.blocked(6.8).any()
 
 
+@settings(deadline=None)
 @given(
     st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3),
     st.lists(st.floats(-1e4, 1e4), min_size=3, max_size=3),
@@ -181,6 +182,7 @@ def test_where_something_came_the_ground_is_unknown_until_it_stands() -> None:
     assert state(local, 2.05, 0.05, 0.2) == FREE
 
 
+@settings(deadline=None)
 @given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0))
 def test_what_is_known_stays_in_place_while_the_robot_drives(x: float, y: float) -> None:
     local = LocalMap()
