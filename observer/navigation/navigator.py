@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, along_arc
 from observer.guard.limiting import limit_of
 from observer.guard.outline import Outline
 from observer.guard.parameters import GuardParameters
@@ -274,14 +274,9 @@ def _usable_errand(errand: Errand, now: float) -> bool:
 def _motion(errand: Errand, now: float) -> Motion:
     """Return where the robot is by now if it drives on as it reported."""
     dt = min(max(now - errand.time, 0.0), SIGHT_FRESH_S)
-    yaw = errand.yaw + errand.turn_rate_radps * dt / 2
-    return Motion(
-        errand.x + errand.speed_mps * dt * math.cos(yaw),
-        errand.y + errand.speed_mps * dt * math.sin(yaw),
-        errand.yaw + errand.turn_rate_radps * dt,
-        errand.speed_mps,
-        errand.turn_rate_radps,
-    )
+    way, turned = errand.speed_mps * dt, errand.turn_rate_radps * dt
+    x, y = along_arc(errand.x, errand.y, errand.yaw, way, turned)
+    return Motion(x, y, errand.yaw + turned, errand.speed_mps, errand.turn_rate_radps)
 
 
 def _standing(one: SeenObstacle, pose: Float64Array) -> SeenObstacle:

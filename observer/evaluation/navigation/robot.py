@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from observer.evaluation.navigation.crowd import People
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, along_arc
 from observer.guard.parameters import GuardParameters
 from observer.navigation.errand import Errand, Goal
 from observer.robots.contract import SonarReading
@@ -36,10 +36,9 @@ class Robot:
         self.speed_mps += float(np.clip(speed_mps - self.speed_mps, -slower, faster))
         most = p.turn_acceleration_radps2 * dt
         self.turn_rate_radps += float(np.clip(turn_rate_radps - self.turn_rate_radps, -most, most))
-        middle = self.pose[2] + self.turn_rate_radps * dt / 2
-        way = self.speed_mps * dt
-        step = [way * math.cos(middle), way * math.sin(middle), self.turn_rate_radps * dt]
-        self.pose = self.pose + np.array(step)
+        x, y, yaw = self.pose.tolist()
+        turned = self.turn_rate_radps * dt
+        self.pose = np.array([*along_arc(x, y, yaw, self.speed_mps * dt, turned), yaw + turned])
 
     def errand(self, goal: Goal, sonars: tuple[SonarReading, ...], time: float) -> Errand:
         """Return what the robot reports on its way to a goal."""
