@@ -12,6 +12,7 @@ from typing import Any
 from scipy.special import gammaincinv
 
 from observer.evaluation.navigation.coverage import AHEAD_S, WalkResult
+from observer.evaluation.navigation.eye_check import EyeFigures, eye_figures
 from observer.evaluation.navigation.oracle import Answer, Question
 from observer.evaluation.navigation.run import Driver, RunResult, Sees
 from observer.navigation.calibration import coverage
@@ -49,6 +50,7 @@ class Summary:
         run_ins: persons who ran into the standing robot.
         stops: times that the guard stopped the robot, by reason. stopped_s, waited_s: time for
             which the guard had it stand, and the driver.
+        eye: what was perceived, against where everybody was.
     """
 
     setting: Setting
@@ -65,6 +67,7 @@ class Summary:
     stopped_s: float
     waited_s: float
     total_s: float
+    eye: EyeFigures | None
 
     @property
     def contacts_per_m(self) -> float | None:
@@ -145,6 +148,7 @@ def _summary(
         stopped_s=sum(run.stopped_s for run in runs),
         waited_s=sum(run.waited_s for run in runs),
         total_s=sum(run.time_s for run in runs),
+        eye=eye_figures([run.eye for run in runs]),
     )
 
 

@@ -12,6 +12,7 @@ from typing import Final, Literal
 import numpy as np
 
 from observer.evaluation.navigation.crowd import Crowd, People, Room
+from observer.evaluation.navigation.eye_check import EyeCheck, EyeChecker
 from observer.evaluation.navigation.imaged import ImagedEye
 from observer.evaluation.navigation.perceived import (
     FRAME_S,
@@ -78,6 +79,7 @@ class RunResult:
             ran into the robot while it stood.
         stops: times that the guard stopped the robot, by the reason.
         stopped_s: time for which the guard had it stand. waited_s: for which the driver had.
+        eye: what the robot perceived, against where everybody was.
     """
 
     case: Case
@@ -92,6 +94,7 @@ class RunResult:
     stops: dict[str, int]
     stopped_s: float
     waited_s: float
+    eye: EyeCheck
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,11 +163,12 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
     free_s = free_time_s(limits)
     frames: deque[tuple[Sight, Float64Array]] = deque()
     visible: deque[frozenset[int]] = deque(maxlen=round(_SEEN_BEFORE_S / FRAME_S))
-    tally = _Tally()
+    tally, check = _Tally(), EyeChecker()
     for step in range(_steps(limits)):
         time = step * FRAME_S
         people = crowd.people
         frames.append((eye.look(people, robot.pose, ROOM, time), robot.pose.copy()))
+        check.look(frames[-1][0], people, robot.pose)
         while len(frames) > 1 and time - frames[1][0].received >= LATENCY_S - 1e-9:
             frames.popleft()
         sight, then = frames[0]
@@ -198,8 +202,8 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
         tally.way_m += abs(robot.speed_mps) * FRAME_S
         tally.touch(robot, crowd.people, visible[0])
         if math.dist(robot.pose[:2], GOAL) < REACHED_M:
-            return _result(case, tally, True, time + FRAME_S, free_s)
-    return _result(case, tally, False, IN_TIME * free_s, free_s)
+            return _result(case, tally, check, True, time + FRAME_S, free_s)
+    return _result(case, tally, check, False, IN_TIME * free_s, free_s)
 
 
 def _crowd(case: Case) -> Crowd:
@@ -228,7 +232,9 @@ def _walk(crowd: Crowd, robot: Robot) -> None:
     crowd.step(FRAME_S, (x, y, vx, vy, SPEC.radius_m))
 
 
-def _result(case: Case, tally: _Tally, reached: bool, time_s: float, free_s: float) -> RunResult:
+def _result(
+    case: Case, tally: _Tally, check: EyeChecker, reached: bool, time_s: float, free_s: float
+) -> RunResult:
     return RunResult(
         case=case,
         reached=reached,
@@ -242,6 +248,7 @@ def _result(case: Case, tally: _Tally, reached: bool, time_s: float, free_s: flo
         stops=dict(tally.stops),
         stopped_s=tally.stopped_s,
         waited_s=tally.waited_s,
+        eye=check.result(),
     )
 
 

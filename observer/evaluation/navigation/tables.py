@@ -15,6 +15,11 @@ _HEAD = (
     "stopped by guard", "waited",
 )  # fmt: skip
 
+_EYE_HEAD = (
+    "driver", "sees by", "people", "per m²", "frames", "usable", "recall", "false / 100 frames",
+    "surplus / 100 frames", "velocity error, median m/s", "RMSE m/s", "within 95 %",
+)  # fmt: skip
+
 
 def navigation_markdown(result: NavigationBenchmark) -> str:
     """Return the tables of results, of the guard's stops and of the predictions."""
@@ -23,6 +28,7 @@ def navigation_markdown(result: NavigationBenchmark) -> str:
         told = ", ".join(f"{name} = {value}" for name, value in result.changed.items())
         parts += [f"Not at their defaults: {told}."]
     parts += ["## Stops by the guard", _stops(result.summaries)]
+    parts += ["## Perception", _table(_EYE_HEAD, [_eye(each) for each in result.summaries])]
     rows = [
         (f"{each.ahead_s:g} s", str(each.predictions), _percent(each.share))
         for each in result.coverage
@@ -67,6 +73,24 @@ def _row(one: Summary) -> tuple[str, ...]:
         f"{sum(one.stops.values()) / one.runs:.1f}",
         _percent(one.stopped_s / one.total_s),
         _percent(one.waited_s / one.total_s),
+    )
+
+
+def _eye(one: Summary) -> tuple[str, ...]:
+    setting, eye = one.setting, one.eye
+    named = (setting.driver, setting.sees, people_word(setting.kind), f"{setting.density_per_m2:g}")
+    if eye is None:
+        return (*named, *["–"] * (len(_EYE_HEAD) - len(named)))
+    errors = eye.velocity_median, eye.velocity_rmse
+    return (
+        *named,
+        str(eye.frames),
+        _percent(eye.usable),
+        _percent(eye.recall),
+        f"{eye.false:.1f}",
+        f"{eye.surplus:.1f}",
+        *("–" if each is None else f"{each:.2f}" for each in errors),
+        _percent(eye.coverage),
     )
 
 

@@ -1,0 +1,78 @@
+"""What an eye tells is judged by where everybody is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer.evaluation.navigation.crowd import People
+from observer.evaluation.navigation.eye_check import EyeChecker, eye_figures
+from observer.guard.sight import SeenObstacle, Sight
+from observer.types import Status
+
+# The robot is at (2, 5) and looks to the left: along y.
+POSE = np.array([2.0, 5.0, np.pi / 2])
+# One walks across 3 m ahead, one 4 m ahead and 1 m to the left stands.
+PEOPLE = People(
+    np.array([4, 7]),
+    np.array([(2.0, 8.0), (1.0, 9.0)]),
+    np.array([(1.0, 0.0), (0.0, 0.0)]),
+    np.array([0.25, 0.25]),
+)
+WALKER = SeenObstacle(1, 3.0, 0.0, 0.0, -1.0, 0.3, 0.1, 0.1, False)
+
+
+def sight(*obstacles: SeenObstacle, status: Status = Status.OK) -> Sight:
+    return Sight(1, 0.0, 0.0, "crowd", status, (), True, obstacles)
+
+
+def test_who_walks_in_view_for_long_is_to_be_found() -> None:
+    check = EyeChecker()
+    for _ in range(10):
+        check.look(sight(WALKER), PEOPLE, POSE)
+    for _ in range(2):
+        check.look(sight(), PEOPLE, POSE)
+    found = check.result()
+    # Not in the first half second; who stands is never due.
+    assert (found.frames, found.usable, found.due, found.found) == (12, 12, 6, 4)
+    assert (found.false, found.surplus) == (0, 0)
+    assert found.velocity_errors == pytest.approx([0.0] * 20, abs=1e-12)
+    assert found.covered == 20
+
+
+def test_errors_false_and_surplus_tracks_are_counted() -> None:
+    check = EyeChecker()
+    again = replace(WALKER, id=2, x=3.2)
+    nowhere = replace(WALKER, id=3, y=-2.5)
+    off = replace(WALKER, vx=0.5)
+    check.look(sight(off, again, nowhere), PEOPLE, POSE)
+    found = check.result()
+    assert (found.false, found.surplus, found.covered) == (1, 1, 1)
+    assert found.velocity_errors == pytest.approx((0.5, 0.0), abs=1e-12)
+
+
+def test_tracks_that_are_tentative_or_not_seen_do_not_count() -> None:
+    check = EyeChecker()
+    check.look(sight(replace(WALKER, id=-3), replace(WALKER, coasting=True)), PEOPLE, POSE)
+    assert check.result().velocity_errors == ()
+
+
+def test_nothing_is_due_where_the_robot_may_not_go_by_what_it_sees() -> None:
+    check = EyeChecker()
+    for _ in range(10):
+        check.look(sight(WALKER, status=Status.DEGRADED), PEOPLE, POSE)
+    found = check.result()
+    assert (found.frames, found.usable, found.due) == (10, 0, 0)
+    figures = eye_figures([found])
+    assert figures is not None
+    assert (figures.usable, figures.recall) == (0.0, None)
+
+
+def test_of_an_empty_room_there_are_no_errors() -> None:
+    check = EyeChecker()
+    nobody = People(np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
+    check.look(sight(WALKER), nobody, POSE)
+    assert check.result().false == 1
+    assert eye_figures([]) is None
