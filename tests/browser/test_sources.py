@@ -103,6 +103,20 @@ def test_a_newcomer_finds_lab_people_and_a_camera_with_their_pictures(
     expect(titles).to_have_count(4)
 
 
+def test_the_open_source_has_a_tile_whatever_was_opened_lately(open_panel: OpenPanel) -> None:
+    def others_first(route: Route) -> None:
+        answer = route.fetch()
+        entries = sorted(answer.json(), key=lambda entry: entry["spec"] == "simulated:lab")
+        route.fulfill(response=answer, json=entries)
+
+    page = open_panel()
+    page.route("**/api/sources", others_first)
+    page.reload()
+    page.wait_for_selector('html[data-freshness="fresh"]', timeout=30_000)
+    _sources(page)
+    expect(page.locator("#sources-simulated .source")).to_have_count(4)
+
+
 def test_the_field_suggests_by_keyboard(
     server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:

@@ -85,6 +85,20 @@ export function merged(choices) {
 }
 
 /**
+ * The first few, and always the one that is open.
+ *
+ * @param {Choice[]} choices
+ * @param {number} few
+ * @param {string} open the spec of the open source
+ * @returns {Choice[]}
+ */
+export function firstFew(choices, few, open) {
+  const first = choices.slice(0, few);
+  const current = choices.slice(few).find(({ spec }) => spec === open);
+  return current ? [...first.slice(0, few - 1), current] : first;
+}
+
+/**
  * What is suggested for what was typed: those opened lately first, then by how well they match.
  *
  * @param {Choice[]} choices

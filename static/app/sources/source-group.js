@@ -2,6 +2,7 @@
 
 import { button, h, setAttribute, setText, svg } from "../elements/dom.js";
 import { KeptList } from "../elements/focus-place.js";
+import { firstFew } from "./choices.js";
 
 /** @import { SourceEntry } from "../contract" */
 /** @import { Choice } from "./choices.js" */
@@ -27,6 +28,7 @@ export class SourceGroup {
   #items;
   /** @type {Choice[]} */
   #choices = [];
+  #current = "";
   #shown = "";
   #all = false;
   #more = button("", () => this.#toggle(), { class: "quiet", hidden: true, "data-looks": true });
@@ -64,17 +66,22 @@ export class SourceGroup {
     );
   }
 
-  /** @param {Choice[]} choices */
-  show(choices) {
+  /**
+   * @param {Choice[]} choices
+   * @param {string} current the spec of the open source
+   */
+  show(choices, current) {
     this.#choices = choices;
-    const shown = JSON.stringify([this.#all, choices]);
+    this.#current = current;
+    const few = firstFew(choices, this.#few, current);
+    const shown = JSON.stringify([this.#all, choices, few]);
     if (shown === this.#shown) return;
     this.#shown = shown;
     const told = [...this.#list.children].filter((child) => !child.matches(".source"));
     const beside = told[0]?.previousElementSibling?.getAttribute("data-spec");
     // Until all are asked for, only the first few are made, and their pictures with them.
     this.#items.show(
-      this.#all ? choices : choices.slice(0, this.#few),
+      this.#all ? choices : few,
       ({ spec }) => spec,
       (choice) => JSON.stringify({ ...choice, recent: null }),
     );
@@ -88,7 +95,7 @@ export class SourceGroup {
 
   #toggle() {
     this.#all = !this.#all;
-    this.show(this.#choices);
+    this.show(this.#choices, this.#current);
   }
 
   /** @param {Choice} choice */

@@ -88,6 +88,8 @@ class SourcePicker extends Part {
   #searchTimer = 0;
   #uncalibrated = "";
   #busy = false;
+  /** The open source for which the tiles are shown. */
+  #tilesOf = "";
   #followed = "";
 
   build() {
@@ -171,6 +173,11 @@ class SourcePicker extends Part {
 
   /** Show all tiles, those that are there first and then how to name others. */
   #show() {
+    this.#showTiles();
+    this.#render();
+  }
+
+  #showTiles() {
     const listed = this.hub.sources.map(choiceOfEntry);
     if (listed.length === 0) return;
     const all = merged([
@@ -180,8 +187,14 @@ class SourcePicker extends Part {
       ...listed.filter(({ template }) => template),
     ]);
     for (const [name, group] of Object.entries(this.#groups))
-      group.show(all.filter((choice) => choice.group === name));
-    this.#render();
+      group.show(
+        all.filter((choice) => choice.group === name),
+        this.#current,
+      );
+  }
+
+  get #current() {
+    return shortSpec(this.hub.status?.source?.spec ?? "");
   }
 
   async #loadCalibrations() {
@@ -195,7 +208,11 @@ class SourcePicker extends Part {
 
   #render() {
     const { status } = this.hub;
-    const current = shortSpec(status?.source?.spec ?? "");
+    const current = this.#current;
+    if (current !== this.#tilesOf) {
+      this.#tilesOf = current;
+      this.#showTiles();
+    }
     // Follow what is open, but never overwrite what is being typed.
     if (current !== this.#followed && document.activeElement !== this.#spec) {
       this.#spec.value = current;

@@ -132,3 +132,19 @@ test("the first two cameras are one choice, set as one bus can carry", () => {
   assert.equal(pair?.title, "HD Webcam");
   assert.equal(choices.cameraSpec("0", "", ""), "camera:sbs:0");
 });
+
+test("the open source is among the first few, whatever was opened lately", () => {
+  assert.deepEqual(specs(choices.firstFew(ALL, 2, "simulated:lab")), [
+    "simulated:lab",
+    "simulated:people",
+  ]);
+  assert.deepEqual(specs(choices.firstFew(ALL, 2, "simulated:calibration")), [
+    "simulated:lab",
+    "simulated:calibration",
+  ]);
+  assert.deepEqual(specs(choices.firstFew(ALL, 2, "camera:0,1")), [
+    "simulated:lab",
+    "simulated:people",
+  ]);
+  assert.deepEqual(specs(choices.firstFew(ALL, 9, "simulated:calibration")), specs(ALL));
+});
