@@ -333,7 +333,7 @@ def test_space_and_esc_stop_wherever_one_is(
 
 
 _HEADER_OVERLAPS = """() => {
-  const parts = [...document.querySelectorAll(".top a, .top button")]
+  const parts = [...document.querySelectorAll(".top :is(a, button, label, .stop-state)")]
     .filter((part) => part.checkVisibility() && !part.closest(".menu-box"))
     .map((part) => [part.textContent.trim() || part.ariaLabel, part.getBoundingClientRect()]);
   return parts.flatMap(([name, a], at) =>
@@ -346,14 +346,18 @@ _HEADER_OVERLAPS = """() => {
 }"""
 
 
-def test_nothing_in_the_header_lies_on_something_else_while_armed(
+def test_nothing_in_the_header_lies_on_something_else_while_armed_or_stopped(
     seat: Callable[..., Page],
 ) -> None:
     page = seat()
     found = {}
-    for width in (360, 390, 600, 820, 1024, 1100, 1280, 1366, 1440, 1600, 1920, 2560):
-        page.set_viewport_size({"width": width, "height": 900})
-        found[width] = page.evaluate(_HEADER_OVERLAPS)
+    for state in ("armed", "stopped"):
+        if state == "stopped":
+            page.locator("#stop-robots").click()
+            expect(page.locator(".stop-state")).to_contain_text("Stopped by")
+        for width in (360, 390, 600, 820, 960, 1024, 1100, 1280, 1366, 1440, 1600, 1920, 2560):
+            page.set_viewport_size({"width": width, "height": 900})
+            found[state, width] = page.evaluate(_HEADER_OVERLAPS)
     assert not any(found.values()), found
 
 
