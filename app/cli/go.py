@@ -34,8 +34,8 @@ def go(
     risk: Annotated[
         float | None,
         typer.Option(
-            help="Accepted probability of a contact on each metre; default: the server's parameter "
-            "navigation.risk_per_metre."
+            help="Accepted probability of a contact with tracked obstacles on each metre; default: "
+            "the server's parameter navigation.risk_per_metre."
         ),
     ] = None,
     takeover: Takeover = False,

@@ -88,7 +88,9 @@ class GoalNow:
     distance_m: float | None
     elapsed_s: float
     path: Annotated[Sequence[tuple[float, float]], means("Planned for the next seconds.")]
-    risk_per_metre: Annotated[float, means("Declared probability of a contact on each metre.")]
+    risk_per_metre: Annotated[
+        float, means("Declared, of a contact with tracked obstacles on each metre.")
+    ]
     planned_risk_per_metre: Annotated[float | None, means("Of the path, until it could stand.")]
     waits_for: Annotated[
         int | None, means("Track for which it stands or turns aside; below zero: not numbered yet.")

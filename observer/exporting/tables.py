@@ -231,7 +231,12 @@ _GOAL_COLUMNS = (
     Column("left_m", "float", "the goal, seen from the robot", "left"),
     Column("waits_for", "int", "track for which the robot stands or turns aside"),
     Column("meets_s", "float", "time until it would meet that track"),
-    Column("declared_risk_per_m", "float", "accepted probability of a contact", "risk_per_metre"),
+    Column(
+        "declared_risk_per_m",
+        "float",
+        "accepted probability of a contact with tracked obstacles",
+        "risk_per_metre",
+    ),
     Column("planned_risk_per_m", "float", "of the planned path", "planned_risk_per_metre"),
     Column("meets_ahead_m", "float", "where it would meet that track, seen from the robot"),
     Column("meets_left_m", "float", "where it would meet that track, seen from the robot"),

@@ -318,7 +318,7 @@ export interface components {
       elapsed_s: number;
       /** @description Planned for the next seconds. */
       path: [number, number][];
-      /** @description Declared probability of a contact on each metre. */
+      /** @description Declared, of a contact with tracked obstacles on each metre. */
       risk_per_metre: number;
       /** @description Of the path, until it could stand. */
       planned_risk_per_metre: number | null;
@@ -1299,7 +1299,7 @@ export interface components {
        * @default 0
        */
       left_m: number;
-      /** @description Accepted probability of a contact on each metre driven; default: the parameter navigation.risk_per_metre. */
+      /** @description Accepted probability of a contact with tracked obstacles on each metre driven; default: the parameter navigation.risk_per_metre. */
       risk_per_metre?: number | null;
       /** @description Of the observer, which must be armed. */
       lease: string;

@@ -30,8 +30,8 @@ class GoalChoice(In):
     risk_per_metre: Annotated[Finite, Field(ge=_RISK["minimum"], le=_RISK["maximum"])] | None = (
         Field(
             None,
-            description="Accepted probability of a contact on each metre driven; default: the "
-            "parameter navigation.risk_per_metre.",
+            description="Accepted probability of a contact with tracked obstacles on each metre "
+            "driven; default: the parameter navigation.risk_per_metre.",
         )
     )
     lease: Identifier = Field(description="Of the observer, which must be armed.")

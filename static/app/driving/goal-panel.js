@@ -108,7 +108,7 @@ class GoalPanel extends Part {
         field(
           "Risk per metre",
           this.#risk,
-          "Accepted probability of touching somebody on each metre driven. The lower it is, the longer the observer waits and the wider it passes.",
+          "Accepted probability of touching a tracked obstacle on each metre driven. The lower it is, the longer the observer waits and the wider it passes. It does not cover what the cameras have not seen.",
         ),
       ),
       h("div.row", this.#send, this.#pick),
