@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.evaluation.navigation.crowd import People
-from observer.evaluation.navigation.perceived import FRAME_S, in_view, turned
+from observer.evaluation.navigation.perceived import FRAME_S, turned
 from observer.geometry import Float64Array
 from observer.guard.sight import Sight
 from observer.types import Status
@@ -74,15 +75,16 @@ class EyeChecker:
     _errors: list[float] = field(default_factory=list)
     _frames_in_view: dict[int, int] = field(default_factory=dict)
 
-    def look(self, sight: Sight, people: People, pose: Float64Array) -> None:
-        """Take in a sight from a pose (3,), and where everybody is at that instant."""
+    def look(
+        self, sight: Sight, people: People, pose: Float64Array, visible: NDArray[np.bool_]
+    ) -> None:
+        """Take in a sight from a pose (3,), where everybody is then, and (N,) who is in view."""
         heading = float(pose[2])
         place, velocity = (
             np.array([turned(each, -heading) for each in vectors]).reshape(-1, 2)
             for vectors in (people.position - pose[:2], people.velocity)
         )
         self._count("frames")
-        visible = in_view(people, pose)
         for number, seen in zip(people.number.tolist(), visible.tolist(), strict=True):
             self._frames_in_view[number] = self._frames_in_view.get(number, 0) + 1 if seen else 0
         found = self._matched(sight, place, velocity)

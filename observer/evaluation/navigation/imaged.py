@@ -125,7 +125,6 @@ class ImagedEye:
         camera = self._observer.camera
         self._free_path = FreePath(camera, mount, parameters.stereo.max_disparity_px, p)
         self._last = PlanarState(0.0, 0.0, 0.0)
-        self._begun = False
 
     def look(self, people: People, pose: Float64Array, room: Room, time: float) -> Sight:
         """Return the sight from a pose (3,), of a frame received at the next instant.
@@ -150,9 +149,8 @@ class ImagedEye:
         last = self._last
         rates = np.array([x - last.x, y - last.y, heading - last.heading]) / FRAME_S
         state = PlanarState(x, y, heading, *rates.tolist())
-        if self._begun:
+        if self._driven.begun:
             self._driven.add(time, state, float(np.hypot(rates[0], rates[1])))
         else:
             self._driven.begin(time, state)
-            self._begun = True
         self._last = state

@@ -162,13 +162,14 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
     goal = Goal(1, *GOAL, case.risk_per_metre)
     free_s = free_time_s(limits)
     frames: deque[tuple[Sight, Float64Array]] = deque()
-    visible: deque[frozenset[int]] = deque(maxlen=round(_SEEN_BEFORE_S / FRAME_S))
+    seen_lately: deque[frozenset[int]] = deque(maxlen=round(_SEEN_BEFORE_S / FRAME_S))
     tally, check = _Tally(), EyeChecker()
     for step in range(_steps(limits)):
         time = step * FRAME_S
         people = crowd.people
         frames.append((eye.look(people, robot.pose, ROOM, time), robot.pose.copy()))
-        check.look(frames[-1][0], people, robot.pose)
+        visible = in_view(people, robot.pose)
+        check.look(frames[-1][0], people, robot.pose, visible)
         while len(frames) > 1 and time - frames[1][0].received >= LATENCY_S - 1e-9:
             frames.popleft()
         sight, then = frames[0]
@@ -196,11 +197,11 @@ def run(case: Case, parameters: AllParameters, watch: Watch | None = None) -> Ru
         tally.verdict(verdict, wanted)
         if watch is not None:
             watch(Moment(time, robot.pose.copy(), people, wanted, verdict, plan))
-        visible.append(frozenset(people.number[in_view(people, robot.pose)].tolist()))
+        seen_lately.append(frozenset(people.number[visible].tolist()))
         robot.drive(verdict.speed_mps, verdict.turn_rate_radps, FRAME_S)
         _walk(crowd, robot)
         tally.way_m += abs(robot.speed_mps) * FRAME_S
-        tally.touch(robot, crowd.people, visible[0])
+        tally.touch(robot, crowd.people, seen_lately[0])
         if math.dist(robot.pose[:2], GOAL) < REACHED_M:
             return _result(case, tally, check, True, time + FRAME_S, free_s)
     return _result(case, tally, check, False, IN_TIME * free_s, free_s)

@@ -351,9 +351,7 @@ def _returns_as(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
         way = track.missed_s * track.mean[VELOCITY]
         gap = (place - (track.centre - way)) * _LEVEL
         return bool(np.linalg.norm(gap) < np.linalg.norm(way) + _TURNED_M)
-    gap = (place - track.centre) * _LEVEL
-    spread = track.filter.covariance[POSITION, POSITION] + cov + np.eye(3) * _CHANGED_M**2
-    return bool(gap @ np.linalg.solve(spread, gap) < _FOUND_CHI2)
+    return _chi2(track, place - track.centre, cov, _CHANGED_M) < _FOUND_CHI2
 
 
 def _leaps(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
@@ -366,10 +364,20 @@ def _leaps(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
     place, cov = measured_anchor(segment, anchor, scene)
     offset = track.outline.offsets.get(anchor)
     at = track.mean[POSITION] + offset if offset is not None else track.centre
-    gap = (place - at) * _LEVEL
     changed = _CHANGED_M + track.missed_s * _CHANGED_MPS
-    spread = track.filter.covariance[POSITION, POSITION] + cov + np.eye(3) * changed**2
-    return bool(gap @ np.linalg.solve(spread, gap) > _LEAP_CHI2)
+    return _chi2(track, place - at, cov, changed) > _LEAP_CHI2
+
+
+def _chi2(track: BodyTrack, gap: Float64Array, cov: Float64Array, changed_m: float) -> float:
+    """Return the squared length of a gap to a body's place, heights left out.
+
+    Args:
+        gap: (3,) metres, world. cov: (3, 3) of what was measured. changed_m: one standard deviation
+            of how the body moved against expectation.
+    """
+    level = gap * _LEVEL
+    spread = track.filter.covariance[POSITION, POSITION] + cov + np.eye(3) * changed_m**2
+    return float(level @ np.linalg.solve(spread, level))
 
 
 def _has_left(track: BodyTrack, scene: DenseScene) -> bool:

@@ -9,6 +9,7 @@ import pytest
 
 from observer.evaluation.navigation.crowd import People
 from observer.evaluation.navigation.eye_check import EyeChecker, eye_figures
+from observer.evaluation.navigation.perceived import in_view
 from observer.guard.sight import SeenObstacle, Sight
 from observer.types import Status
 
@@ -31,9 +32,9 @@ def sight(*obstacles: SeenObstacle, status: Status = Status.OK) -> Sight:
 def test_who_walks_in_view_for_long_is_to_be_found() -> None:
     check = EyeChecker()
     for _ in range(10):
-        check.look(sight(WALKER), PEOPLE, POSE)
+        check.look(sight(WALKER), PEOPLE, POSE, in_view(PEOPLE, POSE))
     for _ in range(2):
-        check.look(sight(), PEOPLE, POSE)
+        check.look(sight(), PEOPLE, POSE, in_view(PEOPLE, POSE))
     found = check.result()
     # Not in the first half second; who stands is never due.
     assert (found.frames, found.usable, found.due, found.found) == (12, 12, 6, 4)
@@ -47,7 +48,7 @@ def test_errors_false_and_surplus_tracks_are_counted() -> None:
     again = replace(WALKER, id=2, x=3.2)
     nowhere = replace(WALKER, id=3, y=-2.5)
     off = replace(WALKER, vx=0.5)
-    check.look(sight(off, again, nowhere), PEOPLE, POSE)
+    check.look(sight(off, again, nowhere), PEOPLE, POSE, in_view(PEOPLE, POSE))
     found = check.result()
     assert (found.false, found.surplus, found.covered) == (1, 1, 1)
     assert found.velocity_errors == pytest.approx((0.5, 0.0), abs=1e-12)
@@ -55,14 +56,19 @@ def test_errors_false_and_surplus_tracks_are_counted() -> None:
 
 def test_tracks_that_are_tentative_or_not_seen_do_not_count() -> None:
     check = EyeChecker()
-    check.look(sight(replace(WALKER, id=-3), replace(WALKER, coasting=True)), PEOPLE, POSE)
+    check.look(
+        sight(replace(WALKER, id=-3), replace(WALKER, coasting=True)),
+        PEOPLE,
+        POSE,
+        in_view(PEOPLE, POSE),
+    )
     assert check.result().velocity_errors == ()
 
 
 def test_nothing_is_due_where_the_robot_may_not_go_by_what_it_sees() -> None:
     check = EyeChecker()
     for _ in range(10):
-        check.look(sight(WALKER, status=Status.DEGRADED), PEOPLE, POSE)
+        check.look(sight(WALKER, status=Status.DEGRADED), PEOPLE, POSE, in_view(PEOPLE, POSE))
     found = check.result()
     assert (found.frames, found.usable, found.due) == (10, 0, 0)
     figures = eye_figures([found])
@@ -73,6 +79,6 @@ def test_nothing_is_due_where_the_robot_may_not_go_by_what_it_sees() -> None:
 def test_of_an_empty_room_there_are_no_errors() -> None:
     check = EyeChecker()
     nobody = People(np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 2)), np.zeros(0))
-    check.look(sight(WALKER), nobody, POSE)
+    check.look(sight(WALKER), nobody, POSE, in_view(nobody, POSE))
     assert check.result().false == 1
     assert eye_figures([]) is None
