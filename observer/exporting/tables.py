@@ -292,7 +292,7 @@ def _maps(recording: Recording) -> Iterator[Row]:
 
 
 _PARAMETER_COLUMNS = (
-    Column("revision", "int", "incremented by every change except those of the guard"),
+    Column("revision", "int", "incremented by every change except those of guard and navigation"),
     Column("from_position", "int", "index of the first recorded frame they apply to, from 0"),
     Column("name", "text", "of the parameter"),
     Column("value", "text", "as JSON"),
