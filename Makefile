@@ -3,21 +3,21 @@
 #   make run      set up, then serve the panel on the simulated lab   (ARGS="--port 9000")
 #   make test     set up, then all tests                              (ARGS="tests/app -k speeds")
 #   make system   install through apt-get what some tests need: Chromium, ffmpeg, PostgreSQL;
-#                 without them make test leaves these tests out, and says so
-#   make faults   what must happen when something fails while a robot drives: the worst of
-#                 TRIALS=100 times each, which takes hours
-#   make clients-test  set up, bring Rerun (half a gigabyte), then read a recording and its exports
-#                 with it and with the other tools that make test has
+#                 without them make test skips these tests, and says so
+#   make faults   test the response to failures while a robot drives: the worst of TRIALS=100
+#                 trials each, which takes hours
+#   make clients-test  set up, install Rerun (half a gigabyte), then read a recording and its
+#                 exports with it and with the other tools that make test uses
 #   make image-test  build the image with Debian's buildah and debootstrap, which it installs, and
-#                 try it; takes minutes and gigabytes, and root
+#                 test it; takes minutes and gigabytes, and needs root
 #   make lint     ruff, mypy, import-linter, the page's JavaScript, bandit, pip-audit
-#   make coverage as make test but for promises in real time, with a report of what is not run
+#   make coverage like make test without the real-time tests, with a report of what is not run
 #   make bench    set up, then time the method and the server
-#   make soak     keep a server busy for MINUTES=60; fails where its processes grow
+#   make soak     keep a server busy for MINUTES=60; fails if its processes grow
 #   make docs     build the documentation into docs/site, which the server shows at /help
-#   make wheel    dist/*.whl: all of it, page and documentation inside; and the library alone
-#   make setup    only set up, documentation included; a second time it has nothing to do
-#   make clean    remove all that the above made, .venv too; runs and settings stay
+#   make wheel    dist/*.whl: everything, with page and documentation; and the library alone
+#   make setup    only set up, documentation included; a second call has nothing to do
+#   make clean    remove everything that the above made, including .venv; runs and settings stay
 #
 # Another Python: make PYTHON=/path/to/python3.12
 
@@ -39,7 +39,11 @@ INSTALLED_DEV := $(VENV)/.installed-dev
 VENDORED := static/vendor/.complete
 PAGE_TOOLS := static/node_modules/.complete
 SITE := docs/site/.complete
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
+COMPILED := $(VENV)/.compiled
+# Modules are compiled where they are imported first, on all processors and only those in use, and
+# kept even where the environment says not to: a server is several processes.
+unexport PYTHONDONTWRITEBYTECODE
+PIP := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt
 
 .DEFAULT_GOAL := help
 # Scripts in an environment name its folder: in a moved or copied clone it is made anew.
@@ -47,16 +51,21 @@ ifneq ($(shell cat $(MADE) 2>/dev/null),$(CURDIR))
 $(MADE): moved
 endif
 
-.PHONY: moved help setup setup-dev run test clients-test image-test system faults lint lint-types lint-rest coverage bench soak docs wheel constraints clean
+.PHONY: moved help setup built setup-dev run test clients-test image-test system faults lint lint-types lint-rest coverage bench soak docs wheel constraints clean
 .DELETE_ON_ERROR:
 
 help:
 	@sed -n 's/^# \{0,1\}//p' Makefile | sed '/^Another/q'
 
-setup: $(INSTALLED) $(VENDORED) $(SITE)
+setup: $(INSTALLED) $(VENDORED)
+	@$(MAKE) --no-print-directory --jobs 2 built
 	@$(BIN)/python -c pass 2>/dev/null || { \
 	  echo "the Python that $(VENV) was made with is gone; next: rm -r $(VENV), then make again" >&2; \
 	  exit 1; }
+
+# Side by side: each keeps one processor busy for some seconds.
+built: $(SITE) $(COMPILED)
+	@:
 
 setup-dev: setup $(INSTALLED_DEV) $(PAGE_TOOLS)
 
@@ -64,14 +73,13 @@ run: setup
 	@exec $(BIN)/dynamic-observer serve $(ARGS)
 
 # In three processes, which mostly wait, but for promises in real time, which nothing may run beside,
-# and for the page: a browser wants both cores to itself. Compiled modules are kept even where the
-# environment says not to: the tests start hundreds of processes.
-test: export PYTHONDONTWRITEBYTECODE :=
+# and for the page: a browser wants both cores to itself.
 test: setup-dev
 	@$(find_missing); $(call tell_left_out,make system) >&2
 ifeq ($(strip $(ARGS)),)
 	$(BIN)/python tools/packaging/frontend.py test
 	$(BIN)/pytest -n 3 --dist loadfile --ignore tests/browser --ignore tests/faults $(once_more)
+	NUMBA_DISABLE_JIT=1 $(BIN)/pytest tests/observer/kernels
 	$(BIN)/pytest -s tests/faults
 	$(BIN)/pytest tests/browser $(once_more)
 else
@@ -160,6 +168,11 @@ $(VENDORED): static/package-lock.json tools/packaging/frontend.py | $(MADE)
 $(PAGE_TOOLS): $(VENDORED)
 	@echo "Fetching the tools that check the page into static/node_modules"
 	@$(BIN)/python tools/packaging/frontend.py development
+	@touch $@
+
+$(COMPILED): $(INSTALLED) $(wildcard observer/kernels/*.py)
+	@echo "Compiling the vision code for this computer's processor"
+	@$(BIN)/python -m observer.kernels
 	@touch $@
 
 $(SITE): $(INSTALLED) docs/mkdocs.yml $(wildcard docs/pages/* docs/pages/*/* tools/docs/*.py)

@@ -1,18 +1,18 @@
-"""Seeing moving obstacles from a moving stereo camera: the library.
+"""Detection of moving obstacles from a moving stereo camera: the library.
 
 Frames (``T_target_source`` maps source coordinates into the target frame):
 
 =========  =====================================================================
 camera     rectified left camera's optical frame: x right, y down, z forward
 base       the robot: x forward, y left, z up (REP-103)
-world      the camera frame at a segment's first valid pose; obstacles live here
+world      the camera frame at a segment's first valid pose; obstacles are given in it
 image      pixels: u right, v down, the upper left pixel's centre is (0, 0)
 =========  =====================================================================
 
 Units: metres, seconds, radians, pixels, m/s. ``time`` is the exposure on the source's own clock,
 ``received`` the host's monotonic clock.
 
-The public face is ``open`` and ``load`` for notebooks and scripts, and for frames of your own
+The public interface is ``open`` and ``load`` for notebooks and scripts, and for your own frames
 ``Observer``, ``StereoFrame``, ``StereoCalibration`` and ``Parameters``::
 
     import observer
@@ -79,18 +79,18 @@ def open(
     preset: str = "default",
     calibration: Path | str | None = None,
 ) -> ObservedSource:
-    """Open a source, to be observed while it is iterated over.
+    """Open a source, to be processed while you iterate over it.
 
     Args:
-        source: whatever ``dynamic-observer observe`` takes: ``simulated:lab``, a folder, videos,
-            ``camera:0,1``, a recording.
-        parameters: values by dotted name in place of the preset's; each must act with the
-            method in force.
+        source: anything that ``dynamic-observer observe`` accepts: ``simulated:lab``, a folder,
+            videos, ``camera:0,1``, a recording.
+        parameters: values by dotted name, replacing those of the preset; each must have an effect
+            with the current method.
         preset: ``default`` or ``paper``.
-        calibration: a file to use in place of the source's own.
+        calibration: a file to use instead of the source's own.
 
     Raises:
-        InputError: one sentence says what of it cannot be used.
+        InputError: one sentence says what cannot be used.
 
     Example::
 
@@ -125,7 +125,7 @@ def load(run: Path | str, data: Path | str | None = None) -> LoadedRun:
 
     Args:
         run: a recording's file, a run's folder, or the id of a run or its beginning.
-        data: the data folder in which a run is looked for by its id.
+        data: the data folder in which a run is searched by its id.
 
     Raises:
         SourceError: there is no such recording, or it cannot be read.

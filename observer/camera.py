@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -110,7 +111,7 @@ class StereoCalibration:
         object.__setattr__(self, name, value)
 
     def check_side_by_side(self) -> None:
-        """Refuse a right camera that does not stand to the right of the left one.
+        """Refuse a right camera that is not to the right of the left one.
 
         Raises:
             CalibrationError: saying where it stands, and to swap the two where that helps.
@@ -130,12 +131,12 @@ class StereoCalibration:
 
     @property
     def baseline(self) -> float:
-        """Distance of the two cameras' centres, metres."""
+        """Distance between the two cameras' centres, metres."""
         return float(np.linalg.norm(self.T))
 
     @property
     def is_rectified(self) -> bool:
-        """True if images of this pair are used as they are, without any remapping."""
+        """Whether images of this pair can be used as they are, without remapping."""
         return bool(
             self.distortion_model == "radtan"
             and not self.D1.any()
@@ -151,7 +152,7 @@ class StereoCalibration:
     def rectified(
         width: int, height: int, fx: float, fy: float, cx: float, cy: float, baseline: float
     ) -> StereoCalibration:
-        """Return the calibration of images that are rectified already."""
+        """Return the calibration of images that are already rectified."""
         K = np.array([[fx, 0, cx], [0, fy, cy], [0, 0, 1]], dtype=np.float64)
         return StereoCalibration(
             width, height, K, np.zeros(5), K, np.zeros(5), np.eye(3), np.array([-baseline, 0, 0])
@@ -201,6 +202,17 @@ class StereoCamera:
         """(3, 3) camera matrix."""
         return np.array([[self.fx, 0, self.cx], [0, self.fy, self.cy], [0, 0, 1]])
 
+    @property
+    def numbers(self) -> tuple[float, float, float, float, float]:
+        """Focal lengths and principal point, pixels, and baseline, metres, as kernels take them."""
+        return self.fx, self.fy, self.cx, self.cy, self.baseline
+
+    @property
+    def corner_px(self) -> float:
+        """Distance of the image's farthest corner from the principal point, pixels."""
+        across, down = max(self.cx, self.width - self.cx), max(self.cy, self.height - self.cy)
+        return math.hypot(across, down)
+
     def triangulate(self, px: ArrayLike, disparity: ArrayLike) -> Float64Array:
         """Triangulate points (..., 3), camera frame, from pixels (..., 2) and disparities (...).
 
@@ -224,22 +236,6 @@ class StereoCamera:
         u = self.fx * p[..., 0] / z + self.cx
         v = self.fy * p[..., 1] / z + self.cy
         return np.stack([u, v], axis=-1), self.fx * self.baseline / z
-
-    def projection_jacobian(self, points: ArrayLike) -> Float64Array:
-        """Derivative (..., 3, 3) of u, v and disparity by camera-frame points (..., 3), px/m.
-
-        NaN for points that do not lie in front of the camera.
-        """
-        p = np.asarray(points, dtype=np.float64)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            w = np.where(p[..., 2] > 0, 1 / p[..., 2], np.nan)
-        J = np.zeros((*p.shape[:-1], 3, 3))
-        J[..., 0, 0] = self.fx * w
-        J[..., 0, 2] = -self.fx * p[..., 0] * w * w
-        J[..., 1, 1] = self.fy * w
-        J[..., 1, 2] = -self.fy * p[..., 1] * w * w
-        J[..., 2, 2] = -self.fx * self.baseline * w * w
-        return J
 
     def point_covariance(
         self, px: ArrayLike, disparity: ArrayLike, sigma_px: float, sigma_disparity: float

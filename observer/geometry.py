@@ -232,32 +232,6 @@ def map_pixels(homography: ArrayLike, px: ArrayLike) -> Float64Array:
     return np.asarray(q[:, :2] / q[:, 2:], dtype=np.float64)
 
 
-def inverse_3x3(matrices: Float64Array) -> Float64Array:
-    """Inverses (N, 3, 3) of symmetric positive matrices (N, 3, 3), by cofactors.
-
-    For thousands of small matrices this is several times faster than ``numpy.linalg.inv``. A
-    matrix without an inverse gives huge numbers or infinities, never an error.
-    """
-    m = np.asarray(matrices, dtype=np.float64)
-    # One row for each entry, operations on all rows at once: few calls, neighbours in memory.
-    entries = np.ascontiguousarray(m.reshape(-1, 9).T)
-    inverse = entries.take(_COFACTORS[0], axis=0)
-    inverse *= entries.take(_COFACTORS[1], axis=0)
-    inverse -= entries.take(_COFACTORS[2], axis=0) * entries.take(_COFACTORS[3], axis=0)
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        inverse *= 1 / (entries[:3] * inverse[:3]).sum(axis=0)
-    return np.asarray(inverse.T.take(_SYMMETRIC, axis=1).reshape(-1, 3, 3), np.float64)
-
-
-# Of a symmetric matrix whose entries are numbered row by row, the six different entries of the
-# adjugate: the first times the second minus the third times the fourth.
-_COFACTORS = np.array(
-    [[4, 2, 1, 0, 1, 0], [8, 5, 5, 8, 2, 4], [5, 1, 2, 2, 0, 1], [5, 8, 4, 2, 5, 1]]
-)
-# Index of the entry at each of the nine places.
-_SYMMETRIC = np.array([0, 1, 2, 1, 3, 4, 2, 4, 5])
-
-
 def cross_matrix(vectors: ArrayLike) -> Float64Array:
     """(..., 3, 3) matrices [v]x with [v]x w = v x w."""
     v = np.asarray(vectors, dtype=np.float64)

@@ -42,6 +42,7 @@ ray_evidence          ``RayEvidence``: which of them cannot stand
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -50,6 +51,7 @@ from typing import Literal
 
 from observer.camera import StereoCalibration, StereoCamera, as_gray
 from observer.geometry import Pose
+from observer.kernels.building import make_ready
 from observer.methods.contract import Method
 from observer.methods.monocular.method import MonocularMethod
 from observer.methods.planar.method import PlanarMethod
@@ -61,6 +63,8 @@ from observer.types import NoTrace, Observation, Obstacle, Status, StereoFrame, 
 from observer.vision.image_health import ImageHealth
 from observer.vision.rectification import Rectification
 from observer.vision.view import View
+
+_log = logging.getLogger(__name__)
 
 _NO_TRACE = NoTrace()
 
@@ -89,18 +93,21 @@ class _StageTimer:
 class Observer:
     """Finds moving obstacles in a sequence of stereo frames.
 
-    It holds no thread or file. Equal frames and parameters give equal results to the last digit;
-    the clock serves ``timings_ms`` alone.
+    It owns no thread or file. The first one in a process loads the compiled kernels; if they are
+    not compiled for this processor yet, it waits until they are, and logs that.
 
-    **Loss.** A frame whose pose cannot be found (too few matches, no background with depth, an
+    Equal frames and parameters give equal results to the last digit; the clock is used for
+    ``timings_ms`` only.
+
+    **Loss.** A frame whose pose cannot be estimated (too few matches, no background with depth, an
     impossible jump) reports no world quantities, and later frames are not compared with it but
     with the last good one. After ``ego_motion.recover_frames`` such frames, and when time runs
-    backwards or another kind of model is chosen, all tracks end and the frame at hand is the
-    first of a new segment, with a new world.
+    backwards or another kind of model is chosen, all tracks end and the current frame is the
+    first of a new segment, with a new world frame.
 
     Attributes:
         camera: the rectified pair.
-        parameters: what is in force for the next frame.
+        parameters: in use for the next frame.
 
     Raises:
         CalibrationError: the calibration cannot be rectified.
@@ -118,6 +125,8 @@ class Observer:
         mount: CameraMount | None = None,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
+        # No frame waits for a compiler.
+        make_ready(_log.warning)
         self._rectification = Rectification(calibration)
         self.camera = self._rectification.camera
         self.parameters = Parameters() if parameters is None else parameters
@@ -137,8 +146,8 @@ class Observer:
     def use(self, parameters: Parameters, revision: int) -> None:
         """Use these parameters from the next frame on; history and tracks stay.
 
-        Only between the planar models, the rigid one and one camera there is nothing to hand
-        over: then the next frame begins a new segment.
+        A change between the planar, rigid and monocular methods carries nothing over: the next
+        frame then begins a new segment.
         """
         if _method_name(parameters) != _method_name(self.parameters):
             self.begin_segment()
@@ -158,7 +167,7 @@ class Observer:
 
         Args:
             frame: the newest pair. Times must increase: a frame as old as the last one is
-                answered with ``lost`` and left out, an older one begins a new segment.
+                answered with ``lost`` and skipped, an older one begins a new segment.
             trace: receives every intermediate image and number (see the module's table).
 
         Raises:

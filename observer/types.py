@@ -5,7 +5,7 @@ A value that is not known is ``None`` beside a status, never a zero or an identi
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
@@ -21,7 +21,7 @@ Image = NDArray[np.uint8]
 
 @dataclass(frozen=True)
 class Odometry:
-    """Pose of the robot by its own wheels, accumulated since its start; it drifts.
+    """Pose of the robot by wheel odometry, accumulated since its start; it drifts.
 
     Attributes:
         x, y: metres, of the robot's base in the plane it drives on: forward and left as it stood
@@ -42,15 +42,15 @@ class Odometry:
 
 @dataclass(frozen=True, eq=False)
 class StereoFrame:
-    """One pair of images, as a source delivered it. It carries no truth.
+    """One pair of images, as a source delivered it. It carries no ground truth.
 
     Attributes:
-        index: number of the frame within its source's playing, counted from 0; gaps are drops.
+        index: number of the frame within its source, counted from 0; gaps are dropped frames.
         time: exposure of the left image on the source's own clock, seconds.
         left, right: (H, W) grey or (H, W, 3) BGR uint8, equal sizes, not yet rectified.
         received: the host's monotonic clock at reception, seconds; for age and latency only.
-        right_time: exposure of the right image, seconds; None where it is that of the left.
-        odometry: what the robot's wheels tell at ``time``; None where nothing tells it.
+        right_time: exposure of the right image, seconds; None: the same as the left one.
+        odometry: wheel odometry at ``time``; None if there is none.
 
     Raises:
         ValueError: the images differ in size, are empty or not 8 bit, or a time is not finite.
@@ -183,29 +183,28 @@ class MotionState(StrEnum):
 class Obstacle:
     """One dynamic obstacle at one frame.
 
-    World quantities are None where the camera's pose is unknown; those relative to the camera
-    are given always.
+    World quantities are None if the camera's pose is unknown; those relative to the camera are
+    always given.
 
     Attributes:
-        id: the track's number, which a segment uses once: below zero, provisional, while it is
-            tentative; from its confirmation on a lasting one above zero.
+        id: the track's number, unique within its segment: negative and provisional while it is
+            tentative, positive and permanent from its confirmation on.
         position_camera: (3,) metres, camera frame at this frame: the centre as far as known.
         velocity_camera: (3,) m/s, the obstacle's velocity over ground, in camera axes.
         position: (3,) metres, world. velocity: (3,) m/s, world.
         position_cov, velocity_cov: (3, 3) m^2 and (m/s)^2 in world axes, or None if unknown.
-        velocity_time: the instant the velocity belongs to, source clock, seconds.
-        speed: m/s, length of the velocity. speed_std: one standard deviation, m/s, or None.
-        size: (3,) metres, extent along the box's own axes. orientation_wxyz: the box's attitude
-            in the world, None with the pose.
-        closing_speed: m/s, positive while the range shrinks; None where the camera's own
+        velocity_time: the instant to which the velocity refers, source clock, seconds.
+        speed: m/s, magnitude of the velocity. speed_std: standard deviation, m/s, or None.
+        size: (3,) metres, extent along the box's own axes. orientation_wxyz: the box's orientation
+            in the world; None if the pose is unknown.
+        closing_speed: m/s, positive while the range decreases; None if the camera's own
             velocity is unknown.
         points: number of dynamic feature points that support it in this frame.
-        significance: how far the motion stands out, in standard deviations of the residual.
+        significance: significance of the motion, in standard deviations of the residual above zero.
         box_px: u0, v0, u1, v1 in the rectified left image of this frame.
         reason: one sentence: why this counts as dynamic.
         silhouette: closed polygons, each (N, 2) whole pixels of the rectified left image, around
-            all of it that is seen in this frame; None where it is not seen or known by points
-            alone.
+            its visible part in this frame; None if it is not seen or known only by points.
     """
 
     id: int
@@ -315,11 +314,11 @@ class Observation:
     Attributes:
         frame, time, received: as of the frame that was observed.
         segment: number of the stretch that shares one world frame, counted from 0.
-        status, reasons: how far this frame may be trusted, and why not further.
-        parameters_revision: the revision of the parameters that were in force.
+        status, reasons: how far this frame can be trusted, and why no further.
+        parameters_revision: the revision of the parameters that were used.
         T_world_camera: the camera's pose; None where unknown.
         obstacles: all tracks, tentative ones included.
-        unseen: where motion could not be noticed; None where the method does not tell.
+        unseen: where motion could not be detected; None if the method does not report it.
         timings_ms: wall time of each stage, milliseconds; diagnostics, never part of a result.
     """
 
@@ -352,6 +351,8 @@ class Trace(Protocol):
 
     def keep(self, name: str, value: Any) -> None: ...
 
+    def keep_later(self, name: str, make: Callable[[], Any]) -> None: ...
+
 
 class NoTrace:
     """Keeps nothing."""
@@ -359,10 +360,40 @@ class NoTrace:
     def keep(self, name: str, value: Any) -> None:
         """Drop the value."""
 
+    def keep_later(self, name: str, make: Callable[[], Any]) -> None:
+        """Never make the value."""
 
-class FullTrace(dict[str, Any]):
-    """Keeps everything, as a dictionary from name to value."""
+
+class FullTrace(Mapping[str, Any]):
+    """Keeps everything, as a mapping from name to value."""
+
+    def __init__(self) -> None:
+        self._values: dict[str, Any] = {}
+        self._later: dict[str, Callable[[], Any]] = {}
 
     def keep(self, name: str, value: Any) -> None:
         """Remember the value under its name."""
-        self[name] = value
+        self._values[name] = value
+
+    def keep_later(self, name: str, make: Callable[[], Any]) -> None:
+        """Remember how to make the value, which is done when somebody asks for it first."""
+        self._later[name] = make
+        self._values[name] = None
+
+    def __getitem__(self, name: str) -> Any:
+        # Two threads that ask at once both make it.
+        make = self._later.get(name)
+        if make is not None:
+            self._values[name] = make()
+            self._later.pop(name, None)
+        return self._values[name]
+
+    def __contains__(self, name: object) -> bool:
+        # Mapping's own would make the value.
+        return name in self._values
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._values)
+
+    def __len__(self) -> int:
+        return len(self._values)

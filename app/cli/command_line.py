@@ -51,8 +51,8 @@ COMMANDS: Mapping[str, str] = {
     "go": "Send the observer to a goal, as long as this command runs.",
     "programmes": "List the built-in programmes; a server may have more.",
     "benchmark": "Compare the presets over scenarios and seeds, and measure the processing time.",
-    "navigate-benchmark": "Measure driving to a goal among people: the planner beside the guard "
-    "alone.",
+    "navigate-benchmark": "Measure driving to a goal among people: the planner compared with the "
+    "guard alone.",
     "sweep": "Evaluate every combination of parameters on every source, and rank them.",
     "emulate": "Emulate a robot on an empty floor until Ctrl-C, and print the port to connect to.",
     "backup": "Back up runs, speeds, parameters, presets, calibrations, rig, programmes and ground "

@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 
 def go(
-    ahead_m: Annotated[float, typer.Argument(help="Metres ahead of the robot as it stands now.")],
+    ahead_m: Annotated[float, typer.Argument(help="Metres ahead of the robot's current pose.")],
     left_m: Annotated[
-        float, typer.Argument(help="Metres to its left; to its right below zero.")
+        float, typer.Argument(help="Metres to its left; negative: to its right.")
     ] = 0.0,
     server: ServerAddress = DEFAULT_SERVER,
     token: Token = None,
@@ -34,7 +34,7 @@ def go(
     risk: Annotated[
         float | None,
         typer.Option(
-            help="Accepted probability of a contact with tracked obstacles on each metre; default: "
+            help="Accepted probability of a contact with tracked obstacles per metre; default: "
             "the server's parameter navigation.risk_per_metre."
         ),
     ] = None,
@@ -45,11 +45,11 @@ def go(
 ) -> None:
     """Send the observer to a goal, as long as this command runs.
 
-    The robot drives around what moves, and the guard limits it as when it is driven by hand. The
+    The robot drives around obstacles, and the guard limits it as when it is driven by hand. The
     command takes control of the observer, arms it, and confirms ten times a second that you are
-    present: Ctrl-C, a closed terminal or a lost connection stop the robot within 300 ms. This is a
-    help for attentive people and was tried in simulation only; keep the robot's own switch within
-    reach. A negative number is given after two dashes, as in: go -- 2.0 -0.5
+    present: Ctrl-C, a closed terminal or a lost connection stop the robot within 300 ms. This
+    assists attentive operators and was tried in simulation only; keep the robot's own switch within
+    reach. Put two dashes before a negative number, as in: go -- 2.0 -0.5
     """
     from app.client.goal_drive import GoalDrive, GoalRequest
     from app.client.server_api import ServerApi, read_token

@@ -23,25 +23,28 @@ _RISK = "navigation.risk_per_metre"
 
 def navigate_benchmark(
     runs: Annotated[
-        int, typer.Option(min=1, max=10_000, help="Runs of every combination, each of a seed.")
+        int,
+        typer.Option(min=1, max=10_000, help="Runs of each combination, each with its own seed."),
     ] = 20,
     density: Annotated[
         list[float] | None,
         typer.Option(
-            min=0.0, max=1.0, help="People per m²; give it several times to compare; 0.1 and 0.2."
+            min=0.0,
+            max=1.0,
+            help="People per m²; give it several times to compare; default: 0.1 and 0.2.",
         ),
     ] = None,
     kind: Annotated[
         bool | None,
         typer.Option(
             "--kind/--hard",
-            help="Only people who avoid the robot, or only such as do not; default: both.",
+            help="Only people who avoid the robot, or only people who ignore it; default: both.",
         ),
     ] = None,
     risk: Annotated[
         list[float] | None,
         typer.Option(
-            help="Accepted probability of a contact on each metre; give it several times to "
+            help="Accepted probability of a contact per metre; give it several times to "
             f"compare; default: {_RISK}.",
         ),
     ] = None,
@@ -54,8 +57,8 @@ def navigate_benchmark(
         typer.Option(
             min=0,
             max=10_000,
-            help="Also drive so many runs of the planner by rendered images, among people who do "
-            "not avoid the robot; each takes about a minute.",
+            help="Also drive this many runs of the planner with rendered images, among people who "
+            "ignore the robot; each takes about a minute.",
         ),
     ] = 0,
     seed: Annotated[int, typer.Option(min=0, help="Seed of the first run.")] = _FIRST_SEED,
@@ -69,7 +72,7 @@ def navigate_benchmark(
         typer.Option(help="Plot contacts over declared risk to this .png, .svg or .pdf file."),
     ] = None,
 ) -> None:
-    """Measure driving to a goal among people: the planner beside the guard alone.
+    """Measure driving to a goal among people: the planner compared with the guard alone.
 
     The robot drives 10 m through a room of 14 by 10 m. A third-party crowd model, JuPedSim, moves
     the people. The robot perceives them with the measured errors of the observer, and in

@@ -17,7 +17,7 @@ def restore(
     database: DatabaseOption = None,
     replace: Annotated[
         bool,
-        typer.Option("--replace", help="Replace existing data, which is kept beside it."),
+        typer.Option("--replace", help="Replace existing data; the old data is kept beside it."),
     ] = False,
 ) -> None:
     """Restore a backup; it is checked completely before anything is changed."""

@@ -47,7 +47,9 @@ def sweep(
     ] = None,
     runs: Annotated[
         int | None,
-        typer.Option(min=1, help=f"Runs through each crowd, each of a seed; {DEFAULT_RUNS}."),
+        typer.Option(
+            min=1, help=f"Runs through each crowd, each with its own seed; default: {DEFAULT_RUNS}."
+        ),
     ] = None,
     limit: Annotated[
         int | None, typer.Option(min=1, help="Only the first combinations, up to this many.")
@@ -105,7 +107,9 @@ def sweep(
     crowds = [spec for spec in sources if spec.startswith(CROWD)]
     driving = bool(crowds)
     if driving and len(crowds) < len(sources):
-        raise InputError("crowds are judged by other figures than sources; sweep over one of both")
+        raise InputError(
+            "crowds and sources have different metrics; sweep over only one of the two"
+        )
     if (idle := frames if driving else runs) is not None:
         name = "--frames" if driving else "--runs"
         raise InputError(f"{name} {idle} has no effect on these sources; omit it")
@@ -126,7 +130,7 @@ def sweep(
     of_all = "" if len(combinations) == read.count else f" of {read.count}"
     typer.echo(
         f"{len(combinations)}{of_all} combinations over {len(plan.sources)} sources: "
-        f"{plan.count} tasks, {run.kept} of them finished before",
+        f"{plan.count} tasks, {run.kept} of them already finished",
         err=True,
     )
     cluster = ClusterChoice(scheduler, jobs or os.cpu_count() or 1)

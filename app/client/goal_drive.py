@@ -95,7 +95,7 @@ class GoalDrive:
             self._travelled.add(facts["robots"].get(_ROLE) or {}, now)
             goal = facts["goal"]
             if goal is None:
-                raise DrivingFailed("the server has forgotten the goal: the robot was reconnected")
+                raise DrivingFailed("the server no longer has the goal: the robot was reconnected")
             self._goal = goal
             self._watch(goal)
             if goal["state"] == "reached":

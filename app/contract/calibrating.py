@@ -24,25 +24,27 @@ class BoardLook:
 
     words: str
     next: Annotated[str | None, means("Where to hold the board next.")] = None
-    coverage: Annotated[Mapping[str, float], means("0 to 1, by name.")] = field(
-        default_factory=dict
+    coverage: Annotated[Mapping[str, float], means("Coverage achieved, from 0 to 1, by name.")] = (
+        field(default_factory=dict)
     )
-    missing: Annotated[Sequence[str], means("What still lacks, one sentence each.")] = field(
+    missing: Annotated[Sequence[str], means("What is still missing, one sentence each.")] = field(
         default_factory=list
     )
-    seen: Annotated[Sequence[int], means("Corners left and right.")] = field(default_factory=list)
-    views: Annotated[int, means("How many are captured.")] = 0
+    seen: Annotated[Sequence[int], means("Corners found in the left and the right image.")] = field(
+        default_factory=list
+    )
+    views: Annotated[int, means("Number of captured views.")] = 0
     enough: bool = False
-    automatic: Annotated[bool, means("Whether new poses are captured by themselves.")] = True
-    cover_asked: Annotated[bool, means("Whether one lens shall be covered.")] = False
+    automatic: Annotated[bool, means("Whether new poses are captured automatically.")] = True
+    cover_asked: Annotated[bool, means("Whether the operator is asked to cover one lens.")] = False
     covered: Annotated[str | None, means("The side whose lens was covered.")] = None
-    frame: Annotated[int | None, means("None: looking at it failed.")] = None
+    frame: Annotated[int | None, means("null: detection failed.")] = None
 
 
 @dataclass(frozen=True)
 class CapturedView:
     name: str
-    left: Annotated[int, means("Corners seen.")]
+    left: Annotated[int, means("Corners found.")]
     right: int
     picture: bool
 
@@ -55,7 +57,7 @@ class Computing:
 
 @dataclass(frozen=True)
 class CalibratingFacts:
-    source: Annotated[str | None, means("None: images were sent in.")]
+    source: Annotated[str | None, means("null: uploaded images are used.")]
     board: BoardFacts
     size: tuple[int, int] | None
     automatic: bool
@@ -64,7 +66,7 @@ class CalibratingFacts:
     refused: Annotated[Sequence[str], means("Images that could not be used.")]
     computing: Computing | None
     trouble: Annotated[str | None, means("Why the last computation failed.")]
-    result: Annotated[Sequence[str] | None, means("Views that the result rests on.")]
+    result: Annotated[Sequence[str] | None, means("Views on which the result is based.")]
 
 
 @dataclass(frozen=True)
@@ -80,8 +82,10 @@ class CalibrationResult:
 
 @dataclass(frozen=True)
 class PlaceDepth:
-    range_m: Annotated[float, means("From the left camera, as a tape measures it.")]
-    depth_m: Annotated[float, means("Along the camera's axis.")]
+    range_m: Annotated[
+        float, means("Straight distance from the left camera, as measured with a tape.")
+    ]
+    depth_m: Annotated[float, means("Depth along the optical axis.")]
     disparity_px: float
 
 
@@ -107,11 +111,11 @@ class Calibration:
     created_at: str
     active: bool
     origin: Annotated[str | None, means("Where it came from, in words.")] = None
-    notes: Annotated[Sequence[str], means("What was decided while its file was understood.")] = (
+    notes: Annotated[Sequence[str], means("Choices that were made while its file was read.")] = (
         field(default_factory=list)
     )
     devices: Annotated[Sequence[str], means("The cameras it belongs to.")] = field(
         default_factory=list
     )
-    report: Annotated[Mapping[str, Any] | None, means("How good it is, where it is known.")] = None
+    report: Annotated[Mapping[str, Any] | None, means("Its accuracy, if known.")] = None
     tape_checks: Sequence[TapeCheck] = field(default_factory=list)

@@ -11,17 +11,17 @@ from app.contract.values import means
 
 @dataclass(frozen=True)
 class ComparisonProgress:
-    source_name: Annotated[str, means("For people.")]
-    words: Annotated[str, means("What is being done, as in frame 12 of 120.")]
-    share: Annotated[float, means("Of the whole, from 0 to 1.")]
-    held: Annotated[bool, means("Whether it stands still, because a robot is armed.")]
+    source_name: Annotated[str, means("Display name.")]
+    words: Annotated[str, means('Current activity, such as "frame 12 of 120".')]
+    share: Annotated[float, means("Progress, from 0 to 1.")]
+    held: Annotated[bool, means("Whether it is paused because a robot is armed.")]
 
 
 @dataclass(frozen=True)
 class ComparisonStatus:
-    going: Annotated[ComparisonProgress | None, means("None: nothing is being compared.")]
+    going: Annotated[ComparisonProgress | None, means("null: no comparison is in progress.")]
     runs: Annotated[
         Sequence[str] | None,
         means("The runs of the newest comparison since the server started, one for each method."),
     ]
-    trouble: Annotated[str | None, means("Why the newest one failed, one sentence.")]
+    trouble: Annotated[str | None, means("Why the newest comparison failed, one sentence.")]

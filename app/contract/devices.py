@@ -29,7 +29,7 @@ class DeviceControl:
 @dataclass(frozen=True)
 class VideoDevice:
     path: str
-    by_path: Annotated[str | None, means("Its name by the port it is plugged into.")]
+    by_path: Annotated[str | None, means("Persistent path, by the port it is plugged into.")]
     card: str | None
     trouble: Annotated[str | None, means("Why it cannot be used, and what to do.")]
     modes: Sequence[DeviceMode]
@@ -39,8 +39,8 @@ class VideoDevice:
 @dataclass(frozen=True)
 class SerialPortNow:
     path: str
-    by_id: Annotated[str | None, means("Its name by maker and serial number, which stays.")]
-    description: Annotated[str | None, means("What the product says of itself.")]
+    by_id: Annotated[str | None, means("Persistent path, by maker and serial number.")]
+    description: Annotated[str | None, means("Description reported by the product.")]
     usable: Annotated[bool, means("Whether the server's user may open it.")]
     trouble: Annotated[str | None, means("Why it cannot be used, and what to do.")]
 
@@ -48,5 +48,9 @@ class SerialPortNow:
 @dataclass(frozen=True)
 class Devices:
     cameras: Sequence[VideoDevice]
-    serial_ports: Annotated[Sequence[SerialPortNow], means("On USB, by which robots are driven.")]
-    hints: Annotated[Sequence[str], means("Such as on what two cameras on one bus can carry.")]
+    serial_ports: Annotated[
+        Sequence[SerialPortNow], means("USB serial ports, to which robots can be connected.")
+    ]
+    hints: Annotated[
+        Sequence[str], means("Hints, for example on the bandwidth of two cameras on one bus.")
+    ]

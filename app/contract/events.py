@@ -99,6 +99,7 @@ class StateEvent:
         calibration_notes: what was decided while the source's own calibration was read; empty
             where another is used.
         truth_note: why a file that lies beside the source's images is not used as truth.
+        preparing: while no source is open: why it takes a while until one can be observed.
     """
 
     state: EngineState
@@ -118,6 +119,7 @@ class StateEvent:
     truth: LiveTruthStatus | None = None
     calibration_notes: tuple[str, ...] = ()
     truth_note: str | None = None
+    preparing: str | None = None
 
 
 @dataclass(frozen=True)

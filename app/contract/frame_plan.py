@@ -11,7 +11,7 @@ from app.contract.values import means
 # Half axes of a normal distribution's 95 % ellipse in two dimensions, in standard deviations.
 SIGMAS_95_2D = 2.448
 
-_AT = "Metres ahead of and to the left of the camera's place at the segment's beginning."
+_AT = "Metres ahead and to the left of the camera's position at the start of the segment."
 
 
 @dataclass(frozen=True)
@@ -20,12 +20,12 @@ class PlanObstacle:
     state: Literal["tentative", "confirmed", "coasting"]
     motion: Literal["moving", "in_place", "stopped"]
     at: Annotated[Sequence[float], means(_AT)]
-    velocity: Annotated[Sequence[float] | None, means("m/s along the same axes.")]
+    velocity: Annotated[Sequence[float] | None, means("m/s, along the same axes.")]
     ellipse: Annotated[
         Sequence[float] | None,
         means(
-            "95 % of where it may be: half axes, metres, and the first one's angle from ahead to "
-            "the left, rad."
+            "95 % ellipse of its position: semi-axes, metres, and the angle of the first one from "
+            "ahead to the left, rad."
         ),
     ]
 
@@ -41,18 +41,18 @@ class PlanBody:
 
 @dataclass(frozen=True)
 class PlanMap:
-    """A local map by which the observer planned its way to a goal, as it was recorded."""
+    """A recorded local map that the observer used on its way to a goal."""
 
-    first: Annotated[int, means("Position in the run of its frame, from 0.")]
-    last: Annotated[int, means("And of the last frame at which it is the newest one.")]
+    first: Annotated[int, means("Position in the run of the frame it belongs to, from 0.")]
+    last: Annotated[int, means("Position of the last frame for which it is the newest map.")]
     corner: Annotated[
         Sequence[float],
-        means(f"{_AT} Of the corner of its cells; then the angle of their x from ahead, rad."),
+        means(f"The grid's corner: {_AT} Then the angle of the grid's x from ahead, rad."),
     ]
     cell_m: float
     size: Annotated[int, means("Cells along each side, y within x.")]
     runs: Annotated[
-        Sequence[int], means("How many in a row are unknown, free, blocked, unknown and so on.")
+        Sequence[int], means("Run lengths of the cells: unknown, free, blocked, unknown and so on.")
     ]
 
 
@@ -62,7 +62,13 @@ class FramePlan:
     segment: int
     camera: Annotated[
         Sequence[float] | None,
-        means(f"{_AT} Then the angle from ahead to the left, rad; None where it is lost."),
+        means(f"{_AT} Then the angle from ahead to the left, rad; null if lost."),
     ]
     obstacles: Sequence[PlanObstacle]
     truth: Sequence[PlanBody]
+    goal: Annotated[Sequence[float] | None, means(f"Goal to which the observer drives: {_AT}")] = (
+        None
+    )
+    path: Annotated[
+        Sequence[Sequence[float]], means(f"Path planned for the next seconds: {_AT}")
+    ] = ()

@@ -118,7 +118,7 @@ GLOSSARY: tuple[Term, ...] = (
     ),
     Term(
         "goal",
-        "Place on the ground to which the observer drives by itself, around what moves, while its "
+        "Place on the ground to which the observer drives by itself, around obstacles, while its "
         "operator is present.",
     ),
     Term(
@@ -138,12 +138,13 @@ GLOSSARY: tuple[Term, ...] = (
     ),
     Term(
         "identity switch",
-        "A body that had one track continues under another track.",
+        "A body that had one track continues under another one.",
         avoided=(r"\bchanges? of identity\b", r"\bID[ -]?switch"),
     ),
     Term(
         "in place",
-        "An obstacle that moves without going anywhere, such as a person waving both arms.",
+        "State of an obstacle that moves without going anywhere, such as a person waving both "
+        "arms.",
     ),
     Term("inlier", "Match that agrees with the estimated ego-motion."),
     Term(
@@ -153,8 +154,8 @@ GLOSSARY: tuple[Term, ...] = (
     Term("latency", "Time from an exposure until its result is available."),
     Term(
         "local map",
-        "Cells of 0.1 m around the observer on its way to a goal that were seen to be free or "
-        "blocked lately. All others are unknown.",
+        "Grid of 0.1 m cells around the observer on its way to a goal. A cell is free or blocked "
+        "if it was recently seen to be; all others are unknown.",
         "your-robot.md",
     ),
     Term(
@@ -162,7 +163,7 @@ GLOSSARY: tuple[Term, ...] = (
         "Status of a frame whose ego-motion could not be estimated. Nothing can be said about "
         "motion in it.",
     ),
-    Term("monocular", "With the left camera only.", "one-camera.md"),
+    Term("monocular", "Using the left camera only.", "one-camera.md"),
     Term("observer", "The robot that carries the cameras; also the name of the library."),
     Term(
         "obstacle",

@@ -22,14 +22,14 @@ class ServerClock:
     """The server's clock against the host's."""
 
     offset_s: float
-    drift_ppm: Annotated[float | None, means("None: too short a time was seen.")]
+    drift_ppm: Annotated[float | None, means("null: not observed for long enough yet.")]
     sigma_s: float
     samples: int
 
 
 @dataclass(frozen=True)
 class LiveAlignment:
-    offset_s: Annotated[float, means("Delay of motion capture behind the frames.")]
+    offset_s: Annotated[float, means("Delay of motion capture relative to the frames.")]
     sigma_s: float
     drift_ppm: float
     correlation: float
@@ -55,5 +55,5 @@ class LiveTruthStatus:
     bodies: Sequence[CaptureBody]
     clock: ServerClock | None
     aligned: bool
-    sentence: Annotated[str, means("How it is aligned, or why it is not yet.")]
+    sentence: Annotated[str, means("How it is aligned, or why it is not aligned yet.")]
     alignment: LiveAlignment | None

@@ -11,24 +11,27 @@ from app.contract.values import means
 
 @dataclass(frozen=True)
 class ParametersNow:
-    revision: Annotated[int, means("Grows with every change of a parameter of observing.")]
+    revision: Annotated[int, means("Incremented by every change of a parameter of the method.")]
     driving_revision: Annotated[
         int,
-        means("Grows with every change of a guard.* or navigation.* parameter since the start."),
+        means(
+            "Incremented by every change of a guard.* or navigation.* parameter since the start."
+        ),
     ]
     values: Mapping[str, Any]
     preset: Annotated[str | None, means("The preset with exactly these values.")]
     based_on: Annotated[
-        str, means("The preset that they come from; values that differ were changed by hand.")
+        str,
+        means("The preset that the values started from; values that differ were changed by hand."),
     ]
-    frame: Annotated[int | None, means("The first frame they act on, as far as known.")]
+    frame: Annotated[int | None, means("The first frame they apply to, if known.")]
 
 
 @dataclass(frozen=True)
 class ParametersChanged(ParametersNow):
     notes: Annotated[
         Sequence[str],
-        means("One sentence on each given parameter that does not act with the method."),
+        means("One sentence for each given parameter that has no effect with the current method."),
     ]
 
 
@@ -45,13 +48,13 @@ class ParameterEntry:
     unit: str
     default: Any
     models: Annotated[
-        Sequence[str], means("With which ego_motion.model it acts on what is observed.")
+        Sequence[str], means("Values of ego_motion.model with which it affects the observations.")
     ]
     cloud: Annotated[
-        bool, means("Whether it acts with every model on the dense cloud that is shown.")
+        bool, means("Whether it affects the displayed dense cloud with every model.")
     ] = False
     basic: Annotated[
-        bool, means("Whether it is one of the eight that are shown first with its methods.")
+        bool, means("Whether it is one of the eight basic parameters of its methods.")
     ] = False
     minimum: float | None = None
     maximum: float | None = None

@@ -12,7 +12,7 @@ from app.contract.values import means
 @dataclass(frozen=True)
 class PixelObstacle:
     id: int
-    reported: Annotated[bool, means("Whether it was seen often enough to be reported.")]
+    reported: Annotated[bool, means("Whether it has been seen often enough to be reported.")]
     why: Annotated[str, means("Why it counts as dynamic.")]
 
 
@@ -30,7 +30,9 @@ class Pixel:
     sentence: str
     numbers: Annotated[
         Mapping[str, float | None],
-        means("The figures behind it, by names that end with their unit; null = not known."),
+        means("The figures behind the answer, by names that end with their unit; null: not known."),
     ]
-    would_change: Annotated[str, means("What would give another answer, with its value.")]
-    obstacle: Annotated[PixelObstacle | None, means("The one that a dynamic pixel is part of.")]
+    would_change: Annotated[str, means("The parameter and value that would change the answer.")]
+    obstacle: Annotated[
+        PixelObstacle | None, means("The obstacle to which a dynamic pixel belongs.")
+    ]

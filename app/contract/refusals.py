@@ -12,7 +12,7 @@ from app.contract.values import means
 @dataclass(frozen=True)
 class Problem:
     loc: Annotated[
-        Sequence[str | int], means("Where in the request, as in body, the field's name.")
+        Sequence[str | int], means("Location in the request, such as body and the field's name.")
     ]
     msg: Annotated[str, means("What is wrong and what would be right.")]
     type: str

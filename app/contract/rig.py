@@ -20,7 +20,7 @@ class RigNumber:
     value: Annotated[float, Field(strict=True, allow_inf_nan=False)]
     sigma: Annotated[
         Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)] | None,
-        means("One standard deviation of an estimate; None: it was typed."),
+        means("Standard deviation of an estimate; null: the value was entered."),
     ] = None
 
 
@@ -28,11 +28,13 @@ class RigNumber:
 class RigNow:
     mount: Mapping[str, RigNumber]
     models: Mapping[str, str]
-    bodies: Annotated[Sequence[str], means("Of a mocap system, whose place on the robot is known.")]
+    bodies: Annotated[
+        Sequence[str], means("Motion-capture bodies whose pose on the robot is known.")
+    ]
     for_simulated: bool
     calibration: str | None
     file: str | None
-    in_use: Annotated[MountStatus | None, means("What the open source is observed with.")]
+    in_use: Annotated[MountStatus | None, means("The mount in use for the open source.")]
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class FloorEstimate:
     height_m: RigNumber
     tilt_deg: RigNumber
     roll_deg: RigNumber
-    share: Annotated[float, means("Of all points, those on the floor.")]
+    share: Annotated[float, means("Share of the points that lie on the floor.")]
     views: int
     sentence: str
 
@@ -48,6 +50,10 @@ class FloorEstimate:
 @dataclass(frozen=True)
 class DriveNow:
     noting: bool
-    values: Annotated[Mapping[str, RigNumber], means("By the rig's keys, as far as told.")]
-    still_needed: Annotated[Sequence[str], means("What to drive so that the rest can be told.")]
+    values: Annotated[
+        Mapping[str, RigNumber], means("Estimated values by the rig's keys, as far as determined.")
+    ]
+    still_needed: Annotated[
+        Sequence[str], means("What to drive so that the rest can be estimated.")
+    ]
     sentence: str

@@ -40,14 +40,14 @@ class GuardVerdict:
 
     level: Literal["clear", "slow", "stop"]
     reason: str | None
-    limit_mps: Annotated[float | None, means("The highest speed along the present arc.")]
+    limit_mps: Annotated[float | None, means("Maximum speed along the current arc.")]
     stop_zone: Sequence[tuple[float, float]]
     slow_zone: Sequence[tuple[float, float]]
 
 
 @dataclass(frozen=True)
 class SightNow:
-    """The newest frame that the drive process was told of."""
+    """The newest frame known to the drive process."""
 
     age_s: float | None
     status: str | None
@@ -70,7 +70,7 @@ class ProgrammeNow:
 
     name: str
     phase: Literal["gesture", "driving"]
-    round: Annotated[int, means("Of repeat, from 1.")]
+    round: Annotated[int, means("Current repetition, from 1 to repeat.")]
     elapsed_s: float
     duration_s: float
     repeat: int
@@ -84,29 +84,31 @@ class GoalNow:
 
     state: Literal["driving", "reached", "ended"]
     sentence: Annotated[str, means("What the robot does and why, or why it ended.")]
-    place: Annotated[tuple[float, float] | None, means("None: not known any more.")]
+    place: Annotated[tuple[float, float] | None, means("null: no longer known.")]
     distance_m: float | None
     elapsed_s: float
-    path: Annotated[Sequence[tuple[float, float]], means("Planned for the next seconds.")]
+    path: Annotated[Sequence[tuple[float, float]], means("Path planned for the next seconds.")]
     risk_per_metre: Annotated[
-        float, means("Declared, of a contact with tracked obstacles on each metre.")
+        float, means("Declared risk of a contact with tracked obstacles, per metre driven.")
     ]
-    planned_risk_per_metre: Annotated[float | None, means("Of the path, until it could stand.")]
+    planned_risk_per_metre: Annotated[
+        float | None, means("Risk of the planned path until the robot could stop.")
+    ]
     waits_for: Annotated[
-        int | None, means("Track for which it stands or turns aside; below zero: not numbered yet.")
+        int | None, means("Track for which it stops or swerves; negative: not numbered yet.")
     ]
-    meets_s: Annotated[float | None, means("Until it would meet that track, s.")]
+    meets_s: Annotated[float | None, means("Time until it would meet that track, s.")]
     meets_at: Annotated[
-        tuple[float, float] | None, means("Where that track is predicted to be then.")
+        tuple[float, float] | None, means("Predicted position of that track at that time.")
     ] = None
     refused: Annotated[
-        Sequence[RefusedPath], means("Some paths that it does not take, the best one first.")
+        Sequence[RefusedPath], means("Some of the refused paths, the best one first.")
     ] = ()
 
 
 @dataclass(frozen=True)
 class RobotNow:
-    """One robot that is connected, or shall be."""
+    """One robot that is connected or to be connected."""
 
     port: str
     name: str | None
@@ -115,10 +117,10 @@ class RobotNow:
     operator: str | None
     present: bool
     why: Annotated[str | None, means("Why it does not move as asked, or is disarmed.")]
-    commanded: Annotated[Velocity, means("As asked for.")]
-    sent: Annotated[Velocity, means("As really sent.")]
+    commanded: Annotated[Velocity, means("Requested velocity.")]
+    sent: Annotated[Velocity, means("Velocity actually sent.")]
     guard: GuardVerdict | None
-    report: Annotated[RobotReport, means("What the robot says of itself, SI units.")]
+    report: Annotated[RobotReport, means("Report of the robot, SI units.")]
 
 
 @dataclass(frozen=True)
@@ -132,30 +134,33 @@ class StopMeasured:
     """A stop of a robot that moved, from its cause (the last good frame, the operator's last
     sign, the guard's verdict, the packet of a fault, the request) until it stood."""
 
-    zero_ms: Annotated[float | None, means("Until zero went out on its port.")]
-    stood_ms: Annotated[float | None, means("Until its encoders told that it stands.")]
-    distance_m: Annotated[float | None, means("Driven meanwhile, by odometry.")]
-    speed_mps: Annotated[float | None, means("At the cause, by its encoders.")]
+    zero_ms: Annotated[float | None, means("Time until the stop command was sent.")]
+    stood_ms: Annotated[float | None, means("Time until its encoders reported standstill.")]
+    distance_m: Annotated[
+        float | None, means("Distance driven from cause to standstill, by odometry.")
+    ]
+    speed_mps: Annotated[float | None, means("Speed at the cause, by its encoders.")]
     separation_m: Annotated[
         float | None,
         means(
-            "Left to what is seen or echoes ahead, behind a stop of the guard; null where "
-            "what stopped it came nearer by itself."
+            "Clearance left to what is seen or echoes ahead, after a stop by the guard; "
+            "null if the obstacle itself approached."
         ),
     ]
 
 
 @dataclass(frozen=True)
 class RobotIncident:
-    """Something stopped a robot, or took its motors away."""
+    """Something stopped a robot or switched its motors off."""
 
     at: Annotated[str, means("Wall clock, UTC.")]
-    role: Annotated[Role | None, means("None: all robots.")]
+    role: Annotated[Role | None, means("null: all robots.")]
     kind: str
     sentence: str
-    speed_mps: Annotated[float | None, means("At that moment, by its encoders.")]
+    speed_mps: Annotated[float | None, means("Speed at that moment, by its encoders.")]
     stops: Annotated[
-        Mapping[Role, StopMeasured], means("Of each robot that moved, once it stands.")
+        Mapping[Role, StopMeasured],
+        means("Measured stop of each robot that was moving, once it has stopped."),
     ]
 
 
@@ -165,13 +170,13 @@ class CheckStep:
     title: str
     instruction: str
     state: Literal["waiting", "driving", "passed", "failed", "skipped"]
-    kind: Annotated[str | None, means("Of the stop that was taken.")]
+    kind: Annotated[str | None, means("Kind of the stop that was counted.")]
     sentence: str | None
     at: Annotated[str | None, means("Wall clock of its cause, UTC.")]
-    operator: Annotated[str | None, means("Who drove.")]
+    operator: Annotated[str | None, means("Who was driving.")]
     figures: StopMeasured | None
-    verdict: Annotated[str | None, means("How that compares with what is promised.")]
-    told: Annotated[str | None, means("The newest stop that was not taken, and why.")]
+    verdict: Annotated[str | None, means("Comparison with the limit.")]
+    told: Annotated[str | None, means("The newest stop that was not counted, and why.")]
     skipped_by: str | None
 
 
@@ -186,17 +191,17 @@ class CheckFacts:
     ended_at: str | None
     outcome: CheckOutcome | None
     given_up_by: str | None
-    present: Annotated[int | None, means("Which step it is at, from 0; None at its end.")]
+    present: Annotated[int | None, means("Current step, from 0; null at the end.")]
     promised_ms: float
     steps: Sequence[CheckStep]
 
 
 @dataclass(frozen=True)
 class CheckNow(CheckFacts):
-    """A guided check that goes on, or the one that ended last."""
+    """The guided check in progress, or the last one."""
 
-    record: Annotated[str | None, means("The name under which it is kept.")]
-    trouble: Annotated[str | None, means("Why it could not be kept.")]
+    record: Annotated[str | None, means("Name under which it is saved.")]
+    trouble: Annotated[str | None, means("Why it could not be saved.")]
 
 
 @dataclass(frozen=True)
@@ -217,7 +222,7 @@ class CheckEntry:
 
 @dataclass(frozen=True)
 class CheckedRobot:
-    """Facts that a robot told of itself; None: not told."""
+    """Facts that the robot reported; null: not reported."""
 
     name: str | None = None
     model: str | None = None
@@ -229,14 +234,16 @@ class CheckRecord(CheckFacts):
     """A check that has ended, with what the guard depended on, as it is kept."""
 
     robot: CheckedRobot
-    operators: Annotated[Sequence[str], means("Who drove.")]
+    operators: Annotated[Sequence[str], means("Who was driving.")]
     software: Annotated[Mapping[str, str], means("Versions by name.")]
     source: str
     calibration: Annotated[str | None, means("Its id; None: the source's own.")]
-    rig: Annotated[str, means("Its id, the same where only the robots' ports differ.")]
+    rig: Annotated[str, means("Its id; the same if only the robots' ports differ.")]
     rig_yaml: Annotated[str, means("Without ports, which may contain keys.")]
     guard: Annotated[Mapping[str, Any], means("Its parameters by dotted name.")]
-    changed_meanwhile: Annotated[Sequence[str], means("Since its beginning, in words.")]
+    changed_meanwhile: Annotated[
+        Sequence[str], means("What has changed since its beginning, in words.")
+    ]
 
 
 Robots = Mapping[Role, RobotNow | None]
@@ -256,11 +263,13 @@ class DriveFacts:
 
 @dataclass(frozen=True)
 class RobotsNow(DriveFacts):
-    """Everything of driving."""
+    """Everything about driving."""
 
     process: DriveProcess
-    world: Annotated[str | None, means("Of the open source; None: nothing to drive in.")]
-    ports: Annotated[Mapping[Role, RobotPortNow | None], means("Of real robots.")]
+    world: Annotated[
+        str | None, means("World of the open source; null: there is nothing to drive in.")
+    ]
+    ports: Annotated[Mapping[Role, RobotPortNow | None], means("Ports of real robots.")]
     trouble: Annotated[Mapping[Role, str | None], means("Why a robot could not be connected.")]
     incidents: Annotated[Sequence[RobotIncident], means("The last 20, oldest first.")]
     check: Annotated[CheckNow | None, means("The guided check of the guard, if any.")]
@@ -271,9 +280,9 @@ class WheelSpeed:
     """Speeds of an armed robot at one instant of the source's clock."""
 
     role: Role
-    time: Annotated[float, means("Of the source, s.")]
-    sent_mps: Annotated[float, means("As it was commanded.")]
-    encoder_mps: Annotated[float | None, means("None where the robot tells none.")]
+    time: Annotated[float, means("Time on the source's clock, s.")]
+    sent_mps: Annotated[float, means("Commanded speed.")]
+    encoder_mps: Annotated[float | None, means("Measured speed; null if the robot reports none.")]
 
 
 @dataclass(frozen=True)
@@ -282,8 +291,8 @@ class ProgrammeEntry:
     title: str
     help: str
     roles: Sequence[Role]
-    duration_s: Annotated[float, means("Once, with its gesture.")]
-    own: Annotated[bool, means("Brought by a person; the others come with the project.")]
+    duration_s: Annotated[float, means("Duration of one repetition, with its gesture.")]
+    own: Annotated[bool, means("Whether it was added by a user; the others are built in.")]
 
 
 @dataclass(frozen=True)

@@ -23,12 +23,12 @@ class FrameObstacle:
     box_px: Annotated[Sequence[float], means(_BOX)]
     arrow_px: Annotated[
         Sequence[float] | None,
-        means("From its middle to where it will be in a second; None where that is unknown."),
+        means("From its centre to where it will be in one second; null if unknown."),
     ]
     silhouette: Annotated[
-        Sequence[Sequence[Sequence[int]]] | None, means("Closed polygons; None where unknown.")
+        Sequence[Sequence[Sequence[int]]] | None, means("Closed polygons; null if unknown.")
     ]
-    false: Annotated[bool, means("Whether it is a false obstacle: no true one moves near it.")]
+    false: Annotated[bool, means("Whether it is a false obstacle: no true obstacle moves near it.")]
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,10 @@ class FrameCounts:
 
     false: Annotated[int, means("False obstacles, summed over frames.")]
     found: Annotated[int, means("True moving obstacles that were found, summed over frames.")]
-    missed: Annotated[int, means("And those that were not.")]
-    velocity_rmse_mps: Annotated[float | None, means("Of those found; None before the first.")]
+    missed: Annotated[int, means("True moving obstacles that were missed, summed over frames.")]
+    velocity_rmse_mps: Annotated[
+        float | None, means("Velocity error of those found; null before the first.")
+    ]
 
 
 @dataclass(frozen=True)
@@ -58,27 +60,27 @@ class FrameEntry:
     obstacles: Sequence[FrameObstacle]
     truth: Sequence[FrameBody]
     counts: Annotated[FrameCounts | None, means("None without ground truth.")]
-    observed_ms: Annotated[float | None, means("Time that the method took.")]
+    observed_ms: Annotated[float | None, means("Processing time of the method.")]
     plan: FramePlan
     goal: Annotated[
-        GoalNow | None, means("Of the observer at that time; None where it had none.")
+        GoalNow | None, means("Goal of the observer at that time; null if it had none.")
     ] = None
 
 
 @dataclass(frozen=True)
 class RunFrames:
-    width: Annotated[int, means("Of the rectified left image, pixels.")]
+    width: Annotated[int, means("Width of the rectified left image, pixels.")]
     height: int
     frames: Annotated[
         Sequence[FrameEntry],
-        means("In order: the image of the first is /runs/ID/frames/FIRST.jpg, and so on."),
+        means("In order; the image of the first one is /runs/ID/frames/FIRST.jpg, and so on."),
     ]
     truth: Annotated[bool, means("Whether there is ground truth to compare with.")]
-    observed_ms: Annotated[float | None, means("Median time that the method took per frame.")]
+    observed_ms: Annotated[float | None, means("Median processing time of the method per frame.")]
     first: Annotated[int, means("Position in the run of the first of these frames, from 0.")] = 0
-    every: Annotated[int, means("And of each further one so many after that before.")] = 1
+    every: Annotated[int, means("Distance in positions from each of these frames to the next.")] = 1
     count: Annotated[int, means("Number of frames of the run.")] = 0
     maps: Annotated[
         Sequence[PlanMap],
-        means("Local maps that count at any of these; none where some are left out."),
+        means("Local maps that apply to any of these frames; empty if frames are skipped."),
     ] = ()

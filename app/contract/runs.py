@@ -19,7 +19,7 @@ class Run:
     state: Literal["running", "finished", "interrupted", "failed"]
     source: str
     source_name: Annotated[
-        str, means("For people: names the run whose recording the source is; else the source.")
+        str, means("Display name: the run whose recording is the source, or the source itself.")
     ]
     calibration_id: str | None
     preset: str | None
@@ -33,8 +33,8 @@ class Run:
     duration_s: Annotated[
         float | None,
         means(
-            "The run's length: from its first kept frame to its last one on the source's clock, "
-            "which goes on where an engine was replaced. None without a frame."
+            "The run's length: from its first to its last recorded frame on the source's "
+            "clock, which continues if the engine was replaced. null without a frame."
         ),
     ]
     frames: int
@@ -43,15 +43,15 @@ class Run:
     reason: str | None
     record: Annotated[
         Images | None,
-        means("Which images are recorded; None: nothing is."),
+        means("Which images are recorded; null: nothing is recorded."),
     ]
     recording_bytes: int | None
-    tags: Annotated[Sequence[str], means("In the order of their text.")]
-    notes: Annotated[str, means("A person's own words.")]
+    tags: Annotated[Sequence[str], means("In alphabetical order.")]
+    notes: Annotated[str, means("Free text.")]
     truth_id: Annotated[str | None, means("The ground-truth file that it is compared with.")]
-    aligned: Annotated[bool, means("Whether motion capture was laid over it.")]
+    aligned: Annotated[bool, means("Whether motion capture was aligned with it.")]
     rerun_of: Annotated[str | None, means("The run that this is a re-run of.")]
-    deleted_at: Annotated[str | None, means("Since when it is hidden.")]
+    deleted_at: Annotated[str | None, means("Time of its deletion.")]
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class StartedRun(Run):
 
 @dataclass(frozen=True)
 class DiskUse:
-    used_bytes: Annotated[int, means("By the data folder.")]
+    used_bytes: Annotated[int, means("Space used by the data folder.")]
     free_bytes: int
 
 
@@ -72,9 +72,9 @@ class DiskUse:
 class History:
     runs: Annotated[Sequence[Run], means("Newest first.")]
     total: Annotated[int, means("How many there are in all.")]
-    tags: Annotated[Mapping[str, int], means("Every tag, and how many runs bear it.")]
+    tags: Annotated[Mapping[str, int], means("Every tag with the number of runs that have it.")]
     disk: DiskUse
-    undo_days: Annotated[float, means("How long a deleted run can be had back.")]
+    undo_days: Annotated[float, means("Days for which a deleted run can be restored.")]
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ class SpeedEntry:
     time: Annotated[float, means("On the run's clock, s.")]
     role: str
     source: SpeedSource
-    track_id: Annotated[int | None, means("None for what a robot says of itself.")]
-    speed: Annotated[float | None, means("m/s; None is a gap.")]
+    track_id: Annotated[int | None, means("null for values that a robot reports of itself.")]
+    speed: Annotated[float | None, means("m/s; null is a gap.")]
     std: float | None
     segment: int
 
@@ -96,10 +96,10 @@ class ChartCurve:
     label: str
     role: str
     track_id: int | None
-    body: Annotated[str | None, means("Which body it is of, or was taken for.")]
-    segment: Annotated[int | None, means("None where it is of the whole run.")]
+    body: Annotated[str | None, means("The body of the curve, or to which its track was matched.")]
+    segment: Annotated[int | None, means("null if it covers the whole run.")]
     times: Annotated[Sequence[float], means("On the run's clock, s.")]
-    speeds: Annotated[Sequence[float | None], means("m/s; None is a gap.")]
+    speeds: Annotated[Sequence[float | None], means("m/s; null is a gap.")]
     stds: Annotated[Sequence[float | None] | None, means("Standard deviations, m/s.")]
 
 
@@ -115,7 +115,7 @@ class IdentityChange:
 
 @dataclass(frozen=True)
 class SpeedErrorsEntry:
-    """Errors of speed of one group of samples; None is what there is nothing to draw from."""
+    """Speed errors of one group of samples; null: no samples."""
 
     group: Literal["all", "body", "track", "direction", "way"]
     label: str
@@ -131,7 +131,7 @@ class SpeedErrorsEntry:
 
 @dataclass(frozen=True)
 class AlignmentMatch:
-    body: Annotated[str | None, means("None: the track belongs to none.")]
+    body: Annotated[str | None, means("null: the track belongs to no body.")]
     by: str
     distance_m: float | None
 
@@ -152,7 +152,7 @@ class CameraOnBodyFacts:
 class AlignmentFacts:
     """Alignment of ground truth with a run."""
 
-    offset_s: Annotated[float, means("To be added to the times of the ground truth.")]
+    offset_s: Annotated[float, means("Offset to add to the times of the ground truth.")]
     sigma_s: float
     drift_ppm: float
     drift_sigma_ppm: float | None
@@ -163,7 +163,8 @@ class AlignmentFacts:
     frame_residual_m: Annotated[float | None, means("None: only the clocks are aligned.")]
     observer: str | None
     camera_on_body: Annotated[
-        CameraOnBodyFacts | None, means("Of the observer's body; None where it is not known.")
+        CameraOnBodyFacts | None,
+        means("Pose of the camera on the observer's body; null if unknown."),
     ] = None
     roles: Mapping[str, str]
     matches: Annotated[Mapping[str, AlignmentMatch], means("By track, SEGMENT:NUMBER.")]
@@ -172,7 +173,7 @@ class AlignmentFacts:
 
 @dataclass(frozen=True)
 class AlignedRunEntry(Run):
-    """A run with the truth that was just laid over it."""
+    """A run with the ground truth just aligned with it."""
 
     alignment: Annotated[
         AlignmentFacts | None, means("None: the ground truth was on the run's clock.")
@@ -206,7 +207,7 @@ class RunChart(ChartValues):
     run: Run
     choices: Annotated[
         AlignChoicesEntry | None,
-        means("What was said for the alignment; None where there is none."),
+        means("Choices that were made for the alignment; null if there is none."),
     ]
 
 
@@ -214,7 +215,7 @@ class RunChart(ChartValues):
 class RingFile:
     file: Annotated[str, means("Within the data folder; it opens as any recording does.")]
     bytes: int
-    seconds: Annotated[float, means("How far back it reaches.")]
+    seconds: Annotated[float, means("Its duration.")]
 
 
 @dataclass(frozen=True)
@@ -222,7 +223,7 @@ class RingEntry:
     """A saved half minute."""
 
     name: str
-    run_id: Annotated[str | None, means("Of the run that was going.")]
+    run_id: Annotated[str | None, means("The run that was in progress.")]
     saved_at: str
     bytes: int
-    source: Annotated[str, means("Opens it as a source.")]
+    source: Annotated[str, means("Text that opens it as a source.")]

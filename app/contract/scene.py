@@ -31,7 +31,9 @@ class SceneLayer:
     name: LayerName
     title: str
     help: str
-    node: Annotated[str, means("Above everything of the layer; the server never hides it itself.")]
+    node: Annotated[
+        str, means("Parent of all nodes of the layer; the server itself never hides it.")
+    ]
     colors: Annotated[Sequence[Rgb], means("RGB; empty: those of the camera image.")]
 
 
@@ -50,10 +52,12 @@ class SceneFacts:
     camera_node: Annotated[str, means("Left camera: x right, y down, z forward.")]
     base_node: Annotated[
         str,
-        means("The observer on the ground: ahead, left, up; hidden while its place is unknown."),
+        means("The observer on the ground: ahead, left, up; hidden while its position is unknown."),
     ]
     follow: Annotated[SceneView, means("Along the robot's heading.")]
-    top_down: Annotated[SceneView, means("Along the first heading, whatever the robot's is.")]
+    top_down: Annotated[
+        SceneView, means("Along the initial heading, whatever the robot's heading is.")
+    ]
 
 
 _LAYERS = (
@@ -84,8 +88,8 @@ _LAYERS = (
         f"{WORLD_NODE}/path", ((150, 70, 220), (158, 138, 190), (220, 50, 140)),
     ),
     SceneLayer(
-        "map", "Local map", "What the observer knows of the room on its way to a goal: what stands "
-        "(brown), and floor seen to be free lately (green). The rest is unknown.",
+        "map", "Local map", "What the observer knows of the room on its way to a goal: "
+        "obstructions (brown) and floor recently seen to be free (green). The rest is unknown.",
         f"{WORLD_NODE}/map", ((158, 106, 54), (64, 168, 98)),
     ),
     SceneLayer(

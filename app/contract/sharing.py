@@ -13,30 +13,30 @@ AccessWord = Literal["operator", "read_only"]
 
 @dataclass(frozen=True)
 class SessionNow:
-    """The session, or the token, of the one who asks."""
+    """The session, or the token, of the request."""
 
     access: Annotated[AccessWord, means("An operator changes things; a read-only link watches.")]
 
 
 @dataclass(frozen=True)
 class ShareLink:
-    address: Annotated[str, means("Without the token, to be shown.")]
+    address: Annotated[str, means("Address without the token, for display.")]
     link: Annotated[str, means("Signs a browser in: treat it as a password.")]
     here: Annotated[bool, means("Whether only the server's own computer can open it.")]
 
 
 @dataclass(frozen=True)
 class ReadOnlyLinkNow:
-    """A read-only link in force."""
+    """A valid read-only link."""
 
     id: str
     made_at: str
-    watching: Annotated[int, means("Number of browsers that have a page open by it.")]
-    shared: Annotated[bool, means("Whether it is the one that is shared, the newest.")]
+    watching: Annotated[int, means("Number of browsers that have a page open with it.")]
+    shared: Annotated[bool, means("Whether it is the one that is shared: the newest.")]
 
 
 @dataclass(frozen=True)
 class ShareLinks:
     access: AccessWord
-    links: Annotated[Sequence[ShareLink], means("The likeliest first.")]
+    links: Annotated[Sequence[ShareLink], means("The most likely address first.")]
     note: Annotated[str | None, means("Why other computers cannot open them, and what to do.")]

@@ -26,21 +26,21 @@ class StatusMessage(Status):
 
 @dataclass(frozen=True, kw_only=True)
 class RobotsTold(RobotsNow):
-    """Part of ``RobotsMessage`` that all pages are told alike."""
+    """Part of ``RobotsMessage`` that is the same for all pages."""
 
     type: Literal["robots"] = "robots"
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotsMessage(RobotsTold):
-    """Everything of driving, ten times a second while there are robots."""
+    """Everything about driving, ten times a second while there are robots."""
 
-    wheels: Annotated[Sequence[WheelSpeed], means("Since the last message, oldest first.")]
+    wheels: Annotated[Sequence[WheelSpeed], means("Speeds since the last message, oldest first.")]
 
 
 @dataclass(frozen=True)
 class ObservationTold:
-    """Part of ``ObservationMessage`` that all pages are told alike."""
+    """Part of ``ObservationMessage`` that is the same for all pages."""
 
     sequence: Annotated[int, means("Counted by the server over all engines, from 1.")]
     line: LiveLine
@@ -52,12 +52,12 @@ class ObservationTold:
 class ObservationMessage(ObservationTold):
     """A frame was observed; it is answered with ``painted`` and its sequence."""
 
-    age_ms: Annotated[float, means("Since its reception, as it is sent.")]
+    age_ms: Annotated[float, means("Time from its reception to the sending of this message.")]
 
 
 @dataclass(frozen=True)
 class HeartbeatMessage:
-    """The server lives."""
+    """The server's heartbeat."""
 
     time: Annotated[float, means("The host's monotonic clock, s.")]
     observation_age_s: float | None
@@ -67,9 +67,9 @@ class HeartbeatMessage:
 
 @dataclass(frozen=True)
 class LogMessage:
-    """Something has happened that a person should know."""
+    """Something has happened that a user should know."""
 
-    entries: Annotated[Sequence[LogEntry], means("Oldest first; what was before, `/api/log` has.")]
+    entries: Annotated[Sequence[LogEntry], means("Oldest first; `/api/log` has the earlier ones.")]
     type: Literal["log"] = "log"
 
 
@@ -93,7 +93,7 @@ class LinkMessage:
     quality: Literal["good", "slow", "lost"]
     rtt_ms: float | None
     delay_ms: float | None
-    sentence: Annotated[str | None, means("Why the robots stand; None while they need not.")]
+    sentence: Annotated[str | None, means("Why the robots are stopped; null while they are not.")]
     type: Literal["link"] = "link"
 
 
@@ -112,7 +112,7 @@ class LeaseMessage:
     role: Role
     state: Literal["yours", "refused", "lost"]
     lease: str | None = None
-    holder: Annotated[str | None, means("Who has it.")] = None
+    holder: Annotated[str | None, means("Who has control.")] = None
     sentence: str | None = None
     type: Literal["lease"] = "lease"
 

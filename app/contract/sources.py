@@ -13,20 +13,25 @@ SourceGroup = Literal["simulated", "cameras", "recordings", "folders"]
 
 @dataclass(frozen=True)
 class SourceEntry:
-    spec: Annotated[str, means("The text that opens it.")]
+    spec: Annotated[str, means("Text that opens it.")]
     title: str
     help: str
     group: SourceGroup
     template: Annotated[
-        bool, means("Whether the words in capitals of the spec stand for what is to be typed.")
+        bool, means("Whether the words in capitals in the spec are placeholders.")
     ] = False
     picture: Annotated[
-        bool, means("Whether it can be seen at ``GET /api/sources/picture.jpg``.")
+        bool, means("Whether ``GET /api/sources/picture.jpg`` has a picture of it.")
     ] = False
     board: Annotated[
         BoardFacts | None,
-        means("The board that is shown to its cameras: it is there to be calibrated."),
+        means(
+            "The board that is shown to its cameras, if the source is for practising calibration."
+        ),
     ] = None
     recent: Annotated[
-        int | None, means("Place among the sources opened lately, 0 is the last; None: of none.")
+        int | None,
+        means(
+            "Rank among the recently opened sources, 0 is the most recent; null: not one of them."
+        ),
     ] = None

@@ -17,19 +17,19 @@ EngineWord = Literal["idle", "preview", "running", "calibrating", "failed"]
 @dataclass(frozen=True)
 class EngineStatus:
     state: EngineWord
-    reason: Annotated[str | None, means("Why it failed, one sentence.")]
+    reason: Annotated[str | None, means("Why it failed, or is not ready, one sentence.")]
     pid: int | None
-    generation: Annotated[int, means("Engine processes so far.")]
+    generation: Annotated[int, means("Number of engine processes so far.")]
     restarts: int
-    heartbeat_age_s: Annotated[float | None, means("Since its loop's last sign of life.")]
+    heartbeat_age_s: Annotated[float | None, means("Time since the last heartbeat of its loop.")]
 
 
 @dataclass(frozen=True)
 class SourceStatus:
     spec: str
-    name: Annotated[str, means("For people: names the run whose recording it is; else the spec.")]
+    name: Annotated[str, means("Display name: the run whose recording it is, or the spec.")]
     before: Annotated[
-        str | None, means("What was open before a run's recording: POST /source/back opens it.")
+        str | None, means("The source before the recording of a run; POST /source/back opens it.")
     ]
     kind: str
     width: int
@@ -41,7 +41,7 @@ class SourceStatus:
     mount_tilt_rad: float | None
     mount_forward_m: float | None
     mount_left_m: float | None
-    devices: Annotated[Sequence[str], means("Names by which live cameras are found again.")]
+    devices: Annotated[Sequence[str], means("Persistent names of live cameras.")]
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class PlaybackStatus:
     frame: Annotated[int | None, means("Position within the source.")]
     frame_count: int | None
     ended: bool
-    seekable: Annotated[bool, means("Whether it can go on from any frame.")] = False
+    seekable: Annotated[bool, means("Whether it can seek to any frame.")] = False
     achieved_rate: Annotated[float | None, means("Source seconds per second, measured.")] = None
 
 
@@ -62,7 +62,7 @@ class LiveCamera:
     device: str
     state: Literal["open", "waiting", "failed"]
     trouble: str | None
-    settings: Annotated[Mapping[str, str], means("What the camera really accepted.")]
+    settings: Annotated[Mapping[str, str], means("Settings as the camera applied them.")]
     refused: Annotated[Sequence[str], means("Settings that it did not accept.")]
 
 
@@ -77,21 +77,22 @@ class LiveStatus:
     skew_p95_s: float | None
     reopened: int
     hints: Sequence[str]
-    trouble: Annotated[str | None, means("What keeps it from delivering at this moment.")]
+    trouble: Annotated[str | None, means("Why it delivers no frames at the moment.")]
     reduced_to: Annotated[
-        str | None, means("What is left of the processing while the computer is too slow for all.")
+        str | None,
+        means("The reduced processing while the computer is too slow for full processing."),
     ]
 
 
 @dataclass(frozen=True)
 class RecordingStatus:
-    """The run's recording, which is on."""
+    """Recording of the run in progress."""
 
     images: Images
-    bytes: Annotated[int, means("Of the file.")]
+    bytes: Annotated[int, means("Size of the file.")]
     seconds: float
-    dropped: Annotated[int, means("Messages lost because the disk did not keep up.")]
-    trouble: Annotated[str | None, means("Why nothing is recorded any more.")]
+    dropped: Annotated[int, means("Messages dropped because the disk could not keep up.")]
+    trouble: Annotated[str | None, means("Why recording has stopped.")]
 
 
 @dataclass(frozen=True)
@@ -116,26 +117,31 @@ class RowDriftStatus:
     since_s: float | None
     trend_px_per_min: float | None
     warning: str | None
-    history: Annotated[Sequence[tuple[float, float]], means("Seconds watched, pixels.")]
+    history: Annotated[
+        Sequence[tuple[float, float]], means("Seconds since the start of the measurement, pixels.")
+    ]
 
 
 @dataclass(frozen=True)
 class VergenceStatus:
     status: Literal["unobserved", "consistent", "drifted"]
     vergence_rad: Annotated[
-        float | None, means("By how much the cameras converge more than calibrated.")
+        float | None, means("Angle by which the cameras converge more than calibrated.")
     ]
     std_rad: float | None
     sentence: str
-    way_m: Annotated[float, means("Of way against the wheels; 0 by near and far points alone.")]
+    way_m: Annotated[
+        float,
+        means("Distance compared with the wheels; 0 if only near and far points are compared."),
+    ]
 
 
 @dataclass(frozen=True)
 class ExposureSkewStatus:
-    """Time between the exposures of left and right that the source does not tell."""
+    """Sync error that the source does not report."""
 
-    exposure_skew_s: Annotated[float, means("By which the right camera exposes later.")]
-    sigma_s: Annotated[float, means("One standard deviation.")]
+    exposure_skew_s: Annotated[float, means("Time by which the right camera exposes later.")]
+    sigma_s: Annotated[float, means("Standard deviation.")]
     sentence: str
 
 
@@ -144,7 +150,7 @@ class AgeingStatus:
     rows: RowDriftStatus
     vergence: VergenceStatus
     exposure_skew: Annotated[
-        ExposureSkewStatus | None, means("None while no skew is known that nobody told.")
+        ExposureSkewStatus | None, means("null while no unreported sync error is known.")
     ]
 
 
@@ -166,24 +172,24 @@ class RunReference:
     id: str
     name: str
     started_at: str
-    duration_s: Annotated[float | None, means("As in the run itself.")]
+    duration_s: Annotated[float | None, means("As for the run itself.")]
 
 
 @dataclass(frozen=True)
 class RerunStatus:
-    """A run whose recording is being observed again, beside the open source."""
+    """A re-run in progress, beside the open source."""
 
-    id: Annotated[str, means("Of the new run.")]
+    id: Annotated[str, means("Id of the new run.")]
     name: str
     rerun_of: str
     state: Annotated[
         Literal["waiting", "observing", "held", "finishing"],
         means(
-            "waiting: for another re-run; held: as long as a robot is armed; finishing: its "
-            "speeds are stored and ground truth is added."
+            "waiting: for another re-run; held: paused while a robot is armed; finishing: "
+            "its speeds are stored and ground truth is added."
         ),
     ]
-    share: Annotated[float, means("Of the frames that are observed, from 0 to 1.")]
+    share: Annotated[float, means("Share of the frames that have been processed, from 0 to 1.")]
 
 
 @dataclass(frozen=True)
@@ -202,11 +208,13 @@ class DenseStereoStatus:
     """The cloud and the disparity view, made beside the loop while somebody watches one."""
 
     per_s: float
-    age_s: Annotated[float | None, means("Since the reception of the newest one's pair.")]
-    median_ms: Annotated[float | None, means("To make one, lately.")]
+    age_s: Annotated[
+        float | None, means("Time since the reception of the pair behind the newest one.")
+    ]
+    median_ms: Annotated[float | None, means("Recent median computing time.")]
     coarseness: Annotated[
         int | None,
-        means("How many pixels lie along one that is matched: more than 1 for large images."),
+        means("Downscaling factor for stereo matching: more than 1 for large images."),
     ]
 
 
@@ -221,7 +229,7 @@ class LatencyStatus:
 
 @dataclass(frozen=True)
 class Decomposition:
-    """A planar model's affine part, as the paper's table I takes it apart."""
+    """A planar model's affine part, decomposed as in the paper's table I."""
 
     translation_px: Annotated[Sequence[float], means("Along u and v.")]
     rotation_rad: float
@@ -245,17 +253,17 @@ class EgoMotionStatus:
     status: Literal["ok", "degraded", "lost"]
     matches: int
     inliers: int
-    dt: Annotated[float | None, means("Between the two frames, s.")]
-    decomposition: Annotated[Decomposition | None, means("Of planar models only.")]
-    motion: Annotated[CameraMotion | None, means("None where it is not known.")]
+    dt: Annotated[float | None, means("Time between the two frames, s.")]
+    decomposition: Annotated[Decomposition | None, means("For planar models only.")]
+    motion: Annotated[CameraMotion | None, means("null if unknown.")]
 
 
 @dataclass(frozen=True)
 class Drops:
-    frames_skipped: Annotated[int, means("Frames of the source that could not be read.")]
-    observations_lost: Annotated[int, means("Not passed on, because the server was busy.")]
-    live_messages_dropped: Annotated[int, means("Not sent, because a page was slow.")]
-    writes_dropped: Annotated[int, means("Dropped while the database was unavailable.")]
+    frames_skipped: Annotated[int, means("Frames that the source could not read.")]
+    observations_lost: Annotated[int, means("Observations dropped because the server was busy.")]
+    live_messages_dropped: Annotated[int, means("Messages dropped because a page was slow.")]
+    writes_dropped: Annotated[int, means("Writes dropped while the database was unavailable.")]
 
 
 @dataclass(frozen=True)
@@ -271,31 +279,33 @@ class Status:
     playback: PlaybackStatus | None
     camera: CameraStatus | None
     run: RunReference | None
-    reruns: Annotated[Sequence[RerunStatus], means("In the order in which they are done.")]
-    mount: Annotated[MountStatus | None, means("None: it is not known.")]
-    ageing: Annotated[AgeingStatus | None, means("How the calibration in use holds.")]
-    recording: Annotated[RecordingStatus | None, means("None: nothing is recorded.")]
-    truth: Annotated[LiveTruthStatus | None, means("None: no motion capture is listened to.")]
-    live: Annotated[LiveStatus | None, means("None for what is not live.")]
-    calibrating: Annotated[CalibratingFacts | None, means("None: nothing is calibrated.")]
-    calibration: Annotated[CalibrationReference | None, means("None: the source's own.")]
+    reruns: Annotated[Sequence[RerunStatus], means("In the order of processing.")]
+    mount: Annotated[MountStatus | None, means("null: unknown.")]
+    ageing: Annotated[AgeingStatus | None, means("Health of the calibration in use.")]
+    recording: Annotated[RecordingStatus | None, means("null: nothing is recorded.")]
+    truth: Annotated[LiveTruthStatus | None, means("null: no live motion capture.")]
+    live: Annotated[LiveStatus | None, means("null if the source is not live.")]
+    calibrating: Annotated[CalibratingFacts | None, means("null: no calibration is in progress.")]
+    calibration: Annotated[CalibrationReference | None, means("null: the source's own.")]
     to_calibrate: Annotated[
-        str | None, means("Source that was to be opened first, and is there to be calibrated.")
+        str | None, means("Source requested at start, if it is there to be calibrated.")
     ]
     parameters_revision: int
     driving_revision: Annotated[
         int,
-        means("Grows with every change of a guard.* or navigation.* parameter since the start."),
+        means(
+            "Incremented by every change of a guard.* or navigation.* parameter since the start."
+        ),
     ]
     rates: Rates
     dense_stereo: DenseStereoStatus
     frames_observed: int
     latency_ms: LatencyStatus
-    timings_ms: Annotated[Mapping[str, float], means("Median of each stage.")]
+    timings_ms: Annotated[Mapping[str, float], means("Median time of each stage.")]
     ego_motion: EgoMotionStatus | None
     drops: Drops
     skipped: Sequence[SkippedFrame]
-    viewers: Annotated[int, means("Open live pages.")]
+    viewers: Annotated[int, means("Number of open live pages.")]
     has_truth: bool
     warnings: Sequence[str]
     version: str

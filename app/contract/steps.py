@@ -14,22 +14,22 @@ StepFormat = Literal["png", "svg", "pdf", "csv"]
 @dataclass(frozen=True)
 class StepNumber:
     name: str
-    value: Annotated[float | None, means("None: not known.")]
+    value: Annotated[float | None, means("null: unknown.")]
     unit: str
-    digits: Annotated[int, means("Worth showing after the point.")]
+    digits: Annotated[int, means("Decimal places worth showing.")]
 
 
 @dataclass(frozen=True)
 class MethodStep:
     number: Annotated[int, means("From 1 to 9.")]
-    key: Annotated[str, means("For files and scripts.")]
+    key: Annotated[str, means("Name for files and scripts.")]
     title: str
     text: Annotated[str, means("One or two sentences.")]
     caption: Annotated[str, means("What the colours in its picture mean.")]
-    formula: Annotated[Sequence[str], means("As MathML, one for each of its parts.")]
-    formula_text: Annotated[str, means("The same as one line of text.")]
-    numbers: Annotated[Sequence[StepNumber], means("Of this pair.")]
-    parameters: Annotated[Sequence[str], means("Names of those that act in this step.")]
+    formula: Annotated[Sequence[str], means("MathML, one for each part of the formula.")]
+    formula_text: Annotated[str, means("The formula as one line of text.")]
+    numbers: Annotated[Sequence[StepNumber], means("Figures of this pair.")]
+    parameters: Annotated[Sequence[str], means("Names of the parameters used in this step.")]
     missing: Annotated[str | None, means("Why it has no result in this frame.")]
 
 
@@ -37,14 +37,14 @@ class MethodStep:
 class MethodSteps:
     """All nine steps, and what they were observed with; the same for each picture's address."""
 
-    source: Annotated[str, means("The text that names it.")]
-    frame: Annotated[int, means("Position in the source of the image of t+dt, from 0.")]
-    frame_count: Annotated[int | None, means("Of the source; None where it is not known.")]
+    source: Annotated[str, means("Text that opens it.")]
+    frame: Annotated[int, means("Position in the source of the image at t+dt, from 0.")]
+    frame_count: Annotated[int | None, means("Number of frames of the source; null if unknown.")]
     first_frame: Annotated[
-        int, means("From it on frames were observed, so that tracks are confirmed.")
+        int, means("First processed frame; processing starts early so that tracks are confirmed.")
     ]
-    time: Annotated[float, means("Of the image of t+dt, on the source's clock, s.")]
-    dt: Annotated[float, means("Between the two images, s.")]
+    time: Annotated[float, means("Time of the image at t+dt, on the source's clock, s.")]
+    dt: Annotated[float, means("Time between the two images, s.")]
     preset: str
     preset_values: Annotated[Mapping[str, Any], means("All values of the preset.")]
     values: Annotated[Mapping[str, Any], means("All values in use.")]

@@ -17,9 +17,9 @@ class TruthBody:
     name: str
     has_orientation: bool
     samples: int
-    seen: Annotated[int, means("Of the samples.")]
+    seen: Annotated[int, means("Share of the samples in which it was seen.")]
     gaps: int
-    from_s: Annotated[float | None, means("On the system's clock, as is to_s.")]
+    from_s: Annotated[float | None, means("On the motion-capture system's clock, as is to_s.")]
     to_s: float | None
     extent_m: Annotated[Sequence[float] | None, means("Along the room's three axes.")]
     highest_speed_mps: Annotated[float | None, means("Smoothed over 11 samples.")]
@@ -27,7 +27,7 @@ class TruthBody:
 
 @dataclass(frozen=True)
 class TruthReading:
-    """Options by which the file was read; None: as it says itself."""
+    """Options with which the file was read; null: as the file states."""
 
     rate_hz: float | None
     angles: AngleReading | None
@@ -37,7 +37,7 @@ class TruthReading:
 class TruthInfo:
     format: str
     rate_hz: float | None
-    duration_s: Annotated[float | None, means("Of all bodies together.")]
+    duration_s: Annotated[float | None, means("Over all bodies together.")]
     bodies: Sequence[TruthBody]
     notes: Sequence[str]
     reading: TruthReading
@@ -45,13 +45,13 @@ class TruthInfo:
 
 @dataclass(frozen=True)
 class TruthEntry:
-    """A truth file."""
+    """A ground-truth file."""
 
     id: Annotated[str, means("SHA-256 of its content.")]
     name: str
-    format: Annotated[str, means("What it was recognised as.")]
+    format: Annotated[str, means("Detected format.")]
     info: Annotated[
         TruthInfo,
-        means("What was understood: rate_hz, duration_s, bodies, notes, and reading as asked."),
+        means("Contents of the file: rate_hz, duration_s, bodies, notes, and the reading options."),
     ]
     created_at: str

@@ -43,7 +43,7 @@ class EngineFeed(Generic[Value]):
                 self._value = self._of(read.header)
             except (KeyError, TypeError, ValueError) as error:
                 if self._value is not None:
-                    _log.error("what the engine tells of a frame cannot be read: %r", error)
+                    _log.error("the engine's data for a frame cannot be read: %r", error)
                 self._value = None
             if self._value is not None and not self._value.received <= now + _AHEAD_S:
                 self._value = None

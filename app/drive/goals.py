@@ -60,7 +60,7 @@ class Goals:
             )
         if report.wanted is not None:
             raise ProcessRefused(
-                "the observer's robot drives autonomously: it takes no goal from here", "state"
+                "the observer's robot drives autonomously and accepts no goal from here", "state"
             )
         self._number += 1
         place = place_ahead(report.odometry, command.ahead_m, command.left_m)
@@ -88,11 +88,11 @@ class Goals:
         if going.over:
             return None
         if not driven.armed or not driven.consent.present:
-            return self.give_up(driven, trouble or "the operator is not present any more", now)
+            return self.give_up(driven, trouble or "the operator is no longer present", now)
         if trouble is not None and not _sees_little(sight, now):
             return self.give_up(driven, trouble, now)
         if driven.report is None or driven.report.odometry is None:
-            return self.give_up(driven, "the robot reports no odometry any more", now)
+            return self.give_up(driven, "the robot no longer reports odometry", now)
         if going.reached:
             driven.rest()
             going.end("reached", "The goal is reached.", now)
@@ -122,9 +122,9 @@ class Goals:
             return None
         driven.rest()
         if why is None:
-            going.end("ended", "The goal was given up.", now)
+            going.end("ended", "The goal was cancelled.", now)
             return None
-        going.end("ended", f"The goal was given up: {why}.", now)
+        going.end("ended", f"The goal was aborted: {why}.", now)
         sentence = f"the drive to the goal was stopped: {why}"
         return IncidentEvent(None, "goal", sentence, now, None)
 

@@ -24,13 +24,14 @@ def main() -> None:
     import cv2
 
     from app.engine.process import run_engine
+    from observer.kernels.building import make_ready
     from observer.observer import Observer
     from observer.opening import open_source
 
     # Two threads halve the stereo matching time on two idle cores and cost nothing on busy ones.
     # Beyond four, images of this size gain nothing, and the web process needs a core too.
     cv2.setNumThreads(min(4, os.cpu_count() or 1))
-    run_engine(arguments, open_source=open_source, make_observer=Observer)
+    run_engine(arguments, open_source=open_source, make_observer=Observer, prepare=make_ready)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 from app.contract.answers import Opened
 from app.contract.commands import BeginCalibration, OpenSource
@@ -15,8 +16,16 @@ from app.engine.calibrating import BoardPublisher, CalibrationSession, open_cali
 from app.engine.errors import NotNow, refusal, unexpected
 from app.engine.live_truth import LiveTruth, ObservedSource
 from app.engine.played_source import OpeningCommand, PlayedSource, SourceOpener
+from app.engine.preparing import Preparing
 from app.engine.recorders import Recorders
-from app.engine.session import NotCalibrated, ObserverFactory, Session, open_session
+from app.engine.session import (
+    FrameObserver,
+    NotCalibrated,
+    ObserverFactory,
+    Session,
+    open_session,
+)
+from app.runtime.heap import return_freed_memory
 from app.runtime.requests import Reply, Request
 from observer.errors import DynamicObserverError
 from observer.navigation.parameters import AllParameters
@@ -87,6 +96,7 @@ class CurrentSource:
         boards: BoardPublisher,
         stage_clock: Callable[[], float],
         truth: LiveTruth | None = None,
+        preparing: Preparing | None = None,
     ) -> None:
         """Set up with nothing open.
 
@@ -96,6 +106,7 @@ class CurrentSource:
             boards: receives the board detections and images while calibrating.
             stage_clock: serves the observer's timings.
             truth: is told what is observed and what to listen to.
+            preparing: what an observer needs; nothing is observed before it is done.
         """
         self._open_source = open_source
         self._make_observer = make_observer
@@ -103,6 +114,7 @@ class CurrentSource:
         self._closed = closed
         self._boards = boards
         self._truth = truth or LiveTruth()
+        self._preparing = preparing
         self._stage_clock = stage_clock
         self._recorders = Recorders()
         self.session: PlayedSource | None = None
@@ -157,8 +169,14 @@ class CurrentSource:
         if isinstance(command, BeginCalibration):
             return open_calibration(command, open_source, self._boards)
         return open_session(
-            command, open_source, self._make_observer, self._stage_clock, self._recorders
+            command, open_source, self._prepared_observer, self._stage_clock, self._recorders
         )
+
+    def _prepared_observer(self, *args: Any, **more: Any) -> FrameObserver:
+        # Not before: a source opens while that is under way.
+        if self._preparing is not None:
+            self._preparing.wait()
+        return self._make_observer(*args, **more)
 
     def finish(self, opening: Opening) -> Reply | None:
         """Observe the opened source, or return the refusal; None if the opening was given up."""
@@ -232,6 +250,8 @@ class CurrentSource:
             self._truth.observing(None)
             self._closed()
             session.close()
+            del session
+            return_freed_memory()
 
     def end(self) -> None:
         """Close the session for good; wait for its recording, but not for long."""
@@ -256,7 +276,8 @@ class CurrentSource:
         truth = self._truth
         if self.session is None:
             idle = self._failed or StateEvent(EngineState.IDLE, None)
-            return replace(idle, truth=truth.facts())
+            note = None if self._preparing is None else self._preparing.note
+            return replace(idle, truth=truth.facts(), preparing=note)
         state = self.session.state(time.monotonic())
         has_truth = state.has_truth or truth.in_place
         return replace(state, has_truth=has_truth, truth=truth.facts())

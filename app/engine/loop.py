@@ -28,6 +28,7 @@ from app.engine.live_truth import LiveTruth
 from app.engine.observed import Observed
 from app.engine.playback import PlayedFrame
 from app.engine.played_source import PlayedSource, SourceOpener
+from app.engine.preparing import Preparing
 from app.engine.publishing import Publisher
 from app.engine.session import ObserverFactory, Session
 from app.runtime.requests import Request
@@ -62,6 +63,7 @@ class Engine:
         drive: DriveLink | None = None,
         open_source: SourceOpener,
         make_observer: ObserverFactory,
+        preparing: Preparing | None = None,
     ) -> None:
         """Set up the loop.
 
@@ -71,6 +73,7 @@ class Engine:
             observations_lost: returns how many events ``send`` has dropped.
             publisher: takes observed frames, for views and the cloud; closed at the end.
             drive: link to the drive process, if there is one.
+            preparing: what an observer needs; nothing is observed before it is done.
         """
         self._inbox = inbox
         self._send = send
@@ -86,6 +89,7 @@ class Engine:
             closed=publisher.forget,
             boards=BoardPublisher(send, publisher.show_cameras, self.beat),
             truth=self._truth,
+            preparing=preparing,
             stage_clock=self._beating_clock,
         )
         self._commands = CommandHandler(

@@ -22,6 +22,7 @@ from app.contract.events import (
 from app.engine.drive_link import DriveLink
 from app.engine.loop import Engine, Inbox
 from app.engine.played_source import SourceOpener
+from app.engine.preparing import Preparation, Preparing
 from app.engine.publishing import Publisher
 from app.engine.session import ObserverFactory
 from app.engine.sight import SightTeller
@@ -39,12 +40,17 @@ _NICENESS = -5
 
 
 def run_engine(
-    arguments: ProcessArguments, *, open_source: SourceOpener, make_observer: ObserverFactory
+    arguments: ProcessArguments,
+    *,
+    open_source: SourceOpener,
+    make_observer: ObserverFactory,
+    prepare: Preparation = lambda _: None,
 ) -> NoReturn:
     """Run an engine in this process until it is told to leave, then exit the process.
 
     Args:
         open_source, make_observer: factories of sources and observers.
+        prepare: makes ready what every observer needs; see ``app.engine.preparing``.
     """
     # Ctrl-C reaches every process of the terminal; the parent decides what follows.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -65,6 +71,8 @@ def run_engine(
     # Slots shared with the drive process.
     sight, plan = (LatestWriter(slots.pop(name)) for name in (SIGHT_NAME, PLAN_NAME))
     wheels = WheelFeed(LatestReader(slots.pop(WHEELS_NAME)))
+    preparing = Preparing(prepare)
+    preparing.start()
     engine = Engine(
         inbox=inbox,
         send=sender.send,
@@ -77,6 +85,7 @@ def run_engine(
         ),
         open_source=open_source,
         make_observer=make_observer,
+        preparing=preparing,
     )
     receive_until_parent_ends(sock, inbox.put, expects_end=lambda: leaving)
     keep_for_good()

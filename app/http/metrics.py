@@ -38,31 +38,31 @@ class _StatusCollector(Collector):
         now = status(self._server)
         dense, latency = now.dense_stereo, now.latency_ms
         yield _counter(
-            "frames_observed", "Frames observed since the server's start.", now.frames_observed
+            "frames_observed", "Frames processed since the server started.", now.frames_observed
         )
         yield _gauge(
             "frames_per_second",
-            "Unique frames observed per second, lately.",
+            "Unique frames processed per second, recently.",
             now.rates.unique_frames_per_s,
         )
         yield _gauge(
             "dense_stereo_per_second",
-            "Clouds or disparity views made per second, lately; 0 while nobody watches.",
+            "Clouds or disparity views made per second, recently; 0 while nobody watches.",
             dense.per_s,
         )
         if dense.age_s is not None:
             yield _gauge(
                 "dense_stereo_age_seconds",
-                "Since the reception of the pair that the newest one was made of.",
+                "Time since the reception of the pair behind the newest one.",
                 dense.age_s,
             )
         yield _counter(
             "engine_restarts", "How often the engine process was replaced.", now.engine.restarts
         )
         states = {each.value: float(now.engine.state == each.value) for each in EngineState}
-        yield _gauge("engine_state", "1 for the state it is in.", states, "state")
-        yield _counter("drops", "What was left out, by kind.", vars(now.drops), "kind")
-        yield _gauge("stage_ms", "Median of each stage, lately.", now.timings_ms, "stage")
+        yield _gauge("engine_state", "1 for the current state.", states, "state")
+        yield _counter("drops", "Number of dropped items, by kind.", vars(now.drops), "kind")
+        yield _gauge("stage_ms", "Recent median time of each stage.", now.timings_ms, "stage")
         painted = {"median": latency.median, "p95": latency.p95}
         yield _gauge(
             "painted_latency_ms",
@@ -77,7 +77,7 @@ class _StatusCollector(Collector):
         driving = self._server.driving
         yield _gauge(
             "drive_alive",
-            "1 while there is a process that drives the robots.",
+            "1 while the drive process is running.",
             float(driving.health.alive),
         )
         yield _counter(
@@ -85,9 +85,7 @@ class _StatusCollector(Collector):
         )
         late = driving.loop_late_p99_ms
         if late is not None:
-            yield _gauge(
-                "drive_late_p99_ms", "By how much the drive loop's ticks are late, lately.", late
-            )
+            yield _gauge("drive_late_p99_ms", "Recent lateness of the drive loop's ticks.", late)
         armed = {str(role): float(driving.is_driven(role)) for role in ROLES}
         yield _gauge("robot_armed", "1 while its motors are on.", armed, "role")
 

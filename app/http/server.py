@@ -68,13 +68,13 @@ from app.viewer import Viewer, start_viewer
 from observer.version import library_version
 
 _DESCRIPTION = """
-Sees moving obstacles from a moving robot with a stereo camera.
+Detects moving obstacles from a moving robot with a stereo camera.
 
 Open the printed link, which signs a browser in and gives it a cookie for its session, or send
 `Authorization: Bearer TOKEN`. A WebSocket whose session ends is closed with code 4401.
 
-A read-only link (`GET /api/links`) lets watch: with its token or session everything can be read,
-the robots can be stopped, and any other change is refused with 403. `DELETE
+A read-only link (`GET /api/links`) is for watching: with its token or session everything can be
+read, the robots can be stopped, and any other change is refused with 403. `DELETE
 /api/links/read-only/{id}` revokes one.
 
 Besides these routes there are four WebSockets:
@@ -84,13 +84,13 @@ Besides these routes there are four WebSockets:
   and has at most two of them outstanding.
 * `/api/views/{name}`: a live view. Binary: 8 bytes sequence and 8 bytes age in ms (float64), both
   big-endian, then JPEG. The client answers each one with the text `ack`.
-* `/api/drive`: driving by hand, JSON; `?name=` says who. One socket is one operator: whatever it
-  took ends with it. The client sends `{"type": "take", "role", "takeover"}`, `release` with its
-  role, ten times a second `{"type": "drive", "role", "sequence", "time", "speed_mps",
-  "turn_rate_radps"}` or, without velocities, `present`, and `{"type": "stop"}`. `time` is
-  `performance.now()`, `sequence` rises. The server answers with `lease`, `sent` or `refused`,
-  tells of the `link`, and sends `ping` with an `id`, which is answered at once by
-  `{"type": "pong", "id", "time"}`. What is older than 250 ms on arrival is not driven.
+* `/api/drive`: driving by hand, JSON; `?name=` gives the operator's name. One socket is one
+  operator, whose control ends with it. The client sends `{"type": "take", "role", "takeover"}`,
+  `release` with its role, ten times a second `{"type": "drive", "role", "sequence", "time",
+  "speed_mps", "turn_rate_radps"}` or, without velocities, `present`, and `{"type": "stop"}`. `time`
+  is `performance.now()`, `sequence` must increase. The server answers with `lease`, `sent` or
+  `refused`, reports on the `link`, and sends `ping` with an `id`, which the client answers at once
+  with `{"type": "pong", "id", "time"}`. Commands older than 250 ms on arrival are not executed.
 * `/viewer`: the 3D scene of viser's client.
 """
 _TAGS = [

@@ -143,8 +143,9 @@ def _flow(own: Moment | None, published: Moment | None) -> _Made:
     if not own.has_flow:
         more += f" The {own.model} method of this run has no such image."
     return (
-        f"{_chosen(own)} From each feature of the image at t to its position at t+dt after "
-        f"compensating the camera's own motion: blue counts as static, red as moving.{more}",
+        f"{_chosen(own)} Each line leads from a feature of the image at t to its position at "
+        f"t+dt, with the camera's own motion compensated: blue counts as static, red as moving."
+        f"{more}",
         flow_figure(shown), "",
     )  # fmt: skip
 
@@ -195,9 +196,9 @@ def _false_points(published: Moment | None, own: Moment | None) -> _Made:
         return "", None, reason
     return (
         f"Frame {published.line['frame']}, t = {published.line['time']:.2f} s: of up to "
-        f"{CANDIDATES} frames spread over those with a moving obstacle, the one with most false "
-        "points by the published method. Green stars count as moving; red circles mark those on "
-        f"nothing that {moving}. Left: the affine model of the preset paper; right: the same "
+        f"{CANDIDATES} frames spread over those with a moving obstacle, the one with the most "
+        "false points by the published method. Green stars count as moving; red circles mark those "
+        f"on nothing that {moving}. Left: the affine model of the preset paper; right: the same "
         f"frame by the {own.model} model of this run.",
         false_points_figure(published, own), "",
     )  # fmt: skip

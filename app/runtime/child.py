@@ -146,7 +146,7 @@ class ChildProcess:
                     self._newest[type(message)] = message
                 self._on_event(message)
         except ChannelError as error:
-            _log.error("process %d cannot be heard any more: %s", self.pid, error)
+            _log.error("lost contact with process %d: %s", self.pid, error)
         finally:
             self.ended = True
             for waiting in self._waiting.values():

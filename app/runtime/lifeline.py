@@ -41,7 +41,7 @@ def receive_until_parent_ends(
                 put(message)
         except ChannelError as error:
             # Deaf, it would go on without ever hearing a request.
-            _log.error("the server cannot be heard any more: %s", error)
+            _log.error("lost contact with the server: %s", error)
         if not expects_end():
             leave()
 

@@ -129,7 +129,7 @@ class Journal:
         calibration = self._server.source.wanted.calibration
         name = None if calibration is None else calibration.name
         if name is not None and name != self._calibration:
-            self.note("info", f"calibration {name} is in use")
+            self.note("info", f'calibration "{name}" is in use')
         self._calibration = name
 
     def _look_at_run(self) -> None:
@@ -137,7 +137,7 @@ class Journal:
         name = None if run is None else run.name
         if name != self._run:
             if self._run is not None:
-                self.note("info", f"run {self._run} ended")
+                self.note("info", f'run "{self._run}" ended')
             if name is not None:
-                self.note("info", f"run {name} started")
+                self.note("info", f'run "{name}" started')
         self._run = name

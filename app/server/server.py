@@ -102,6 +102,7 @@ class Server:
         session = self.calibrating.session
         shared.run = lambda: self.runs.current
         shared.calibrates = lambda: session.source is not None
+        shared.preparing = lambda: self.source.state.preparing is not None
         self._events = EngineEvents(
             shared, self.source, self.runs, session, self.driving, self.survey, self.watching
         )

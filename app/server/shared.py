@@ -10,14 +10,15 @@ from app.contract.commands import BeginCalibration, OpenSource
 from app.server.asking import ask
 from app.server.background import Background
 from app.server.contracts import Engine
-from app.server.errors import Conflict
+from app.server.errors import Conflict, NotAvailable
 from app.server.followers import Followers
 from app.server.telemetry import Telemetry
 from app.server.writer import Writer
 from app.storage import RunRecord, Storage
+from observer.opening import shown_spec
 
-# Indexing a large data set takes a while.
-_OPEN_TIMEOUT_S = 60.0
+# Indexing a large data set takes a while. While the engine prepares itself that does not count.
+_OPEN_TIMEOUT_S, _LONGEST_OPENING_S = 60.0, 3600.0
 
 
 class Shared:
@@ -27,6 +28,7 @@ class Shared:
         clock: monotonic seconds. lock: held while source, run, calibration, parameters or rig
             are changed.
         run: returns the run in progress. calibrates: returns whether cameras are being calibrated.
+        preparing: returns whether the engine must prepare itself before it can open anything.
         writer: writes to the database. followers: receivers of all events.
         telemetry: figures of the running loop. background: background tasks.
         warnings: sentences for the user of the page.
@@ -40,6 +42,7 @@ class Shared:
         self.lock = asyncio.Lock()
         self.run: Callable[[], RunRecord | None] = lambda: None
         self.calibrates: Callable[[], bool] = lambda: False
+        self.preparing: Callable[[], bool] = lambda: False
         self.writer = Writer()
         self.followers = Followers()
         self.telemetry = Telemetry()
@@ -54,13 +57,24 @@ class Shared:
             FieldError: the source cannot be opened; the previous one stays open.
             Conflict, StorageFull, NotAvailable: as for ``ask``.
         """
-        opened = await ask(
-            self.engine,
-            command,
-            field=("body", "source"),
-            timeout_s=_OPEN_TIMEOUT_S,
-            repeatable=True,
+        asking = asyncio.create_task(
+            ask(
+                self.engine,
+                command,
+                field=("body", "source"),
+                timeout_s=_LONGEST_OPENING_S,
+                repeatable=True,
+            )
         )
+        try:
+            while not (await asyncio.wait({asking}, timeout=_OPEN_TIMEOUT_S))[0]:
+                if not self.preparing():
+                    raise NotAvailable(
+                        f"{shown_spec(command.source)} did not open within {_OPEN_TIMEOUT_S:g} s"
+                    )
+        finally:
+            asking.cancel()
+        opened = asking.result()
         self.opened_by = self.engine.health.generation
         return opened
 

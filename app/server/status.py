@@ -35,7 +35,7 @@ def status(server: Server) -> Status:
             EngineStatus,
             health,
             state=word(state.state),
-            reason=state.reason,
+            reason=state.reason or state.preparing,
             heartbeat_age_s=_rounded(health.heartbeat_age_s),
         ),
         source=None
@@ -96,6 +96,7 @@ def _trouble(server: Server) -> list[str]:
     vergence = None if ageing is None else ageing.vergence
     troubles = (
         server.shared.writer.trouble,
+        server.source.state.preparing,
         server.source.state.truth_note,
         server.telemetry.dense_trouble,
         None if ageing is None else ageing.rows.warning,

@@ -28,8 +28,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.camera import StereoCamera
+from observer.chi_square import upper_quantile
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.expectation import predict
 from observer.methods.rigid.bodies.filter import BodyFilter
 from observer.methods.rigid.bodies.lifecycle import judge
 from observer.methods.rigid.bodies.shape import BodyShape
@@ -39,7 +41,6 @@ from observer.methods.rigid.position_velocity_filter import PositionVelocityFilt
 from observer.parameters import Parameters
 from observer.types import TrackState
 from observer.vision.camera_rate import CameraRate
-from observer.vision.chi_square import upper_quantile
 
 # Seconds of rest before it moves: several memories.
 _REST_S = 2.0
@@ -163,7 +164,7 @@ def report_delay(
             cov = own_cov * (1 + p.obstacles.noise_correlation * count) / count
             tracker.tracks.append(_begun(place, own, cov, count))
             continue
-        tracker.predict(still, p.obstacles)
+        predict(tracker.tracks, still, p.obstacles)
         track = tracker.tracks[0]
         noise = _measured_noise(deviations, count, thing, p)
         noise[:3, :3] += step_cov

@@ -9,10 +9,7 @@ from typing import Any
 import numpy as np
 
 from observer.evaluation.tally import Episode, Sample, Tally
-from observer.vision.chi_square import quantile
-
-# Three components of velocity, 95 %.
-_MAHALANOBIS2_95 = quantile(0.95, df=3)
+from observer.evaluation.told import VELOCITY_95_CHI2
 
 
 @dataclass(frozen=True)
@@ -183,7 +180,7 @@ def per_100(count: int, frames: int) -> float | None:
 def coverage(samples: Iterable[Sample]) -> float | None:
     """Return the share of velocities inside their 95 % interval, of those with a covariance."""
     known = (s.mahalanobis2 for s in samples)
-    return _mean(float(d <= _MAHALANOBIS2_95) for d in known if d is not None)
+    return _mean(float(d <= VELOCITY_95_CHI2) for d in known if d is not None)
 
 
 def delay_median(episodes: Sequence[Episode]) -> float | None:

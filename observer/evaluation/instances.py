@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,9 +32,16 @@ class Instance:
 
 
 def instances_of(
-    line: Line, world: Pose, state: Literal["confirmed", "coasting"] = "confirmed"
+    line: Line,
+    world: Pose,
+    state: Literal["confirmed", "coasting"] = "confirmed",
+    motions: Container[str] = ("moving",),
 ) -> list[Instance]:
-    """Return the instances of a line in one state, of which ``world`` is ``T_truth_world``."""
+    """Return the instances of a line in one state, of which ``world`` is ``T_truth_world``.
+
+    Args:
+        motions: that they are reported to have.
+    """
     R = world.rotation
     return [
         Instance(
@@ -49,7 +57,7 @@ def instances_of(
         )
         for entry in line.obstacles
         if entry.state == state
-        and entry.motion == "moving"
+        and entry.motion in motions
         and entry.position is not None
         and entry.velocity is not None
     ]

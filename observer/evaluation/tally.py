@@ -15,7 +15,9 @@ The definitions, the same for every method:
 * A second instance on one obstacle is not false but a **surplus box**; MOTA counts both.
 * A miss is **told** if the line says that it is lost, if a coasting instance belongs to it, or if
   the line is degraded and motion could not be noticed in at least half of the box in which the
-  obstacle is seen.
+  obstacle is seen. It is also told if the obstacle is reported where it is, though as ``stopped``
+  or ``in_place``, and its true velocity lies within the stated 95 %: who turns round is slow for
+  a moment, and not unseen.
 """
 
 from __future__ import annotations
@@ -29,16 +31,16 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from observer.evaluation.choices import GATE_M, MOVING_MPS
-from observer.evaluation.image_boxes import area, box_iou, clipped, unseen_share
+from observer.evaluation.image_boxes import area, box_iou, clipped
 from observer.evaluation.instances import Instance, axis_distance, centre_distance, instances_of
 from observer.evaluation.lines import Line
 from observer.evaluation.surface import visible_surface
+from observer.evaluation.told import is_told, squared_length
 from observer.geometry import Float64Array, Pose
 from observer.truth.contract import Kind, TrueBody, Truth
 
 VISIBLE_SHARE = 0.5
 FILLING_SHARE = 0.1
-UNSEEN_SHARE = 0.5
 SETTLING_S = 0.6
 
 # Figures of a run that count: everything, or only status, detection and coverage (where depth is
@@ -255,11 +257,6 @@ class _Comparison:
             elif j not in taken and all(b.id in counted for b in near):
                 self._tally.surplus_boxes += 1
 
-    def _coasts(self, line: Line, body: TrueBody) -> bool:
-        """Return whether a body is told to be out of sight about where it is."""
-        coasting = instances_of(line, self._worlds[line.segment], "coasting")
-        return any(axis_distance(body, each) <= self._gate for each in coasting)
-
     def _camera_position(self, line: Line, world: Pose) -> Float64Array:
         true_pose = self._truth.camera_pose(line.time)
         if true_pose is not None:
@@ -326,7 +323,7 @@ class _Comparison:
     ) -> None:
         common = (float(np.linalg.norm(body.position - camera)), body.speed, _radial(body, camera))
         if instance is None:
-            told = _told(line, body) or self._coasts(line, body)
+            told = is_told(line, body, self._worlds[line.segment], self._gate)
             self._tally.samples.append(
                 Sample(
                     *common,
@@ -345,7 +342,7 @@ class _Comparison:
         error = instance.velocity - then.velocity
         mahalanobis2 = None
         if instance.velocity_cov is not None:
-            mahalanobis2 = float(error @ np.linalg.pinv(instance.velocity_cov) @ error)
+            mahalanobis2 = squared_length(error, instance.velocity_cov)
         surface = visible_surface(body, camera).centre
         two_faces = len(self._sides.get(body.id, ())) >= 2
         self._tally.samples.append(
@@ -391,15 +388,6 @@ def _false(
         nearest_m=None if nearest is None else axis_distance(nearest, instance),
         nearest_moving=None if nearest is None else nearest.speed > MOVING_MPS,
     )
-
-
-def _told(line: Line, body: TrueBody) -> bool:
-    """True if a line tells that this body may have been missed."""
-    if line.status == "lost":
-        return True
-    if line.status == "ok" or line.unseen is None or body.box_px is None:
-        return False
-    return unseen_share(body.box_px, line.unseen) >= UNSEEN_SHARE
 
 
 def _pose(line: Line) -> Pose:

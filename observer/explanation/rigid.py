@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from observer.camera import StereoCamera
+from observer.chi_square import log_share_above
 from observer.explanation.answer import (
     Nearby,
     PixelAnswer,
@@ -25,7 +26,6 @@ from observer.methods.rigid.point_motion import PointEvidence
 from observer.methods.rigid.tracked_points import NO_OBSTACLE
 from observer.parameters import Parameters
 from observer.types import UNSEEN_BECAUSE, Image, Unseen
-from observer.vision.chi_square import log_share_above
 from observer.vision.lifecycle import is_provisional
 
 # 99 of 100 standing points stay below this Mahalanobis length (chi, 3 degrees of freedom).

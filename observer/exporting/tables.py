@@ -214,7 +214,7 @@ _ROBOT_COLUMNS = (
     Column("encoder_turn_rate_radps", "float", "as reported by the robot", "encoder_turn_rate"),
     Column("x_m", "float", "position by wheel odometry", "x"),
     Column("y_m", "float", "position by wheel odometry", "y"),
-    Column("yaw_rad", "float", "its heading by its wheels", "yaw"),
+    Column("yaw_rad", "float", "heading by wheel odometry", "yaw"),
 )
 
 
@@ -229,12 +229,12 @@ _GOAL_COLUMNS = (
     Column("reason", "text", "what the robot does and why", "sentence"),
     Column("ahead_m", "float", "the goal, seen from the robot", "ahead"),
     Column("left_m", "float", "the goal, seen from the robot", "left"),
-    Column("waits_for", "int", "track for which the robot stands or turns aside"),
+    Column("waits_for", "int", "track for which the robot stops or swerves"),
     Column("meets_s", "float", "time until it would meet that track"),
     Column(
         "declared_risk_per_m",
         "float",
-        "accepted probability of a contact with tracked obstacles",
+        "accepted probability of a contact with tracked obstacles, per metre driven",
         "risk_per_metre",
     ),
     Column("planned_risk_per_m", "float", "of the planned path", "planned_risk_per_metre"),
@@ -243,7 +243,7 @@ _GOAL_COLUMNS = (
     Column(
         "refused",
         "text",
-        "paths that it does not take, as JSON: direction (rad to the left), speed_mps, path (m "
+        "refused paths, as JSON: direction (rad to the left), speed_mps, path (m "
         "ahead and left), cause (risk, later, guard or surface), risk, track, meets_s, guard",
     ),
 )
@@ -272,8 +272,8 @@ _MAP_COLUMNS = (
     *_INSTANT,
     Column("received_s", "float", "the host's monotonic clock of the frame", "received"),
     *_vector("the robot, by wheel odometry", "robot", "robot_x_m", "robot_y_m", "robot_yaw_rad"),
-    Column("corner_x_m", "float", "where the cells begin, by wheel odometry", "x"),
-    Column("corner_y_m", "float", "where the cells begin, by wheel odometry", "y"),
+    Column("corner_x_m", "float", "corner of the grid, by wheel odometry", "x"),
+    Column("corner_y_m", "float", "corner of the grid, by wheel odometry", "y"),
     Column("cell_m", "float", "side of a cell"),
     Column("size", "int", "cells along each side, y within x"),
     Column(
@@ -348,7 +348,7 @@ TABLES: Mapping[str, Table] = {
         ),
         Table(
             "map",
-            "one row per local map by which a robot that was sent to a goal planned",
+            "one row per local map that was used to plan the way to a goal",
             _MAP_COLUMNS,
             _maps,
         ),

@@ -187,7 +187,7 @@ class Navigator:
             why = f": {sight.reasons[0]}" if sight.reasons else ""
             return f"Waiting: vision is {sight.status.value}{why}."
         if self._odd:
-            return "Waiting: the camera frame tells impossible values."
+            return "Waiting: the camera frame contains impossible values."
         return None
 
     def _forget_where_clear(

@@ -15,7 +15,7 @@ class NavigationParameters(Stage):
     risk_per_metre: Real = number(
         0.001, unit="1/m", ge=1e-6, le=1.0, step=1e-6, title="Risk per metre"
     )
-    """Accepted probability of a contact with tracked obstacles on each metre driven, for goals sent
+    """Accepted probability of a contact with tracked obstacles per metre driven, for goals sent
     without their own."""
     detour_m: Real = number(3.0, unit="m", ge=0.0, le=20.0, step=0.1, title="Detour")
     """Path length that avoiding a certain contact is worth; less for improbable or later ones."""

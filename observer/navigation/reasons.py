@@ -65,7 +65,7 @@ def _standing(choice: Choice, decider: Reason | None) -> Reason:
         return replace(decider, sentence=guards) if decider is not None and same else Reason(guards)
     if decider is not None:
         return decider
-    return Reason("Waiting: no path leads on.")
+    return Reason("Waiting: there is no acceptable path.")
 
 
 def _turns_aside(choice: Choice, people: Futures, decider: Reason) -> bool:

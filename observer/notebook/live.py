@@ -28,9 +28,9 @@ class Step:
 
     Attributes:
         frame: as the source gave it. observation: what was found.
-        truth: true bodies at that instant, in the truth's own world; empty where none is known.
-        trace: every intermediate image and number by name (see ``observer.observer``); None where
-            it was not asked for.
+        truth: true bodies at that instant, in the ground truth's own world; empty if unknown.
+        trace: every intermediate image and number by name (see ``observer.observer``); None if
+            it was not requested.
     """
 
     frame: StereoFrame
@@ -59,7 +59,7 @@ class Step:
 
 
 class ObservedSource:
-    """Observes a source while it is iterated over; see ``observer.open``.
+    """Processes a source while you iterate over it; see ``observer.open``.
 
     Attributes:
         skipped: frames that could not be read, and why.
@@ -117,8 +117,8 @@ class ObservedSource:
             changes: values by dotted name; the others stay.
 
         Raises:
-            ParameterError: a name or a value is refused, or does not act with the method in
-                force; nothing was changed.
+            ParameterError: a name or a value is refused, or has no effect with the
+                current method; nothing was changed.
         """
         parameters = effective(self._observer.parameters, changes)
         self._revision += 1
@@ -128,10 +128,10 @@ class ObservedSource:
         return self.steps()
 
     def steps(self, count: int | None = None, *, trace: bool = False) -> Iterator[Step]:
-        """Observe on from where the source is.
+        """Process the next frames of the source.
 
         Args:
-            count: of frames; None until the source ends, which live ones never do.
+            count: number of frames; None: until the source ends, which live sources never do.
             trace: also keep every intermediate image and number of each frame.
         """
         done = 0

@@ -32,13 +32,13 @@ _UNKNOWN3 = (np.nan, np.nan, np.nan)
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """An obstacle under one identity; N frames by rising time, unknown values are NaN.
+    """An obstacle under one identity: N frames in order of time; unknown values are NaN.
 
     Attributes:
         segment, id: of the track.
         frames: (N,) numbers. times: (N,) seconds on the source's clock.
         positions: (N, 3) metres, velocities: (N, 3) m/s, the segment's world.
-        velocity_times: (N,) the instants that the velocities belong to.
+        velocity_times: (N,) the instants to which the velocities refer.
         speeds, speed_stds: (N,) m/s. ranges: (N,) metres from the camera.
         coasting: (N,) True where it was not seen in that frame.
     """
@@ -68,7 +68,7 @@ class SpeedsBesideTruth:
 
     Attributes:
         body: the body's name. segment, id: of the track. times: (N,) seconds, source's clock.
-        seen, std, true: (N,) m/s, NaN is not known.
+        seen, std, true: (N,) m/s; NaN: unknown.
     """
 
     body: str
@@ -147,10 +147,10 @@ class LoadedRun:
         return dict(replay_revisions(self.recording)[0][0].flat())
 
     def speeds_beside_truth(self) -> tuple[SpeedsBesideTruth, ...]:
-        """Return each track's speed beside the truth's, as matched while the run was recorded.
+        """Return each track's speed next to ground truth, as matched during the run.
 
-        True speeds are interpolated to the instants that the seen ones belong to; where a body is
-        not known on both sides they are NaN.
+        True speeds are interpolated to the instants of the estimated ones; they are NaN unless the
+        body is known on both sides.
         """
         true: dict[tuple[int, str], list[tuple[float, float]]] = defaultdict(list)
         taken: dict[tuple[int, int], str] = {}
@@ -247,7 +247,7 @@ class LoadedRun:
         return np.ascontiguousarray(draw_overlay(rectified, line)[:, :, ::-1])
 
     def cloud(self, position: int, frame: Frame = "camera") -> Cloud:
-        """Return the point cloud of a frame: as recorded, else by dense stereo from its images.
+        """Return the point cloud of a frame: as recorded, or from its images by dense stereo.
 
         Raises:
             ExportError, SourceError: as of ``observer.exporting.clouds.cloud_at``.
@@ -257,9 +257,9 @@ class LoadedRun:
     def observe_again(
         self, changes: Mapping[str, Any] | None = None
     ) -> tuple[ObservationLine, ...]:
-        """Observe the recorded images again, and return the JSON lines.
+        """Re-run the recorded images, and return the JSON lines.
 
-        Without changes and with lossless images they equal the run's but for the timings.
+        Without changes and with lossless images they equal the run's except for the timings.
 
         Args:
             changes: parameters that replace the recorded ones throughout, by dotted name.

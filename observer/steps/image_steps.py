@@ -42,7 +42,7 @@ def ego_motion_step(pair: ObservedPair) -> PaperStep:
         "ego_motion",
         "The camera's own motion by RANSAC",
         f"RANSAC finds the {p.model} transformation T that most matches follow to within the "
-        "threshold τ. These are inliers, the static background; the others do not take part.",
+        "threshold τ. These are the inliers, the static background; outliers are ignored.",
         "Green: inliers. Orange: outliers. Each line leads from t to t+dt.",
         _transformation(p.model),
         tuple(numbers),
@@ -105,15 +105,15 @@ def warp_step(pair: ObservedPair) -> PaperStep:
         numbers = (
             Number("Mean difference before", float(before[valid].mean()), "grey levels", 1),
             Number("Mean difference after", float(after[valid].mean()), "grey levels", 1),
-            Number("Image that is known after", 100 * float(valid.mean()), "%", 1),
+            Number("Valid area after", 100 * float(valid.mean()), "%", 1),
         )
     return PaperStep(
         5,
         "transformation",
         "Image transformation",
-        "The images of t+dt are transformed into the frame of the image at t. What stands is then "
-        "in the same place in both, and the difference of the images becomes small there.",
-        "The brighter a difference, the larger it is; black at the edges is not known.",
+        "The image at t+dt is warped onto the image at t. Static points are then in the same place "
+        "in both, and the difference between the images becomes small there.",
+        "The brighter, the larger the difference; the black edges have no data.",
         row("I′ ( x ) =", sub("I", "t+dt"), "( T x )"),
         numbers,
         ("ego_motion.model",),
@@ -143,7 +143,7 @@ def flow_step(pair: ObservedPair) -> PaperStep:
         dynamic = pair.trace["dynamic"]
         length = np.linalg.norm(pair.trace["flow_residual_px"], axis=1)
         numbers = (
-            Number("Features followed", len(dynamic)),
+            Number("Features tracked", len(dynamic)),
             Number("Dynamic", int(dynamic.sum())),
             Number("Threshold τ", threshold, "px", 1),
             Number("Median residual, static", known_median(length[~dynamic]), "px", 2),
@@ -153,9 +153,9 @@ def flow_step(pair: ObservedPair) -> PaperStep:
         6,
         "residual_flow",
         "Residual optical flow",
-        "Lucas and Kanade's method finds each feature of t in the transformed image. What moved by "
-        "more than the threshold τ, although the camera's motion is taken out, is dynamic.",
-        "Red: dynamic. Blue: static. Each line leads from the dot at t to the transformed image.",
+        "The Lucas-Kanade method finds each feature of t in the warped image. A feature that still "
+        "moves by more than the threshold τ, with the camera's motion removed, is dynamic.",
+        "Red: dynamic. Blue: static. Each line leads from the dot at t to the warped image.",
         row("r = x′ − x", gap(), size("r"), "> τ  ⇒", words("dynamic")),
         numbers,
         (

@@ -27,8 +27,8 @@ def images_step(pair: ObservedPair) -> PaperStep:
         1,
         "pair",
         "Stereo pair at t and t+dt",
-        "Both cameras take an image at t and again at t+dt. Rectification turns the images so that "
-        "a point lies in the same row of the left and the right one.",
+        "Both cameras take an image at t and again at t+dt. Rectification warps the images so that "
+        "a point lies in the same row of the left and the right image.",
         "Above: left and right at t. Below: left and right at t+dt. Orange: one row of each pair.",
         row(
             "dt =", sub("t", "2"), "−", sub("t", "1"), gap(),
@@ -54,13 +54,13 @@ def features_step(pair: ObservedPair) -> PaperStep:
         2,
         "features",
         "Feature points",
-        _DETECTOR_WORDS[p.detector] + " Each cell of a grid keeps an equal share of the points.",
+        _DETECTOR_WORDS[p.detector] + " Each cell of a grid gets an equal share of the points.",
         "Green stars: feature points in the left image at t.",
         _DETECTOR_FORMULAS[p.detector],
         (
             Number("Feature points", len(px)),
-            Number("Most that are kept", p.max_count),
-            Number("Columns of the grid", p.grid_cells),
+            Number("Maximum", p.max_count),
+            Number("Grid columns", p.grid_cells),
         ),
         (
             "features.detector",
@@ -79,20 +79,20 @@ _FAST = (
     "darker than the point by more than the threshold τ (FAST)."
 )
 _FAST_FORMULA = row(size("I (", sub("x", "k"), ") − I ( x )"), "> τ")
-_HESSIAN = "Points are where the determinant of the second derivatives is largest."
+_HESSIAN = "Points are local maxima of the determinant of the second derivatives."
 _HESSIAN_FORMULA = row(
     "det H =", sub("L", "xx"), sub("L", "yy"), "−", sup(sub("L", "xy"), "2")
 )  # fmt: skip
 _DETECTOR_WORDS = {
     "fast": _FAST,
-    "orb": _FAST + " ORB repeats that at several scales.",
-    "brisk": _FAST + " BRISK repeats that at several scales.",
+    "orb": _FAST + " ORB repeats this at several scales.",
+    "brisk": _FAST + " BRISK repeats this at several scales.",
     "shi_tomasi": "A point is a corner if the image varies in every direction around it: the "
     "smaller eigenvalue of its gradient matrix M is large (Shi and Tomasi).",
-    "harris": "A point is a corner if the image varies in every direction around it, by the "
-    "determinant and the trace of its gradient matrix M (Harris and Stephens).",
-    "kaze": _HESSIAN + " KAZE blurs without crossing edges.",
-    "surf": _HESSIAN + " SURF uses sums over boxes.",
+    "harris": "A point is a corner if the image varies in every direction around it, as measured "
+    "by the determinant and the trace of its gradient matrix M (Harris and Stephens).",
+    "kaze": _HESSIAN + " KAZE smooths without blurring across edges.",
+    "surf": _HESSIAN + " SURF approximates them by box filters.",
     "mser": "Points are the centres of regions whose area A hardly changes with the grey level g "
     "at which they are cut out (MSER).",
 }
@@ -122,15 +122,15 @@ def matches_step(pair: ObservedPair) -> PaperStep:
         Number("Largest shift", largest, "px", 1),
     )  # fmt: skip
     title = "Matches from t to t+dt"
-    caption = "Blue: the way of each match, from the dot at t to where it is at t+dt."
+    caption = "Blue: the path of each match, from the dot at t to its place at t+dt."
     own = ("matching.method", "matching.cross_check", "matching.max_shift")
     if klt:
         return PaperStep(
             3,
             "matches",
             title,
-            "Lucas and Kanade's method (KLT) shifts a window W around each feature until it fits "
-            "the image at t+dt best; d is the shift.",
+            "The Lucas-Kanade method (KLT) shifts a window W around each feature until it best "
+            "fits the image at t+dt; d is the shift.",
             caption,
             row(
                 under("min", "d"), under("∑", row("x ∈ W")),
@@ -144,8 +144,8 @@ def matches_step(pair: ObservedPair) -> PaperStep:
         3,
         "matches",
         title,
-        "Features are found at t+dt, too. Two belong together if their feature values f are the "
-        "most alike, by the distance h, and clearly more alike than the second best (ratio ρ).",
+        "Features are detected at t+dt, too. Two match if the distance h of their descriptors f is "
+        "the smallest, and clearly smaller than to the second best (ratio ρ).",
         caption,
         row(
             "h (", sub("f", "t"), ",", sub("f", "t+dt"), ") ≤ ρ h (",

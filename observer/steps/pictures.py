@@ -201,7 +201,7 @@ def _displacement(pair: ObservedPair) -> Figure:
     spread.set_xlabel("speed, m/s", fontsize=8, color=INK)
     spread.set_ylabel("points", fontsize=8, color=INK)
     spread.tick_params(labelsize=8)
-    _plan(above, pair, "(b) way in one second, from above")
+    _plan(above, pair, "(b) motion in one second, from above")
     if len(speed):
         begin, way = motions.points_previous, motions.velocity
         above.quiver(

@@ -41,9 +41,9 @@ def stereo_step(pair: ObservedPair) -> PaperStep:
         7,
         "stereo",
         "Stereo: disparity and position",
-        "The disparity d is how far a point lies further left in the right image. With the focal "
+        "The disparity d is how much further left a point lies in the right image. With the focal "
         "length f and the baseline b it gives the depth Z, and with the pixel the position.",
-        "Colour: disparity, near is red, unknown is dark. Red points: dynamic.",
+        "Colour: disparity; red is near, dark is unknown. Red points: dynamic.",
         row(
             "Z =", frac("f b", "d"), gap(),
             "X =", frac(row("( u −", sub("c", "x"), ") Z"), "f"), gap(),
@@ -78,9 +78,9 @@ def displacement_step(pair: ObservedPair) -> PaperStep:
         8,
         "displacement",
         "Displacement over dt",
-        "Both clouds have the camera at t as their origin, so a static point P has the same place "
-        "in both. The displacement of a dynamic point, over dt, is its velocity v.",
-        "Red: from each dynamic point an arrow as long as its way in one second, from above.",
+        "Both clouds have the camera at t as their origin, so a static point P has the same "
+        "position in both. The displacement of a dynamic point, divided by dt, is its velocity v.",
+        "From above. Red: an arrow from each dynamic point, as long as its motion in one second.",
         row("v =", frac(row(sub("P", "t+dt"), "−", sub("P", "t")), "dt")),
         numbers,
         (
@@ -115,8 +115,8 @@ def obstacles_step(pair: ObservedPair) -> PaperStep:
         9,
         "obstacles",
         "Obstacles: cluster, speed, identity",
-        "Dynamic points closer together than r are one obstacle; its speed is the length of their "
-        "mean velocity. It is reported once it was seen in several frames.",
+        "Dynamic points closer together than r form one obstacle; its speed is the magnitude of "
+        "their mean velocity. It is reported once it has been seen in several frames.",
         "Yellow: obstacles with their speed. Green stars: their points. White, dashed: too new to "
         "be reported.",
         row(

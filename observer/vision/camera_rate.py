@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array, Pose, cross_matrix
+from observer.geometry import Float64Array, Pose
+from observer.kernels.lasting_errors import lasting_errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +49,7 @@ class CameraRate:
         Args:
             place: (N, 3) metres, camera frame. velocity: (N, 3) m/s, the points' own, camera axes.
         """
-        relative = velocity + self.shift
-        depth = place[:, 2]
-        seen = depth > 0
-        depth = np.where(seen, depth, 1.0)
-        depth_rate = relative[:, 2] + self.turn[0] * place[:, 1] - self.turn[1] * place[:, 0]
-        per_disparity = depth / (camera.fx * camera.baseline)
-        drift = -per_disparity[:, None] * (relative + place * (depth_rate / depth)[:, None])
-        return np.asarray(drift * seen[:, None], dtype=np.float64)
+        return self._drifts(place, velocity, camera)[:, 0]
 
     def velocity_by_distortion(
         self, place: Float64Array, velocity: Float64Array, camera: StereoCamera
@@ -70,18 +64,7 @@ class CameraRate:
         Args:
             place, velocity: as of ``velocity_by_bias``.
         """
-        x, y, z = place.T
-        seen = z > 0
-        z = np.where(seen, z, 1.0)
-        relative = velocity + self.shift + place @ cross_matrix(self.turn).T
-        u, v = camera.fx * x / z, camera.fy * y / z
-        width, height = camera.width, camera.height
-        corner = np.hypot(max(camera.cx, width - camera.cx), max(camera.cy, height - camera.cy))
-        share = np.minimum((u * u + v * v) / corner**2, 1.0) ** 2 * seen
-        out = np.zeros_like(place)
-        out[:, 0] = share * (relative[:, 0] - x / z * relative[:, 2])
-        out[:, 1] = share * (relative[:, 1] - y / z * relative[:, 2])
-        return out
+        return self._drifts(place, velocity, camera)[:, 1]
 
     def lasting_errors(
         self,
@@ -97,6 +80,14 @@ class CameraRate:
             place, velocity: as of ``velocity_by_bias``. bias_px, stretch: one standard deviation
                 each, as of ``EvidenceParameters``.
         """
-        bias = bias_px * self.velocity_by_bias(place, velocity, camera)
-        distortion = stretch * self.velocity_by_distortion(place, velocity, camera)
-        return np.stack([bias, distortion], axis=1)
+        each = np.array([[bias_px], [stretch]])
+        return np.asarray(self._drifts(place, velocity, camera) * each, np.float64)
+
+    def _drifts(
+        self, place: Float64Array, velocity: Float64Array, camera: StereoCamera
+    ) -> Float64Array:
+        """(N, 2, 3) m/s, camera axes: per pixel of disparity, and by a stretch of 1."""
+        return lasting_errors(
+            np.ascontiguousarray(place), np.ascontiguousarray(velocity), self.turn, self.shift,
+            camera.numbers, camera.corner_px**2,
+        )  # fmt: skip

@@ -21,14 +21,11 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array
-from observer.robust import MAD_TO_SIGMA, median
+from observer.kernels.disparity_change import disparity_change
+from observer.robust import median
 
 _LEAST_POINTS = 30
 _LEAST_DISPARITY_PX = 1.0
-_ITERATIONS = 3
-# Tukey's weight is 0 beyond this many standard deviations.
-_TUKEY_SIGMAS = 4.7
-_LEAST_SCATTER_PX = 0.05
 # Points of one scene err together: the fit knows c so many times worse, and never better than
 # this, pixels.
 _SHARED = 2.0
@@ -71,19 +68,18 @@ class DisparityStep:
             before_px, now_px: (N, 2) pixels, left image. before_disparity, now_disparity: (N,)
                 pixels as matched, NaN unknown.
         """
-        known = (before_disparity > _LEAST_DISPARITY_PX) & (now_disparity > _LEAST_DISPARITY_PX)
-        if np.count_nonzero(known) < _LEAST_POINTS:
+        constant, sigma, flow = disparity_change(
+            np.ascontiguousarray(before_px, np.float64),
+            np.ascontiguousarray(now_px, np.float64),
+            before_disparity,
+            now_disparity,
+            camera.numbers,
+            _LEAST_DISPARITY_PX,
+        )
+        if len(flow) < _LEAST_POINTS:
             return None
-        start, end = (px[known].astype(np.float64) for px in (before_px, now_px))
-        d0, d1 = before_disparity[known], now_disparity[known]
-        x = (start[:, 0] + end[:, 0] - 2 * camera.cx) / (2 * camera.fx)
-        y = (start[:, 1] + end[:, 1] - 2 * camera.cy) / (2 * camera.fy)
-        d, widened = (d0 + d1) / 2, 1 + x * x
-        design = np.stack([widened, d * d, x * d, y * d])
-        constant, sigma = _robust_first(design, d1 - d0)
-        flow = median((end[:, 0] - start[:, 0]) / widened) / dt
         sigma = math.hypot(_SHARED * sigma, _LEAST_SIGMA_PX)
-        return DisparityStep(dt, constant, sigma, flow)
+        return DisparityStep(dt, constant, sigma, median(flow) / dt)
 
 
 @dataclass(frozen=True)
@@ -139,19 +135,3 @@ def _between(before: DisparityStep, after: DisparityStep) -> float:
     """Flow at the frame between two frame intervals, px/s."""
     span = before.dt + after.dt
     return (before.flow_px_s * after.dt + after.flow_px_s * before.dt) / span
-
-
-def _robust_first(design: Float64Array, values: Float64Array) -> tuple[float, float]:
-    """First of the coefficients (4,) by which values (N,) follow (4, N), and its deviation."""
-    scaled = design / np.abs(design).max(axis=1, keepdims=True)
-    weight = np.ones(len(values))
-    inverse, scatter, found = np.eye(4), _LEAST_SCATTER_PX, np.zeros(4)
-    for _ in range(_ITERATIONS):
-        weighted = scaled * weight
-        inverse = np.linalg.inv(weighted @ scaled.T + 1e-9 * len(values) * np.eye(4))
-        found = inverse @ (weighted @ values)
-        residual = np.abs(values - found @ scaled)
-        scatter = max(_LEAST_SCATTER_PX, MAD_TO_SIGMA * median(residual))
-        weight = np.clip(1 - (residual / (_TUKEY_SIGMAS * scatter)) ** 2, 0.0, None) ** 2
-    size = float(np.abs(design[0]).max())
-    return float(found[0]) / size, scatter * math.sqrt(inverse[0, 0]) / size

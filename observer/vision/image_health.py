@@ -62,7 +62,10 @@ class ImageHealth:
                 not matched it, as of the first view of a segment.
             rows: its stereo matches, where there are any.
         """
-        exposure = exposure_reason(view.left, view.right, _matched(rows, stereo_share))
+        exposure = exposure_reason(view.left, view.right)
+        if exposure is not None:
+            # It may be the scene that is unequally bright, which the matches tell.
+            exposure = exposure_reason(view.left, view.right, _matched(rows, stereo_share))
         frozen = self._look_frozen(view)
         flicker = self._look_at_light(view)
         if exposure is None and stereo_share is not None:

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.kernels.corners import is_cornered, strongest_of_cells, wanted_cells
 from observer.parameters import KltTrackingParameters, Parameters
 from observer.types import Image
 from observer.vision.features import strongest_first
@@ -92,7 +93,10 @@ def one_per_cell(cell: NDArray[np.intp], sightings: NDArray[np.int64]) -> NDArra
         sightings: (N,) in how many frames each was seen.
     """
     order = np.lexsort((-sightings, cell))
-    return np.sort(order[_firsts(cell[order])])
+    ordered = cell[order]
+    first = np.ones(len(cell), np.bool_)
+    first[1:] = ordered[1:] != ordered[:-1]
+    return np.sort(order[first])
 
 
 def new_keypoints(
@@ -140,25 +144,19 @@ def strongest_corners(
             looked at, each frame another one. None looks at all of them.
     """
     strength = np.asarray(cv2.cornerMinEigenVal(cv2.pyrDown(image), _CORNER_PX), np.float32)
-    height, width = strength.shape
-    # Lucas-Kanade's window must lie in the image.
-    margin = -(-(parameters.window_px // 2 + 1) // _REDUCTION)
-    strength[:margin], strength[height - margin :] = 0, 0
-    strength[:, :margin], strength[:, width - margin :] = 0, 0
-    step = np.float32(_REDUCTION * _FINER / parameters.spacing_px)
-    v, u = ((np.arange(n, dtype=np.float32) * step).astype(np.intp) for n in (height, width))
-    best = _strongest(strength, v, u, marked)
     # The least strength of a corner that can be followed.
-    least = float((_SMOOTHED * parameters.min_texture / _GREY_PER_ROOT) ** 2)
-    best[~_free(taken, marked, turn) | (best < least)] = np.inf
-    # Numbered over the whole image, they are found several times faster than by row and column.
-    found = np.flatnonzero(strength == best.take(v, axis=0).take(u, axis=1))
-    row, column = np.divmod(found, width)
-    px = np.stack([column, row], axis=1).astype(np.float32) * _REDUCTION
-    cell = grid_cells(px, marked, parameters)
-    # Of equally strong ones it is the first in the image, so that equal images give equal points.
-    order = np.argsort(cell, kind="stable")
-    return px[order[_firsts(cell[order])]]
+    least = (_SMOOTHED * parameters.min_texture / _GREY_PER_ROOT) ** 2
+    found = strongest_of_cells(
+        strength,
+        marked,
+        _wanted(taken, marked, turn),
+        _FINER,
+        # Lucas-Kanade's window must lie in the image.
+        -(-(parameters.window_px // 2 + 1) // _REDUCTION),
+        np.float32(_REDUCTION * _FINER / parameters.spacing_px),
+        np.float32(least),
+    )
+    return found.astype(np.float32) * np.float32(_REDUCTION)
 
 
 def first_in_empty(
@@ -179,61 +177,19 @@ def first_in_empty(
     margin = parameters.window_px // 2 + 1
     low, high = np.float32(margin), np.array(size, np.float32) - margin
     finer = (px * np.float32(_FINER / parameters.spacing_px)).astype(np.intp)
-    chosen = _free(taken, marked, turn)[finer[:, 1], finer[:, 0]]
+    chosen = _wanted(taken, marked, turn)[finer[:, 1], finer[:, 0]]
     chosen &= (px >= low).all(axis=1) & (px < high).all(axis=1)
     index = np.flatnonzero(chosen)
     _, first = np.unique(grid_cells(px[index], marked, parameters), return_index=True)
     return np.asarray(index[first], np.intp)
 
 
-def _strongest(
-    strength: NDArray[np.float32],
-    v: NDArray[np.intp],
-    u: NDArray[np.intp],
-    marked: NDArray[np.bool_],
-) -> NDArray[np.float32]:
-    """(2 rows, 2 columns) of the finer cells: the greatest strength in the cell that counts.
-
-    Args:
-        strength: (h, w). v, u: (h,), (w,) the finer cell of each of its rows and columns.
-        marked: (rows, columns) where the finer cell counts rather than the whole.
-    """
-    rows, columns = marked.shape
-    best = np.zeros((rows * _FINER, columns * _FINER), np.float32)
-    down, across = (np.flatnonzero(_firsts(index)) for index in (v, u))
-    # Row by row of cells: three times as fast as reduceat along the first axis.
-    lowest = np.append(down[1:], len(v))
-    rowwise = np.stack([strength[a:b].max(axis=0) for a, b in zip(down, lowest, strict=True)])
-    pooled = np.maximum.reduceat(rowwise, across, axis=1)
-    best[: len(down), : len(across)] = pooled
-    blocks = best.reshape(rows, _FINER, columns, _FINER)
-    whole = blocks.max(axis=(1, 3), keepdims=True)
-    return np.where(marked[:, None, :, None], blocks, whole).reshape(best.shape)
-
-
-def _free(
+def _wanted(
     taken: NDArray[np.intp], marked: NDArray[np.bool_], turn: int | None
 ) -> NDArray[np.bool_]:
     """(2 rows, 2 columns) of the finer cells: in which a point is wanted."""
-    rows, columns = marked.shape
-    empty = np.ones(rows * columns * (1 + _FINER**2), np.bool_)
-    empty[taken] = False
-    coarse, finer = np.split(empty, [rows * columns])
-    coarse = coarse.reshape(rows, columns)
-    if turn is not None:
-        coarse &= (np.add.outer(np.arange(rows), np.arange(columns)) + turn) % _TURNS == 0
-    return np.where(
-        marked[:, None, :, None],
-        finer.reshape(rows, _FINER, columns, _FINER),
-        coarse[:, None, :, None],
-    ).reshape(rows * _FINER, columns * _FINER)
-
-
-def _firsts(ordered: NDArray[np.intp]) -> NDArray[np.bool_]:
-    """(N,) which of N ascending numbers are not those before them."""
-    first = np.ones(len(ordered), np.bool_)
-    first[1:] = ordered[1:] != ordered[:-1]
-    return first
+    number, turns = (0, 1) if turn is None else (turn, _TURNS)
+    return wanted_cells(np.ascontiguousarray(taken, np.int64), marked, _FINER, number, turns)
 
 
 def has_corner(image: Image, px: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -244,13 +200,7 @@ def has_corner(image: Image, px: NDArray[np.float32]) -> NDArray[np.bool_]:
     """
     scale = 1 / _REDUCTION
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
-    across, down = (cv2.Sobel(small, cv2.CV_32F, *along) for along in ((1, 0), (0, 1)))
-    columns, rows = np.clip((px / _REDUCTION).astype(np.intp), 0, np.array(small.shape[::-1]) - 1).T
-    # Eigenvalues are needed at the points alone: OpenCV's function computes them, and eigenvectors,
-    # for every pixel.
-    a, b, c = (
-        cv2.blur(product, (_EDGE_WINDOW, _EDGE_WINDOW))[rows, columns]
-        for product in (across * across, across * down, down * down)
+    across, down = (np.asarray(gradient, np.int16) for gradient in cv2.spatialGradient(small))
+    return is_cornered(
+        across, down, np.ascontiguousarray(px, np.float32), _REDUCTION, _EDGE_WINDOW, _EDGE_RATIO
     )
-    middle, half = (a + c) / 2, np.hypot((a - c) / 2, b)
-    return np.asarray(middle - half >= _EDGE_RATIO * (middle + half))

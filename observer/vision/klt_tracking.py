@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.kernels.track_checks import around_the_circle, on_the_row, with_returned
 from observer.parameters import FlowParameters, KltTrackingParameters
 from observer.types import Image
 
@@ -27,9 +28,9 @@ FIRST_LEVELS, LEVELS = 4, 2
 # The disparity of a new point is known to about a pixel, and of a blurred one to a few.
 _COARSE_LEVELS = 1
 # A mean absolute difference m of normally distributed noise means a deviation of m sqrt(pi / 2).
-_DEVIATION = float(np.sqrt(np.pi / 2))
+_DEVIATION = np.float32(np.sqrt(np.pi / 2))
 # Texture below this, grey levels/px, cannot be told from none.
-_LEAST_TEXTURE = 1e-3
+_LEAST_TEXTURE = np.float32(1e-3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,31 +76,66 @@ def track_stereo_points(
             disparities leave the right image out.
         levels: of the pyramid, beyond the full image: how far off the expectation may be.
     """
-    count = len(px)
-    end, difference = np.array(expected_px, np.float32), np.zeros(count, np.float32)
-    texture, found = np.zeros(count, np.float32), np.zeros(count, np.bool_)
+    p = parameters
+    height, width = current[0].shape
+    end, found = np.ascontiguousarray(expected_px, np.float32), np.zeros(len(px), np.bool_)
+    difference = texture = np.zeros(len(px), np.float32)
     for depth in dict.fromkeys((min(_NEAR_LEVELS, levels), levels)):
         # What is expected outside the image is not searched for.
-        open_ = np.flatnonzero(~found & _inside(expected_px, current[0], 0.0))
+        open_ = np.flatnonzero(~found & _inside(expected_px, current[0]))
         if len(open_) == 0:
             break
-        end[open_], found[open_], difference[open_], texture[open_] = _there_and_back(
-            previous[0], current[0], px[open_], expected_px[open_], depth, parameters
+        start = px.take(open_, axis=0)
+        there = _flow(previous[0], current[0], start, expected_px.take(open_, axis=0), depth, p)
+        back = _flow(current[0], previous[0], there.px, start, _NEAR_LEVELS, p, want_texture=True)
+        end, found, difference, texture = with_returned(
+            end,
+            found,
+            difference,
+            texture,
+            open_,
+            start,
+            *there,
+            *back,
+            height,
+            width,
+            np.float32(p.window_px / 4),
+            np.float32(_EIGENVALUE_UNIT),
+            np.float32(p.back_check_px**2),
+            np.float32(p.max_error),
         )
-    matched = np.full((count, 2), np.nan, np.float32)
-    mismatch = np.zeros(count, np.float32)
     seen = np.flatnonzero(found & np.isfinite(expected_disparity))
-    matched[seen], mismatch[seen] = match_right(
-        current, end[seen], expected_disparity[seen], parameters, _NEAR_LEVELS
+    matched, mismatch = match_right(
+        current, end.take(seen, axis=0), expected_disparity.take(seen), p, _NEAR_LEVELS
     )
-    circle = seen[np.isfinite(right_px[seen, 0]) & np.isfinite(matched[seen, 0])]
-    around, status, _ = _flow(
-        previous[1], current[1], right_px[circle], matched[circle], _NEAR_LEVELS, parameters
+    before = right_px.take(seen, axis=0)
+    # Of these there are two ways to the right image, and they must meet.
+    circle = np.flatnonzero(np.isfinite(before[:, 0]) & np.isfinite(matched[:, 0]))
+    around = _flow(
+        previous[1],
+        current[1],
+        before.take(circle, axis=0),
+        matched.take(circle, axis=0),
+        _NEAR_LEVELS,
+        p,
     )
-    apart = ((around - matched[circle]) ** 2).sum(axis=1) > parameters.circle_px**2
-    matched[circle[apart | ~status]] = np.nan
-    noise = _noise_px(np.stack([difference, mismatch], axis=1), texture[:, None], parameters)
-    return Sightings(end, matched, found, noise)
+    right, sigma = around_the_circle(
+        difference,
+        texture,
+        seen,
+        matched,
+        mismatch,
+        circle,
+        around.px,
+        around.status,
+        np.float32(p.circle_px**2),
+        np.float32(p.window_px | 1),
+        _LEAST_TEXTURE,
+        _DEVIATION,
+        np.float32(p.noise_factor),
+        np.float32(p.noise_floor_px),
+    )
+    return Sightings(end, right, found, sigma)
 
 
 def track_points(
@@ -127,11 +163,11 @@ def track_points(
     p = parameters
     if p.match_brightness:
         second = as_bright_as(first, second, ignore_black=True)
-    end, found, error = _flow(first, second, px, None, p.pyramid_levels, p)
-    good = found & (error <= p.max_error) & _inside(end, first, 0.0)
+    end, status, error = _flow(first, second, px, None, p.pyramid_levels, p)
+    good = (status > 0) & (error <= p.max_error) & _inside(end, first)
     if back_check:
-        back, found, _ = _flow(second, first, end, None, p.pyramid_levels, p)
-        good &= found & (np.linalg.norm(back - px, axis=1) <= p.back_check_px)
+        back, status, _ = _flow(second, first, end, None, p.pyramid_levels, p)
+        good &= (status > 0) & (np.linalg.norm(back - px, axis=1) <= p.back_check_px)
     return end, good
 
 
@@ -153,14 +189,20 @@ def match_right(
         expected_disparity: (N,) pixels, NaN unknown.
         levels: of the pyramid, beyond the full image: how far off the expectation may be.
     """
-    known = np.isfinite(expected_disparity)
+    height, width = pair[1].shape
+    px = np.ascontiguousarray(px, np.float32)
+    expected_disparity = np.ascontiguousarray(expected_disparity, np.float32)
     start = px.copy()
-    start[:, 0] -= np.where(known, expected_disparity, 0.0)
-    end, status, difference = _flow(pair[0], pair[1], px, start, levels, parameters)
-    good = known & status & (difference <= parameters.max_error)
-    good &= np.abs(end[:, 1] - px[:, 1]) <= parameters.row_px
-    good &= _inside(end, pair[1], 0.0)
-    return np.where(good[:, None], end, np.float32(np.nan)), difference
+    start[:, 0] -= np.where(np.isfinite(expected_disparity), expected_disparity, 0.0)
+    return on_the_row(
+        px,
+        expected_disparity,
+        *_flow(pair[0], pair[1], px, start, levels, parameters),
+        height,
+        width,
+        np.float32(parameters.row_px),
+        np.float32(parameters.max_error),
+    )
 
 
 def as_bright_as(first: Image, second: Image, *, ignore_black: bool = False) -> Image:
@@ -179,50 +221,25 @@ def as_bright_as(first: Image, second: Image, *, ignore_black: bool = False) -> 
     return np.asarray(cv2.convertScaleAbs(second, alpha=before / after), dtype=np.uint8)
 
 
-def _there_and_back(
-    first: Image,
-    second: Image,
-    px: NDArray[np.float32],
-    expected_px: NDArray[np.float32],
-    levels: int,
-    parameters: KltTrackingParameters,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32], NDArray[np.float32]]:
-    """(N, 2) where points are, (N,) whether they return, (N,) difference, (N,) texture."""
-    end, status, difference = _flow(first, second, px, expected_px, levels, parameters)
-    back, returned, texture = _flow(
-        second, first, end, px, _NEAR_LEVELS, parameters, want_texture=True
-    )
-    found = status & returned & _inside(end, second, parameters.window_px / 4)
-    found &= ((back - px) ** 2).sum(axis=1) <= parameters.back_check_px**2
-    found &= difference <= parameters.max_error
-    return end, found, difference, texture
+class _Flow(NamedTuple):
+    """What Lucas-Kanade says of N points.
 
-
-def _noise_px(
-    difference: NDArray[np.float32],
-    texture: NDArray[np.float32],
-    parameters: KltTrackingParameters,
-) -> NDArray[np.float32]:
-    """Standard deviation, pixels, of a match by Lucas-Kanade.
-
-    Least squares over a window of n pixels whose gradient is g along the weakest direction knows
-    the shift to ``noise / (g sqrt(n))`` (the inverse of its normal matrix). What Lucas-Kanade
-    cannot model comes on top.
-
-    Args:
-        difference: (N, K) grey levels, mean absolute difference of the two windows.
-        texture: (N, 1) grey levels/px, root mean square of the gradient g.
+    Attributes:
+        px: (N, 2) float32 pixels in the second image. status: (N,) not 0 where it found them.
+        quality: (N,) mean absolute difference, grey levels, or the smaller eigenvalue of the
+            gradient matrix, in OpenCV's unit. Of lost points it is left as the memory was found.
     """
-    side = parameters.window_px | 1
-    statistical = _DEVIATION * difference / np.maximum(side * texture, _LEAST_TEXTURE)
-    return np.hypot(parameters.noise_factor * statistical, parameters.noise_floor_px)
+
+    px: NDArray[np.float32]
+    status: NDArray[np.uint8]
+    quality: NDArray[np.float32]
 
 
-def _inside(px: NDArray[np.float32], image: Image, margin: float) -> NDArray[np.bool_]:
-    """(N,) which points (N, 2) lie in the image, at least ``margin`` pixels from its edge."""
+def _inside(px: NDArray[np.float32], image: Image) -> NDArray[np.bool_]:
+    """(N,) which points (N, 2) px lie in the image."""
     height, width = image.shape
-    limits = (width - 1 - margin, height - 1 - margin)
-    return np.asarray(((px >= margin) & (px <= limits)).all(axis=1), dtype=np.bool_)
+    u, v = px[:, 0], px[:, 1]
+    return np.asarray((u >= 0) & (v >= 0) & (u <= width - 1) & (v <= height - 1), np.bool_)
 
 
 def _flow(
@@ -234,18 +251,14 @@ def _flow(
     parameters: KltTrackingParameters | FlowParameters,
     *,
     want_texture: bool = False,
-) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.float32]]:
+) -> _Flow:
     """Track points by Lucas-Kanade, with the quality of the match or of the texture.
 
     Args:
         px, start: (N, 2) in the first image, and about where in the second; None: where they were.
-
-    Returns:
-        (N, 2) pixels; (N,); (N,) mean absolute difference, grey levels, or with ``want_texture``
-        the texture, grey levels/px. Of points that were not found the latter is 0.
     """
     if len(px) == 0:
-        return px.copy(), np.zeros(0, np.bool_), np.zeros(0, np.float32)
+        return _Flow(px.copy(), np.zeros(0, np.uint8), np.zeros(0, np.float32))
     steps = _STEPS if start is None else _STEPS_FROM_EXPECTED
     side = parameters.window_px | 1
     end, status, error = cv2.calcOpticalFlowPyrLK(
@@ -260,9 +273,8 @@ def _flow(
         | (cv2.OPTFLOW_LK_GET_MIN_EIGENVALS if want_texture else 0),
         minEigThreshold=parameters.min_texture**2 / _EIGENVALUE_UNIT,
     )
-    found = np.asarray(status, dtype=np.uint8)[:, 0] > 0
-    # OpenCV leaves the quality of lost points as it found the memory.
-    quality = np.where(found, np.asarray(error, dtype=np.float32)[:, 0], np.float32(0))
-    if want_texture:
-        quality = np.sqrt(np.maximum(quality, 0) * np.float32(_EIGENVALUE_UNIT))
-    return np.asarray(end, dtype=np.float32), found, np.asarray(quality, dtype=np.float32)
+    return _Flow(
+        np.asarray(end, np.float32),
+        np.asarray(status, np.uint8)[:, 0],
+        np.asarray(error, np.float32)[:, 0],
+    )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from observer.geometry import Float64Array
+from observer.kernels.neighbourhoods import linked
 
 
 def summed(pairs: NDArray[np.intp], columns: list[Float64Array]) -> Float64Array:
@@ -38,20 +39,17 @@ def grouped(
     members = np.flatnonzero(chosen)
     if len(members) < min_points:
         return group
-    place = np.cumsum(chosen) - 1
-    i, j = place[pairs[chosen[pairs].all(axis=1)]].T
-    near = coo_matrix((np.ones(len(i)), (i, j)), shape=(len(members), len(members)))
-    _, labels = connected_components(near, directed=False)
-    sizes = np.bincount(labels)
+    first = linked(pairs, chosen)[members]
+    sizes = np.bincount(first, minlength=len(chosen))
     order = np.argsort(-sizes, kind="stable")
     rank = np.empty_like(order)
     rank[order] = np.arange(len(order))
-    group[members] = np.where(sizes[labels] >= min_points, rank[labels], -1)
+    group[members] = np.where(sizes[first] >= min_points, rank[first], -1)
     return group
 
 
 def false_alarms_per_test(
-    false_alarms_per_frame: float, ready: NDArray[np.bool_], neighbours: Float64Array
+    false_alarms_per_frame: float, ready: NDArray[np.bool_], neighbours: NDArray[Any]
 ) -> float:
     """The rate that each test may have: points judged with their neighbours are not independent.
 

@@ -16,7 +16,7 @@ export interface components {
       /** @default null */
       lease: string | null;
       /**
-       * @description Who has it.
+       * @description Who has control.
        * @default null
        */
       holder: string | null;
@@ -34,7 +34,7 @@ export interface components {
       quality: "good" | "slow" | "lost";
       rtt_ms: number | null;
       delay_ms: number | null;
-      /** @description Why the robots stand; None while they need not. */
+      /** @description Why the robots are stopped; null while they are not. */
       sentence: string | null;
       /**
        * @default link
@@ -89,7 +89,7 @@ export interface components {
     AgeingStatus: {
       rows: components["schemas"]["RowDriftStatus"];
       vergence: components["schemas"]["VergenceStatus"];
-      /** @description None while no skew is known that nobody told. */
+      /** @description null while no unreported sync error is known. */
       exposure_skew: components["schemas"]["ExposureSkewStatus"] | null;
     };
     BoardFacts: {
@@ -105,38 +105,38 @@ export interface components {
       words: string;
       /** @description Where to hold the board next. */
       next: string | null;
-      /** @description 0 to 1, by name. */
+      /** @description Coverage achieved, from 0 to 1, by name. */
       coverage: {
         [key: string]: number;
       };
-      /** @description What still lacks, one sentence each. */
+      /** @description What is still missing, one sentence each. */
       missing: string[];
-      /** @description Corners left and right. */
+      /** @description Corners found in the left and the right image. */
       seen: number[];
       /**
-       * @description How many are captured.
+       * @description Number of captured views.
        * @default 0
        */
       views: number;
       /** @default false */
       enough: boolean;
       /**
-       * @description Whether new poses are captured by themselves.
+       * @description Whether new poses are captured automatically.
        * @default true
        */
       automatic: boolean;
       /**
-       * @description Whether one lens shall be covered.
+       * @description Whether the operator is asked to cover one lens.
        * @default false
        */
       cover_asked: boolean;
       /** @description The side whose lens was covered. */
       covered: string | null;
-      /** @description None: looking at it failed. */
+      /** @description null: detection failed. */
       frame: number | null;
     };
     CalibratingFacts: {
-      /** @description None: images were sent in. */
+      /** @description null: uploaded images are used. */
       source: string | null;
       board: components["schemas"]["BoardFacts"];
       size: [number, number] | null;
@@ -148,7 +148,7 @@ export interface components {
       computing: components["schemas"]["Computing"] | null;
       /** @description Why the last computation failed. */
       trouble: string | null;
-      /** @description Views that the result rests on. */
+      /** @description Views on which the result is based. */
       result: string[] | null;
     };
     CalibrationReference: {
@@ -178,12 +178,12 @@ export interface components {
     };
     CapturedView: {
       name: string;
-      /** @description Corners seen. */
+      /** @description Corners found. */
       left: number;
       right: number;
       picture: boolean;
     };
-    /** @description A guided check that goes on, or the one that ended last. */
+    /** @description The guided check in progress, or the last one. */
     CheckNow: {
       /** @enum {string} */
       role: "observer" | "obstacle";
@@ -193,13 +193,13 @@ export interface components {
       ended_at: string | null;
       outcome: ("passed" | "failed" | "incomplete" | "given_up") | null;
       given_up_by: string | null;
-      /** @description Which step it is at, from 0; None at its end. */
+      /** @description Current step, from 0; null at the end. */
       present: number | null;
       promised_ms: number;
       steps: components["schemas"]["CheckStep"][];
-      /** @description The name under which it is kept. */
+      /** @description Name under which it is saved. */
       record: string | null;
-      /** @description Why it could not be kept. */
+      /** @description Why it could not be saved. */
       trouble: string | null;
     };
     CheckStep: {
@@ -208,17 +208,17 @@ export interface components {
       instruction: string;
       /** @enum {string} */
       state: "waiting" | "driving" | "passed" | "failed" | "skipped";
-      /** @description Of the stop that was taken. */
+      /** @description Kind of the stop that was counted. */
       kind: string | null;
       sentence: string | null;
       /** @description Wall clock of its cause, UTC. */
       at: string | null;
-      /** @description Who drove. */
+      /** @description Who was driving. */
       operator: string | null;
       figures: components["schemas"]["StopMeasured"] | null;
-      /** @description How that compares with what is promised. */
+      /** @description Comparison with the limit. */
       verdict: string | null;
-      /** @description The newest stop that was not taken, and why. */
+      /** @description The newest stop that was not counted, and why. */
       told: string | null;
       skipped_by: string | null;
     };
@@ -226,7 +226,7 @@ export interface components {
       words: string;
       share: number;
     };
-    /** @description A planar model's affine part, as the paper's table I takes it apart. */
+    /** @description A planar model's affine part, decomposed as in the paper's table I. */
     Decomposition: {
       /** @description Along u and v. */
       translation_px: number[];
@@ -238,11 +238,11 @@ export interface components {
     /** @description The cloud and the disparity view, made beside the loop while somebody watches one. */
     DenseStereoStatus: {
       per_s: number;
-      /** @description Since the reception of the newest one's pair. */
+      /** @description Time since the reception of the pair behind the newest one. */
       age_s: number | null;
-      /** @description To make one, lately. */
+      /** @description Recent median computing time. */
       median_ms: number | null;
-      /** @description How many pixels lie along one that is matched: more than 1 for large images. */
+      /** @description Downscaling factor for stereo matching: more than 1 for large images. */
       coarseness: number | null;
     };
     /** @description Punctuality of the drive loop. */
@@ -260,13 +260,13 @@ export interface components {
       trouble: string | null;
     };
     Drops: {
-      /** @description Frames of the source that could not be read. */
+      /** @description Frames that the source could not read. */
       frames_skipped: number;
-      /** @description Not passed on, because the server was busy. */
+      /** @description Observations dropped because the server was busy. */
       observations_lost: number;
-      /** @description Not sent, because a page was slow. */
+      /** @description Messages dropped because a page was slow. */
       live_messages_dropped: number;
-      /** @description Dropped while the database was unavailable. */
+      /** @description Writes dropped while the database was unavailable. */
       writes_dropped: number;
     };
     /** @description Motion of the camera from the frame that the newest one was compared with. */
@@ -276,30 +276,30 @@ export interface components {
       status: "ok" | "degraded" | "lost";
       matches: number;
       inliers: number;
-      /** @description Between the two frames, s. */
+      /** @description Time between the two frames, s. */
       dt: number | null;
-      /** @description Of planar models only. */
+      /** @description For planar models only. */
       decomposition: components["schemas"]["Decomposition"] | null;
-      /** @description None where it is not known. */
+      /** @description null if unknown. */
       motion: components["schemas"]["CameraMotion"] | null;
     };
     EngineStatus: {
       /** @enum {string} */
       state: "idle" | "preview" | "running" | "calibrating" | "failed";
-      /** @description Why it failed, one sentence. */
+      /** @description Why it failed, or is not ready, one sentence. */
       reason: string | null;
       pid: number | null;
-      /** @description Engine processes so far. */
+      /** @description Number of engine processes so far. */
       generation: number;
       restarts: number;
-      /** @description Since its loop's last sign of life. */
+      /** @description Time since the last heartbeat of its loop. */
       heartbeat_age_s: number | null;
     };
-    /** @description Time between the exposures of left and right that the source does not tell. */
+    /** @description Sync error that the source does not report. */
     ExposureSkewStatus: {
-      /** @description By which the right camera exposes later. */
+      /** @description Time by which the right camera exposes later. */
       exposure_skew_s: number;
-      /** @description One standard deviation. */
+      /** @description Standard deviation. */
       sigma_s: number;
       sentence: string;
     };
@@ -312,24 +312,24 @@ export interface components {
       state: "driving" | "reached" | "ended";
       /** @description What the robot does and why, or why it ended. */
       sentence: string;
-      /** @description None: not known any more. */
+      /** @description null: no longer known. */
       place: [number, number] | null;
       distance_m: number | null;
       elapsed_s: number;
-      /** @description Planned for the next seconds. */
+      /** @description Path planned for the next seconds. */
       path: [number, number][];
-      /** @description Declared, of a contact with tracked obstacles on each metre. */
+      /** @description Declared risk of a contact with tracked obstacles, per metre driven. */
       risk_per_metre: number;
-      /** @description Of the path, until it could stand. */
+      /** @description Risk of the planned path until the robot could stop. */
       planned_risk_per_metre: number | null;
-      /** @description Track for which it stands or turns aside; below zero: not numbered yet. */
+      /** @description Track for which it stops or swerves; negative: not numbered yet. */
       waits_for: number | null;
-      /** @description Until it would meet that track, s. */
+      /** @description Time until it would meet that track, s. */
       meets_s: number | null;
-      /** @description Where that track is predicted to be then. */
+      /** @description Predicted position of that track at that time. */
       meets_at: [number, number] | null;
       /**
-       * @description Some paths that it does not take, the best one first.
+       * @description Some of the refused paths, the best one first.
        * @default []
        */
       refused: components["schemas"]["RefusedPath"][];
@@ -339,12 +339,12 @@ export interface components {
       /** @enum {string} */
       level: "clear" | "slow" | "stop";
       reason: string | null;
-      /** @description The highest speed along the present arc. */
+      /** @description Maximum speed along the current arc. */
       limit_mps: number | null;
       stop_zone: [number, number][];
       slow_zone: [number, number][];
     };
-    /** @description The server lives. */
+    /** @description The server's heartbeat. */
     HeartbeatMessage: {
       /** @description The host's monotonic clock, s. */
       time: number;
@@ -369,7 +369,7 @@ export interface components {
       count: number;
     };
     LiveAlignment: {
-      /** @description Delay of motion capture behind the frames. */
+      /** @description Delay of motion capture relative to the frames. */
       offset_s: number;
       sigma_s: number;
       drift_ppm: number;
@@ -392,7 +392,7 @@ export interface components {
       /** @enum {string} */
       state: "open" | "waiting" | "failed";
       trouble: string | null;
-      /** @description What the camera really accepted. */
+      /** @description Settings as the camera applied them. */
       settings: {
         [key: string]: string;
       };
@@ -425,9 +425,9 @@ export interface components {
       skew_p95_s: number | null;
       reopened: number;
       hints: string[];
-      /** @description What keeps it from delivering at this moment. */
+      /** @description Why it delivers no frames at the moment. */
       trouble: string | null;
-      /** @description What is left of the processing while the computer is too slow for all. */
+      /** @description The reduced processing while the computer is too slow for full processing. */
       reduced_to: string | null;
     };
     /** @description Live motion capture that is listened to. */
@@ -442,7 +442,7 @@ export interface components {
       bodies: components["schemas"]["CaptureBody"][];
       clock: components["schemas"]["ServerClock"] | null;
       aligned: boolean;
-      /** @description How it is aligned, or why it is not yet. */
+      /** @description How it is aligned, or why it is not aligned yet. */
       sentence: string;
       alignment: components["schemas"]["LiveAlignment"] | null;
     };
@@ -455,9 +455,9 @@ export interface components {
       severity: "info" | "warning" | "error";
       text: string;
     };
-    /** @description Something has happened that a person should know. */
+    /** @description Something has happened that a user should know. */
     LogMessage: {
-      /** @description Oldest first; what was before, `/api/log` has. */
+      /** @description Oldest first; `/api/log` has the earlier ones. */
       entries: components["schemas"]["LogEntry"][];
       /**
        * @default log
@@ -485,7 +485,7 @@ export interface components {
        * @constant
        */
       type: "observation";
-      /** @description Since its reception, as it is sent. */
+      /** @description Time from its reception to the sending of this message. */
       age_ms: number;
     };
     /**
@@ -519,7 +519,7 @@ export interface components {
       why: string;
     };
     /**
-     * @description Pose of the robot by its own wheels, accumulated since its start; it drifts.
+     * @description Pose of the robot by wheel odometry, accumulated since its start; it drifts.
      *
      *     Attributes:
      *         x, y: metres, of the robot's base in the plane it drives on: forward and left as it stood
@@ -542,7 +542,7 @@ export interface components {
       frame_count: number | null;
       ended: boolean;
       /**
-       * @description Whether it can go on from any frame.
+       * @description Whether it can seek to any frame.
        * @default false
        */
       seekable: boolean;
@@ -559,7 +559,7 @@ export interface components {
       name: string;
       /** @enum {string} */
       phase: "gesture" | "driving";
-      /** @description Of repeat, from 1. */
+      /** @description Current repetition, from 1 to repeat. */
       round: number;
       elapsed_s: number;
       duration_s: number;
@@ -569,16 +569,16 @@ export interface components {
     Rates: {
       unique_frames_per_s: number;
     };
-    /** @description The run's recording, which is on. */
+    /** @description Recording of the run in progress. */
     RecordingStatus: {
       /** @enum {string} */
       images: "none" | "jpeg" | "lossless";
-      /** @description Of the file. */
+      /** @description Size of the file. */
       bytes: number;
       seconds: number;
-      /** @description Messages lost because the disk did not keep up. */
+      /** @description Messages dropped because the disk could not keep up. */
       dropped: number;
-      /** @description Why nothing is recorded any more. */
+      /** @description Why recording has stopped. */
       trouble: string | null;
     };
     /**
@@ -608,31 +608,31 @@ export interface components {
       meets_s: number | null;
       guard: string | null;
     };
-    /** @description A run whose recording is being observed again, beside the open source. */
+    /** @description A re-run in progress, beside the open source. */
     RerunStatus: {
-      /** @description Of the new run. */
+      /** @description Id of the new run. */
       id: string;
       name: string;
       rerun_of: string;
       /**
-       * @description waiting: for another re-run; held: as long as a robot is armed; finishing: its speeds are stored and ground truth is added.
+       * @description waiting: for another re-run; held: paused while a robot is armed; finishing: its speeds are stored and ground truth is added.
        * @enum {string}
        */
       state: "waiting" | "observing" | "held" | "finishing";
-      /** @description Of the frames that are observed, from 0 to 1. */
+      /** @description Share of the frames that have been processed, from 0 to 1. */
       share: number;
     };
-    /** @description Something stopped a robot, or took its motors away. */
+    /** @description Something stopped a robot or switched its motors off. */
     RobotIncident: {
       /** @description Wall clock, UTC. */
       at: string;
-      /** @description None: all robots. */
+      /** @description null: all robots. */
       role: ("observer" | "obstacle") | null;
       kind: string;
       sentence: string;
-      /** @description At that moment, by its encoders. */
+      /** @description Speed at that moment, by its encoders. */
       speed_mps: number | null;
-      /** @description Of each robot that moved, once it stands. */
+      /** @description Measured stop of each robot that was moving, once it has stopped. */
       stops: {
         [key: string]: components["schemas"]["StopMeasured"];
       };
@@ -644,7 +644,7 @@ export interface components {
       acceleration_mps2: number;
       turn_acceleration_radps2: number;
     };
-    /** @description One robot that is connected, or shall be. */
+    /** @description One robot that is connected or to be connected. */
     RobotNow: {
       port: string;
       name: string | null;
@@ -655,12 +655,12 @@ export interface components {
       present: boolean;
       /** @description Why it does not move as asked, or is disarmed. */
       why: string | null;
-      /** @description As asked for. */
+      /** @description Requested velocity. */
       commanded: components["schemas"]["Velocity"];
-      /** @description As really sent. */
+      /** @description Velocity actually sent. */
       sent: components["schemas"]["Velocity"];
       guard: components["schemas"]["GuardVerdict"] | null;
-      /** @description What the robot says of itself, SI units. */
+      /** @description Report of the robot, SI units. */
       report: components["schemas"]["RobotReport"];
     };
     /**
@@ -735,14 +735,14 @@ export interface components {
         [key: string]: number;
       };
     };
-    /** @description Everything of driving, ten times a second while there are robots. */
+    /** @description Everything about driving, ten times a second while there are robots. */
     RobotsMessage: components["schemas"]["RobotsNow"] & {
       /**
        * @default robots
        * @constant
        */
       type: "robots";
-      /** @description Since the last message, oldest first. */
+      /** @description Speeds since the last message, oldest first. */
       wheels: components["schemas"]["WheelSpeed"][];
     };
     /** @description Distance between the rows of the left and right image. */
@@ -753,14 +753,14 @@ export interface components {
       since_s: number | null;
       trend_px_per_min: number | null;
       warning: string | null;
-      /** @description Seconds watched, pixels. */
+      /** @description Seconds since the start of the measurement, pixels. */
       history: [number, number][];
     };
     RunReference: {
       id: string;
       name: string;
       started_at: string;
-      /** @description As in the run itself. */
+      /** @description As for the run itself. */
       duration_s: number | null;
     };
     /**
@@ -778,12 +778,12 @@ export interface components {
     /** @description The server's clock against the host's. */
     ServerClock: {
       offset_s: number;
-      /** @description None: too short a time was seen. */
+      /** @description null: not observed for long enough yet. */
       drift_ppm: number | null;
       sigma_s: number;
       samples: number;
     };
-    /** @description The newest frame that the drive process was told of. */
+    /** @description The newest frame known to the drive process. */
     SightNow: {
       age_s: number | null;
       status: string | null;
@@ -812,9 +812,9 @@ export interface components {
     };
     SourceStatus: {
       spec: string;
-      /** @description For people: names the run whose recording it is; else the spec. */
+      /** @description Display name: the run whose recording it is, or the spec. */
       name: string;
-      /** @description What was open before a run's recording: POST /source/back opens it. */
+      /** @description The source before the recording of a run; POST /source/back opens it. */
       before: string | null;
       kind: string;
       width: number;
@@ -826,7 +826,7 @@ export interface components {
       mount_tilt_rad: number | null;
       mount_forward_m: number | null;
       mount_left_m: number | null;
-      /** @description Names by which live cameras are found again. */
+      /** @description Persistent names of live cameras. */
       devices: string[];
     };
     /** @description State of everything: at every change, and twice a second. */
@@ -842,15 +842,15 @@ export interface components {
      *     sign, the guard's verdict, the packet of a fault, the request) until it stood.
      */
     StopMeasured: {
-      /** @description Until zero went out on its port. */
+      /** @description Time until the stop command was sent. */
       zero_ms: number | null;
-      /** @description Until its encoders told that it stands. */
+      /** @description Time until its encoders reported standstill. */
       stood_ms: number | null;
-      /** @description Driven meanwhile, by odometry. */
+      /** @description Distance driven from cause to standstill, by odometry. */
       distance_m: number | null;
-      /** @description At the cause, by its encoders. */
+      /** @description Speed at the cause, by its encoders. */
       speed_mps: number | null;
-      /** @description Left to what is seen or echoes ahead, behind a stop of the guard; null where what stopped it came nearer by itself. */
+      /** @description Clearance left to what is seen or echoes ahead, after a stop by the guard; null if the obstacle itself approached. */
       separation_m: number | null;
     };
     /**
@@ -889,22 +889,22 @@ export interface components {
     VergenceStatus: {
       /** @enum {string} */
       status: "unobserved" | "consistent" | "drifted";
-      /** @description By how much the cameras converge more than calibrated. */
+      /** @description Angle by which the cameras converge more than calibrated. */
       vergence_rad: number | null;
       std_rad: number | null;
       sentence: string;
-      /** @description Of way against the wheels; 0 by near and far points alone. */
+      /** @description Distance compared with the wheels; 0 if only near and far points are compared. */
       way_m: number;
     };
     /** @description Speeds of an armed robot at one instant of the source's clock. */
     WheelSpeed: {
       /** @enum {string} */
       role: "observer" | "obstacle";
-      /** @description Of the source, s. */
+      /** @description Time on the source's clock, s. */
       time: number;
-      /** @description As it was commanded. */
+      /** @description Commanded speed. */
       sent_mps: number;
-      /** @description None where the robot tells none. */
+      /** @description Measured speed; null if the robot reports none. */
       encoder_mps: number | null;
     };
     /** @description A person's choices before ground truth was aligned with a run. */
@@ -925,16 +925,16 @@ export interface components {
       observer?: string | null;
       /** @description Bodies that are neither observer nor obstacle. */
       ignore?: string[];
-      /** @description Which body a track (SEGMENT/NUMBER) is, null: none of them. */
+      /** @description Body of each track (SEGMENT/NUMBER); null: none of them. */
       matches?: {
         [key: string]: string | null;
       };
       /** @description Approximate time offset to add to the times of the ground truth, within 2 s; for periodic motion. None: it is estimated. */
       expected_offset_s?: number | null;
-      /** @description Of the left camera, on the observer's body. None: estimated, or from the rig. */
+      /** @description Pose of the left camera on the observer's body. null: estimated, or from the rig. */
       camera_on_body?: components["schemas"]["CameraOnBodyIn"] | null;
     };
-    /** @description A run with the truth that was just laid over it. */
+    /** @description A run with the ground truth just aligned with it. */
     AlignedRunEntry: components["schemas"]["Run"] & {
       /** @description None: the ground truth was on the run's clock. */
       alignment: components["schemas"]["AlignmentFacts"] | null;
@@ -942,7 +942,7 @@ export interface components {
     };
     /** @description Alignment of ground truth with a run. */
     AlignmentFacts: {
-      /** @description To be added to the times of the ground truth. */
+      /** @description Offset to add to the times of the ground truth. */
       offset_s: number;
       sigma_s: number;
       drift_ppm: number;
@@ -954,7 +954,7 @@ export interface components {
       /** @description None: only the clocks are aligned. */
       frame_residual_m: number | null;
       observer: string | null;
-      /** @description Of the observer's body; None where it is not known. */
+      /** @description Pose of the camera on the observer's body; null if unknown. */
       camera_on_body: components["schemas"]["CameraOnBodyFacts"] | null;
       roles: {
         [key: string]: string;
@@ -966,13 +966,13 @@ export interface components {
       notes: string[];
     };
     AlignmentMatch: {
-      /** @description None: the track belongs to none. */
+      /** @description null: the track belongs to no body. */
       body: string | null;
       by: string;
       distance_m: number | null;
     };
     Arming: {
-      /** @description Of who drives it; None where nobody does. */
+      /** @description Lease of the operator in control; null if nobody has control. */
       lease?: string | null;
     };
     Body_post_calibration_api_calibrations_post: {
@@ -1049,11 +1049,11 @@ export interface components {
       active: boolean;
       /** @description Where it came from, in words. */
       origin: string | null;
-      /** @description What was decided while its file was understood. */
+      /** @description Choices that were made while its file was read. */
       notes: string[];
       /** @description The cameras it belongs to. */
       devices: string[];
-      /** @description How good it is, where it is known. */
+      /** @description Its accuracy, if known. */
       report: {
         [key: string]: unknown;
       } | null;
@@ -1101,13 +1101,13 @@ export interface components {
       label: string;
       role: string;
       track_id: number | null;
-      /** @description Which body it is of, or was taken for. */
+      /** @description The body of the curve, or to which its track was matched. */
       body: string | null;
-      /** @description None where it is of the whole run. */
+      /** @description null if it covers the whole run. */
       segment: number | null;
       /** @description On the run's clock, s. */
       times: number[];
-      /** @description m/s; None is a gap. */
+      /** @description m/s; null is a gap. */
       speeds: (number | null)[];
       /** @description Standard deviations, m/s. */
       stds: (number | null)[] | null;
@@ -1140,25 +1140,25 @@ export interface components {
       advice: string | null;
     };
     ComparisonProgress: {
-      /** @description For people. */
+      /** @description Display name. */
       source_name: string;
-      /** @description What is being done, as in frame 12 of 120. */
+      /** @description Current activity, such as "frame 12 of 120". */
       words: string;
-      /** @description Of the whole, from 0 to 1. */
+      /** @description Progress, from 0 to 1. */
       share: number;
-      /** @description Whether it stands still, because a robot is armed. */
+      /** @description Whether it is paused because a robot is armed. */
       held: boolean;
     };
     ComparisonStart: {
-      /** @description None: what is open; of live cameras the last seconds are taken. */
+      /** @description null: the open source; for live cameras, their last seconds. */
       source?: string | null;
       /**
-       * @description Of the source.
+       * @description Duration on the source's clock.
        * @default 8
        */
       seconds: number;
       /**
-       * @description A run is made with each, from the same frames.
+       * @description One run is made with each, from the same frames.
        * @default [
        *       "paper",
        *       "default"
@@ -1167,11 +1167,11 @@ export interface components {
       presets: string[];
     };
     ComparisonStatus: {
-      /** @description None: nothing is being compared. */
+      /** @description null: no comparison is in progress. */
       going: components["schemas"]["ComparisonProgress"] | null;
       /** @description The runs of the newest comparison since the server started, one for each method. */
       runs: string[] | null;
-      /** @description Why the newest one failed, one sentence. */
+      /** @description Why the newest comparison failed, one sentence. */
       trouble: string | null;
     };
     ComputeStart: {
@@ -1199,23 +1199,23 @@ export interface components {
     };
     Devices: {
       cameras: components["schemas"]["VideoDevice"][];
-      /** @description On USB, by which robots are driven. */
+      /** @description USB serial ports, to which robots can be connected. */
       serial_ports: components["schemas"]["SerialPortNow"][];
-      /** @description Such as on what two cameras on one bus can carry. */
+      /** @description Hints, for example on the bandwidth of two cameras on one bus. */
       hints: string[];
     };
     DiskUse: {
-      /** @description By the data folder. */
+      /** @description Space used by the data folder. */
       used_bytes: number;
       free_bytes: number;
     };
     DriveNow: {
       noting: boolean;
-      /** @description By the rig's keys, as far as told. */
+      /** @description Estimated values by the rig's keys, as far as determined. */
       values: {
         [key: string]: components["schemas"]["RigNumber"];
       };
-      /** @description What to drive so that the rest can be told. */
+      /** @description What to drive so that the rest can be estimated. */
       still_needed: string[];
       sentence: string;
     };
@@ -1223,7 +1223,7 @@ export interface components {
       height_m: components["schemas"]["RigNumber"];
       tilt_deg: components["schemas"]["RigNumber"];
       roll_deg: components["schemas"]["RigNumber"];
-      /** @description Of all points, those on the floor. */
+      /** @description Share of the points that lie on the floor. */
       share: number;
       views: number;
       sentence: string;
@@ -1242,9 +1242,9 @@ export interface components {
       false: number;
       /** @description True moving obstacles that were found, summed over frames. */
       found: number;
-      /** @description And those that were not. */
+      /** @description True moving obstacles that were missed, summed over frames. */
       missed: number;
-      /** @description Of those found; None before the first. */
+      /** @description Velocity error of those found; null before the first. */
       velocity_rmse_mps: number | null;
     };
     FrameEntry: {
@@ -1258,10 +1258,10 @@ export interface components {
       truth: components["schemas"]["FrameBody"][];
       /** @description None without ground truth. */
       counts: components["schemas"]["FrameCounts"] | null;
-      /** @description Time that the method took. */
+      /** @description Processing time of the method. */
       observed_ms: number | null;
       plan: components["schemas"]["FramePlan"];
-      /** @description Of the observer at that time; None where it had none. */
+      /** @description Goal of the observer at that time; null if it had none. */
       goal: components["schemas"]["GoalNow"] | null;
     };
     FrameObstacle: {
@@ -1275,33 +1275,40 @@ export interface components {
       speed_std: number | null;
       /** @description u0, v0, u1, v1 in the rectified left image, pixels. */
       box_px: number[];
-      /** @description From its middle to where it will be in a second; None where that is unknown. */
+      /** @description From its centre to where it will be in one second; null if unknown. */
       arrow_px: number[] | null;
-      /** @description Closed polygons; None where unknown. */
+      /** @description Closed polygons; null if unknown. */
       silhouette: number[][][] | null;
-      /** @description Whether it is a false obstacle: no true one moves near it. */
+      /** @description Whether it is a false obstacle: no true obstacle moves near it. */
       false: boolean;
     };
     FramePlan: {
       /** @description On the run's clock, as in its chart, s. */
       time: number;
       segment: number;
-      /** @description Metres ahead of and to the left of the camera's place at the segment's beginning. Then the angle from ahead to the left, rad; None where it is lost. */
+      /** @description Metres ahead and to the left of the camera's position at the start of the segment. Then the angle from ahead to the left, rad; null if lost. */
       camera: number[] | null;
       obstacles: components["schemas"]["PlanObstacle"][];
       truth: components["schemas"]["PlanBody"][];
+      /** @description Goal to which the observer drives: Metres ahead and to the left of the camera's position at the start of the segment. */
+      goal: number[] | null;
+      /**
+       * @description Path planned for the next seconds: Metres ahead and to the left of the camera's position at the start of the segment.
+       * @default []
+       */
+      path: number[][];
     };
     GoalChoice: {
-      /** @description From the robot as it stands now, m. */
+      /** @description Distance ahead of the robot's current pose, m. */
       ahead_m: number;
       /**
-       * @description To its left, m.
+       * @description Distance to its left, m.
        * @default 0
        */
       left_m: number;
-      /** @description Accepted probability of a contact with tracked obstacles on each metre driven; default: the parameter navigation.risk_per_metre. */
+      /** @description Accepted probability of a contact with tracked obstacles per metre driven; default: the parameter navigation.risk_per_metre. */
       risk_per_metre?: number | null;
-      /** @description Of the observer, which must be armed. */
+      /** @description Lease of the observer, which must be armed. */
       lease: string;
     };
     HTTPValidationError: {
@@ -1312,12 +1319,12 @@ export interface components {
       runs: components["schemas"]["Run"][];
       /** @description How many there are in all. */
       total: number;
-      /** @description Every tag, and how many runs bear it. */
+      /** @description Every tag with the number of runs that have it. */
       tags: {
         [key: string]: number;
       };
       disk: components["schemas"]["DiskUse"];
-      /** @description How long a deleted run can be had back. */
+      /** @description Days for which a deleted run can be restored. */
       undo_days: number;
     };
     /** @description Another track took a body's place; tracks are named SEGMENT:NUMBER. */
@@ -1345,37 +1352,37 @@ export interface components {
     MethodStep: {
       /** @description From 1 to 9. */
       number: number;
-      /** @description For files and scripts. */
+      /** @description Name for files and scripts. */
       key: string;
       title: string;
       /** @description One or two sentences. */
       text: string;
       /** @description What the colours in its picture mean. */
       caption: string;
-      /** @description As MathML, one for each of its parts. */
+      /** @description MathML, one for each part of the formula. */
       formula: string[];
-      /** @description The same as one line of text. */
+      /** @description The formula as one line of text. */
       formula_text: string;
-      /** @description Of this pair. */
+      /** @description Figures of this pair. */
       numbers: components["schemas"]["StepNumber"][];
-      /** @description Names of those that act in this step. */
+      /** @description Names of the parameters used in this step. */
       parameters: string[];
       /** @description Why it has no result in this frame. */
       missing: string | null;
     };
     /** @description All nine steps, and what they were observed with; the same for each picture's address. */
     MethodSteps: {
-      /** @description The text that names it. */
+      /** @description Text that opens it. */
       source: string;
-      /** @description Position in the source of the image of t+dt, from 0. */
+      /** @description Position in the source of the image at t+dt, from 0. */
       frame: number;
-      /** @description Of the source; None where it is not known. */
+      /** @description Number of frames of the source; null if unknown. */
       frame_count: number | null;
-      /** @description From it on frames were observed, so that tracks are confirmed. */
+      /** @description First processed frame; processing starts early so that tracks are confirmed. */
       first_frame: number;
-      /** @description Of the image of t+dt, on the source's clock, s. */
+      /** @description Time of the image at t+dt, on the source's clock, s. */
       time: number;
-      /** @description Between the two images, s. */
+      /** @description Time between the two images, s. */
       dt: number;
       preset: string;
       /** @description All values of the preset. */
@@ -1392,7 +1399,7 @@ export interface components {
       truth: boolean;
       steps: components["schemas"]["MethodStep"][];
     };
-    /** @description What a preset's file holds. */
+    /** @description Contents of a preset file. */
     NewPreset: {
       help?: string | null;
       /** @description Changes to the defaults, former names included; default: the current values. */
@@ -1417,15 +1424,15 @@ export interface components {
       type: "number" | "integer" | "boolean" | "choice";
       unit: string;
       default: unknown;
-      /** @description With which ego_motion.model it acts on what is observed. */
+      /** @description Values of ego_motion.model with which it affects the observations. */
       models: string[];
       /**
-       * @description Whether it acts with every model on the dense cloud that is shown.
+       * @description Whether it affects the displayed dense cloud with every model.
        * @default false
        */
       cloud: boolean;
       /**
-       * @description Whether it is one of the eight that are shown first with its methods.
+       * @description Whether it is one of the eight basic parameters of its methods.
        * @default false
        */
       basic: boolean;
@@ -1435,22 +1442,22 @@ export interface components {
       choices: string[] | null;
     };
     ParametersChanged: components["schemas"]["ParametersNow"] & {
-      /** @description One sentence on each given parameter that does not act with the method. */
+      /** @description One sentence for each given parameter that has no effect with the current method. */
       notes: string[];
     };
     ParametersNow: {
-      /** @description Grows with every change of a parameter of observing. */
+      /** @description Incremented by every change of a parameter of the method. */
       revision: number;
-      /** @description Grows with every change of a guard.* or navigation.* parameter since the start. */
+      /** @description Incremented by every change of a guard.* or navigation.* parameter since the start. */
       driving_revision: number;
       values: {
         [key: string]: unknown;
       };
       /** @description The preset with exactly these values. */
       preset: string | null;
-      /** @description The preset that they come from; values that differ were changed by hand. */
+      /** @description The preset that the values started from; values that differ were changed by hand. */
       based_on: string;
-      /** @description The first frame they act on, as far as known. */
+      /** @description The first frame they apply to, if known. */
       frame: number | null;
     };
     /** @description Reason why a pixel of the newest observed frame is classified as it is. */
@@ -1463,48 +1470,48 @@ export interface components {
       verdict:
         "dynamic" | "static" | "undecided" | "too_far" | "too_few_features" | "ego_motion_lost";
       sentence: string;
-      /** @description The figures behind it, by names that end with their unit; null = not known. */
+      /** @description The figures behind the answer, by names that end with their unit; null: not known. */
       numbers: {
         [key: string]: number | null;
       };
-      /** @description What would give another answer, with its value. */
+      /** @description The parameter and value that would change the answer. */
       would_change: string;
-      /** @description The one that a dynamic pixel is part of. */
+      /** @description The obstacle to which a dynamic pixel belongs. */
       obstacle: components["schemas"]["PixelObstacle"] | null;
     };
     PixelObstacle: {
       id: number;
-      /** @description Whether it was seen often enough to be reported. */
+      /** @description Whether it has been seen often enough to be reported. */
       reported: boolean;
       /** @description Why it counts as dynamic. */
       why: string;
     };
     PlaceDepth: {
-      /** @description From the left camera, as a tape measures it. */
+      /** @description Straight distance from the left camera, as measured with a tape. */
       range_m: number;
-      /** @description Along the camera's axis. */
+      /** @description Depth along the optical axis. */
       depth_m: number;
       disparity_px: number;
     };
     /** @description A true obstacle. */
     PlanBody: {
       name: string;
-      /** @description Metres ahead of and to the left of the camera's place at the segment's beginning. */
+      /** @description Metres ahead and to the left of the camera's position at the start of the segment. */
       at: number[];
       velocity: number[];
     };
-    /** @description A local map by which the observer planned its way to a goal, as it was recorded. */
+    /** @description A recorded local map that the observer used on its way to a goal. */
     PlanMap: {
-      /** @description Position in the run of its frame, from 0. */
+      /** @description Position in the run of the frame it belongs to, from 0. */
       first: number;
-      /** @description And of the last frame at which it is the newest one. */
+      /** @description Position of the last frame for which it is the newest map. */
       last: number;
-      /** @description Metres ahead of and to the left of the camera's place at the segment's beginning. Of the corner of its cells; then the angle of their x from ahead, rad. */
+      /** @description The grid's corner: Metres ahead and to the left of the camera's position at the start of the segment. Then the angle of the grid's x from ahead, rad. */
       corner: number[];
       cell_m: number;
       /** @description Cells along each side, y within x. */
       size: number;
-      /** @description How many in a row are unknown, free, blocked, unknown and so on. */
+      /** @description Run lengths of the cells: unknown, free, blocked, unknown and so on. */
       runs: number[];
     };
     PlanObstacle: {
@@ -1513,11 +1520,11 @@ export interface components {
       state: "tentative" | "confirmed" | "coasting";
       /** @enum {string} */
       motion: "moving" | "in_place" | "stopped";
-      /** @description Metres ahead of and to the left of the camera's place at the segment's beginning. */
+      /** @description Metres ahead and to the left of the camera's position at the start of the segment. */
       at: number[];
-      /** @description m/s along the same axes. */
+      /** @description m/s, along the same axes. */
       velocity: number[] | null;
-      /** @description 95 % of where it may be: half axes, metres, and the first one's angle from ahead to the left, rad. */
+      /** @description 95 % ellipse of its position: semi-axes, metres, and the angle of the first one from ahead to the left, rad. */
       ellipse: number[] | null;
     };
     /** @description Changes the given settings. */
@@ -1526,19 +1533,19 @@ export interface components {
       rate?: number | null;
       loop?: boolean | null;
       /**
-       * @description Show so many further frames while paused.
+       * @description Number of further frames to show while paused.
        * @default 0
        */
       step: number;
       /** @default false */
       restart: boolean;
-      /** @description Go on from this frame of a recording, and show it also while paused. */
+      /** @description Frame of a recording to continue from; it is shown even while paused. */
       seek?: number | null;
     };
     PortChoice: {
       /** @description As in /dev/ttyUSB0, a path below /dev/serial/by-id, socket://HOST:8101, coppeliasim:HOST:PORT/OBJECT, external:HOST:PORT?key=KEY; as it is shown (without its key): the key stays. */
       port: string;
-      /** @description None: as the robot says of itself. */
+      /** @description null: as reported by the robot. */
       model?: ("p3dx-sh" | "p3dx" | "amigo-sh" | "amigo") | null;
     };
     Preset: {
@@ -1558,9 +1565,9 @@ export interface components {
       title: string;
       help: string;
       roles: ("observer" | "obstacle")[];
-      /** @description Once, with its gesture. */
+      /** @description Duration of one repetition, with its gesture. */
       duration_s: number;
-      /** @description Brought by a person; the others come with the project. */
+      /** @description Whether it was added by a user; the others are built in. */
       own: boolean;
     };
     ProgrammeStart: {
@@ -1572,7 +1579,7 @@ export interface components {
        * @default false
        */
       reverse: boolean;
-      /** @description By role, of every robot that it moves; each must be armed. */
+      /** @description Leases by role, for every robot that it moves; each robot must be armed. */
       leases: {
         [key: string]: string;
       };
@@ -1580,13 +1587,13 @@ export interface components {
     ProgrammeText: {
       text: string;
     };
-    /** @description A read-only link in force. */
+    /** @description A valid read-only link. */
     ReadOnlyLinkNow: {
       id: string;
       made_at: string;
-      /** @description Number of browsers that have a page open by it. */
+      /** @description Number of browsers that have a page open with it. */
       watching: number;
-      /** @description Whether it is the one that is shared, the newest. */
+      /** @description Whether it is the one that is shared: the newest. */
       shared: boolean;
     };
     ReplacingPreset: {
@@ -1599,19 +1606,19 @@ export interface components {
     RerunStart: {
       name?: string | null;
       preset?: string | null;
-      /** @description Made to the preset, or to the run's own. */
+      /** @description Changes to the preset, or to the run's own values. */
       parameters?: {
         [key: string]: boolean | number | string;
       };
     };
     RigChange: {
       mount: components["schemas"]["RigMount"];
-      /** @description Of the robots by role; None: as they are. */
+      /** @description Models of the robots by role; null: unchanged. */
       models?: {
         [key: string]: ("p3dx-sh" | "p3dx" | "amigo-sh" | "amigo") | null;
       } | null;
       /**
-       * @description Simulated sources, which know their mount, take this one instead.
+       * @description Whether simulated sources, which know their mount, use this one instead.
        * @default false
        */
       for_simulated: boolean;
@@ -1622,11 +1629,11 @@ export interface components {
     /** @description Mount of the left camera; metres and degrees. None: not known. */
     RigMount: {
       height_m?: components["schemas"]["RigNumber"] | null;
-      /** @description By which it looks down. */
+      /** @description Positive: the camera looks down. */
       tilt_deg?: components["schemas"]["RigNumber"] | null;
-      /** @description Right side down. */
+      /** @description Positive: the right side is lower. */
       roll_deg?: components["schemas"]["RigNumber"] | null;
-      /** @description To the left of where the robot drives. */
+      /** @description Positive: to the left of the driving direction. */
       pan_deg?: components["schemas"]["RigNumber"] | null;
       /** @description From the middle of the axle. */
       forward_m?: components["schemas"]["RigNumber"] | null;
@@ -1639,37 +1646,37 @@ export interface components {
       models: {
         [key: string]: string;
       };
-      /** @description Of a mocap system, whose place on the robot is known. */
+      /** @description Motion-capture bodies whose pose on the robot is known. */
       bodies: string[];
       for_simulated: boolean;
       calibration: string | null;
       file: string | null;
-      /** @description What the open source is observed with. */
+      /** @description The mount in use for the open source. */
       in_use: components["schemas"]["MountStatus"] | null;
     };
     RigNumber: {
       value: number;
-      /** @description One standard deviation of an estimate; None: it was typed. */
+      /** @description Standard deviation of an estimate; null: the value was entered. */
       sigma?: number | null;
     };
     /** @description A saved half minute. */
     RingEntry: {
       name: string;
-      /** @description Of the run that was going. */
+      /** @description The run that was in progress. */
       run_id: string | null;
       saved_at: string;
       bytes: number;
-      /** @description Opens it as a source. */
+      /** @description Text that opens it as a source. */
       source: string;
     };
     RingFile: {
       /** @description Within the data folder; it opens as any recording does. */
       file: string;
       bytes: number;
-      /** @description How far back it reaches. */
+      /** @description Its duration. */
       seconds: number;
     };
-    /** @description Everything of driving. */
+    /** @description Everything about driving. */
     RobotsNow: {
       /** @description The stop holds until it is reset. */
       stopped: components["schemas"]["Latch"] | null;
@@ -1681,9 +1688,9 @@ export interface components {
         [key: string]: components["schemas"]["RobotNow"] | null;
       };
       process: components["schemas"]["DriveProcess"];
-      /** @description Of the open source; None: nothing to drive in. */
+      /** @description World of the open source; null: there is nothing to drive in. */
       world: string | null;
-      /** @description Of real robots. */
+      /** @description Ports of real robots. */
       ports: {
         [key: string]: components["schemas"]["RobotPortNow"] | null;
       };
@@ -1702,7 +1709,7 @@ export interface components {
       /** @enum {string} */
       state: "running" | "finished" | "interrupted" | "failed";
       source: string;
-      /** @description For people: names the run whose recording the source is; else the source. */
+      /** @description Display name: the run whose recording is the source, or the source itself. */
       source_name: string;
       calibration_id: string | null;
       preset: string | null;
@@ -1714,7 +1721,7 @@ export interface components {
       ended_at: string | null;
       /** @description Source time of the first kept frame, where the run's time begins. */
       begin_s: number | null;
-      /** @description The run's length: from its first kept frame to its last one on the source's clock, which goes on where an engine was replaced. None without a frame. */
+      /** @description The run's length: from its first to its last recorded frame on the source's clock, which continues if the engine was replaced. null without a frame. */
       duration_s: number | null;
       frames: number;
       segments: number;
@@ -1722,26 +1729,26 @@ export interface components {
         [key: string]: string;
       };
       reason: string | null;
-      /** @description Which images are recorded; None: nothing is. */
+      /** @description Which images are recorded; null: nothing is recorded. */
       record: ("none" | "jpeg" | "lossless") | null;
       recording_bytes: number | null;
-      /** @description In the order of their text. */
+      /** @description In alphabetical order. */
       tags: string[];
-      /** @description A person's own words. */
+      /** @description Free text. */
       notes: string;
       /** @description The ground-truth file that it is compared with. */
       truth_id: string | null;
-      /** @description Whether motion capture was laid over it. */
+      /** @description Whether motion capture was aligned with it. */
       aligned: boolean;
       /** @description The run that this is a re-run of. */
       rerun_of: string | null;
-      /** @description Since when it is hidden. */
+      /** @description Time of its deletion. */
       deleted_at: string | null;
     };
     /** @description Changes the given fields. */
     RunChange: {
       name?: string | null;
-      /** @description All of them, in place of those before. */
+      /** @description All tags; they replace the previous ones. */
       tags?: string[] | null;
       notes?: string | null;
     };
@@ -1755,18 +1762,18 @@ export interface components {
       changes: components["schemas"]["IdentityChange"][];
       errors: components["schemas"]["SpeedErrorsEntry"][];
       run: components["schemas"]["Run"];
-      /** @description What was said for the alignment; None where there is none. */
+      /** @description Choices that were made for the alignment; null if there is none. */
       choices: components["schemas"]["AlignChoicesEntry"] | null;
     };
     RunFrames: {
-      /** @description Of the rectified left image, pixels. */
+      /** @description Width of the rectified left image, pixels. */
       width: number;
       height: number;
-      /** @description In order: the image of the first is /runs/ID/frames/FIRST.jpg, and so on. */
+      /** @description In order; the image of the first one is /runs/ID/frames/FIRST.jpg, and so on. */
       frames: components["schemas"]["FrameEntry"][];
       /** @description Whether there is ground truth to compare with. */
       truth: boolean;
-      /** @description Median time that the method took per frame. */
+      /** @description Median processing time of the method per frame. */
       observed_ms: number | null;
       /**
        * @description Position in the run of the first of these frames, from 0.
@@ -1774,7 +1781,7 @@ export interface components {
        */
       first: number;
       /**
-       * @description And of each further one so many after that before.
+       * @description Distance in positions from each of these frames to the next.
        * @default 1
        */
       every: number;
@@ -1784,26 +1791,26 @@ export interface components {
        */
       count: number;
       /**
-       * @description Local maps that count at any of these; none where some are left out.
+       * @description Local maps that apply to any of these frames; empty if frames are skipped.
        * @default []
        */
       maps: components["schemas"]["PlanMap"][];
     };
     RunStart: {
       name?: string | null;
-      /** @description None: what is open. */
+      /** @description null: the open source. */
       source?: string | null;
-      /** @description None: the source's own. */
+      /** @description null: the source's own. */
       calibration?: string | null;
       preset?: string | null;
-      /** @description Made to the preset, if any. */
+      /** @description Changes to the preset, if any. */
       parameters?: {
         [key: string]: boolean | number | string;
       };
-      /** @description Driven from the run's beginning, and ended with it. */
+      /** @description Programme that starts and ends with the run. */
       programme?: components["schemas"]["ProgrammeStart"] | null;
       /**
-       * @description Which images its recording keeps; all else is always recorded.
+       * @description Which images are recorded; everything else is always recorded.
        * @default jpeg
        * @enum {string}
        */
@@ -1815,11 +1822,11 @@ export interface components {
       display_node: string;
       /** @description Left camera: x right, y down, z forward. */
       camera_node: string;
-      /** @description The observer on the ground: ahead, left, up; hidden while its place is unknown. */
+      /** @description The observer on the ground: ahead, left, up; hidden while its position is unknown. */
       base_node: string;
       /** @description Along the robot's heading. */
       follow: components["schemas"]["SceneView"];
-      /** @description Along the first heading, whatever the robot's is. */
+      /** @description Along the initial heading, whatever the robot's heading is. */
       top_down: components["schemas"]["SceneView"];
     };
     /** @description Part of the scene that can be hidden. */
@@ -1828,7 +1835,7 @@ export interface components {
       name: "cloud" | "boxes" | "arrows" | "trails" | "guard" | "path" | "map" | "truth";
       title: string;
       help: string;
-      /** @description Above everything of the layer; the server never hides it itself. */
+      /** @description Parent of all nodes of the layer; the server itself never hides it. */
       node: string;
       /** @description RGB; empty: those of the camera image. */
       colors: [number, number, number][];
@@ -1840,16 +1847,16 @@ export interface components {
     };
     SerialPortNow: {
       path: string;
-      /** @description Its name by maker and serial number, which stays. */
+      /** @description Persistent path, by maker and serial number. */
       by_id: string | null;
-      /** @description What the product says of itself. */
+      /** @description Description reported by the product. */
       description: string | null;
       /** @description Whether the server's user may open it. */
       usable: boolean;
       /** @description Why it cannot be used, and what to do. */
       trouble: string | null;
     };
-    /** @description The session, or the token, of the one who asks. */
+    /** @description The session, or the token, of the request. */
     SessionNow: {
       /**
        * @description An operator changes things; a read-only link watches.
@@ -1858,7 +1865,7 @@ export interface components {
       access: "operator" | "read_only";
     };
     ShareLink: {
-      /** @description Without the token, to be shown. */
+      /** @description Address without the token, for display. */
       address: string;
       /** @description Signs a browser in: treat it as a password. */
       link: string;
@@ -1868,36 +1875,36 @@ export interface components {
     ShareLinks: {
       /** @enum {string} */
       access: "operator" | "read_only";
-      /** @description The likeliest first. */
+      /** @description The most likely address first. */
       links: components["schemas"]["ShareLink"][];
       /** @description Why other computers cannot open them, and what to do. */
       note: string | null;
     };
     SourceChoice: {
       source: string;
-      /** @description None: the source's own. */
+      /** @description null: the source's own. */
       calibration?: string | null;
     };
     SourceEntry: {
-      /** @description The text that opens it. */
+      /** @description Text that opens it. */
       spec: string;
       title: string;
       help: string;
       /** @enum {string} */
       group: "simulated" | "cameras" | "recordings" | "folders";
       /**
-       * @description Whether the words in capitals of the spec stand for what is to be typed.
+       * @description Whether the words in capitals in the spec are placeholders.
        * @default false
        */
       template: boolean;
       /**
-       * @description Whether it can be seen at ``GET /api/sources/picture.jpg``.
+       * @description Whether ``GET /api/sources/picture.jpg`` has a picture of it.
        * @default false
        */
       picture: boolean;
-      /** @description The board that is shown to its cameras: it is there to be calibrated. */
+      /** @description The board that is shown to its cameras, if the source is for practising calibration. */
       board: components["schemas"]["BoardFacts"] | null;
-      /** @description Place among the sources opened lately, 0 is the last; None: of none. */
+      /** @description Rank among the recently opened sources, 0 is the most recent; null: not one of them. */
       recent: number | null;
     };
     SpeedEntry: {
@@ -1906,14 +1913,14 @@ export interface components {
       role: string;
       /** @enum {string} */
       source: "estimate" | "truth" | "commanded" | "encoder";
-      /** @description None for what a robot says of itself. */
+      /** @description null for values that a robot reports of itself. */
       track_id: number | null;
-      /** @description m/s; None is a gap. */
+      /** @description m/s; null is a gap. */
       speed: number | null;
       std: number | null;
       segment: number;
     };
-    /** @description Errors of speed of one group of samples; None is what there is nothing to draw from. */
+    /** @description Speed errors of one group of samples; null: no samples. */
     SpeedErrorsEntry: {
       /** @enum {string} */
       group: "all" | "body" | "track" | "direction" | "way";
@@ -1938,39 +1945,39 @@ export interface components {
       playback: components["schemas"]["PlaybackStatus"] | null;
       camera: components["schemas"]["CameraStatus"] | null;
       run: components["schemas"]["RunReference"] | null;
-      /** @description In the order in which they are done. */
+      /** @description In the order of processing. */
       reruns: components["schemas"]["RerunStatus"][];
-      /** @description None: it is not known. */
+      /** @description null: unknown. */
       mount: components["schemas"]["MountStatus"] | null;
-      /** @description How the calibration in use holds. */
+      /** @description Health of the calibration in use. */
       ageing: components["schemas"]["AgeingStatus"] | null;
-      /** @description None: nothing is recorded. */
+      /** @description null: nothing is recorded. */
       recording: components["schemas"]["RecordingStatus"] | null;
-      /** @description None: no motion capture is listened to. */
+      /** @description null: no live motion capture. */
       truth: components["schemas"]["LiveTruthStatus"] | null;
-      /** @description None for what is not live. */
+      /** @description null if the source is not live. */
       live: components["schemas"]["LiveStatus"] | null;
-      /** @description None: nothing is calibrated. */
+      /** @description null: no calibration is in progress. */
       calibrating: components["schemas"]["CalibratingFacts"] | null;
-      /** @description None: the source's own. */
+      /** @description null: the source's own. */
       calibration: components["schemas"]["CalibrationReference"] | null;
-      /** @description Source that was to be opened first, and is there to be calibrated. */
+      /** @description Source requested at start, if it is there to be calibrated. */
       to_calibrate: string | null;
       parameters_revision: number;
-      /** @description Grows with every change of a guard.* or navigation.* parameter since the start. */
+      /** @description Incremented by every change of a guard.* or navigation.* parameter since the start. */
       driving_revision: number;
       rates: components["schemas"]["Rates"];
       dense_stereo: components["schemas"]["DenseStereoStatus"];
       frames_observed: number;
       latency_ms: components["schemas"]["LatencyStatus"];
-      /** @description Median of each stage. */
+      /** @description Median time of each stage. */
       timings_ms: {
         [key: string]: number;
       };
       ego_motion: components["schemas"]["EgoMotionStatus"] | null;
       drops: components["schemas"]["Drops"];
       skipped: components["schemas"]["SkippedFrame"][];
-      /** @description Open live pages. */
+      /** @description Number of open live pages. */
       viewers: number;
       has_truth: boolean;
       warnings: string[];
@@ -1978,10 +1985,10 @@ export interface components {
     };
     StepNumber: {
       name: string;
-      /** @description None: not known. */
+      /** @description null: unknown. */
       value: number | null;
       unit: string;
-      /** @description Worth showing after the point. */
+      /** @description Decimal places worth showing. */
       digits: number;
     };
     TapeCheck: {
@@ -1993,7 +2000,7 @@ export interface components {
       sentence: string;
       at: string;
     };
-    /** @description A place in the rectified left image, and how far it is by a tape from the left lens. */
+    /** @description A spot in the rectified left image and its tape-measured distance from the left lens. */
     TapeCheckStart: {
       u: number;
       v: number;
@@ -2004,10 +2011,10 @@ export interface components {
       name: string;
       has_orientation: boolean;
       samples: number;
-      /** @description Of the samples. */
+      /** @description Share of the samples in which it was seen. */
       seen: number;
       gaps: number;
-      /** @description On the system's clock, as is to_s. */
+      /** @description On the motion-capture system's clock, as is to_s. */
       from_s: number | null;
       to_s: number | null;
       /** @description Along the room's three axes. */
@@ -2015,27 +2022,27 @@ export interface components {
       /** @description Smoothed over 11 samples. */
       highest_speed_mps: number | null;
     };
-    /** @description A truth file. */
+    /** @description A ground-truth file. */
     TruthEntry: {
       /** @description SHA-256 of its content. */
       id: string;
       name: string;
-      /** @description What it was recognised as. */
+      /** @description Detected format. */
       format: string;
-      /** @description What was understood: rate_hz, duration_s, bodies, notes, and reading as asked. */
+      /** @description Contents of the file: rate_hz, duration_s, bodies, notes, and the reading options. */
       info: components["schemas"]["TruthInfo"];
       created_at: string;
     };
     TruthInfo: {
       format: string;
       rate_hz: number | null;
-      /** @description Of all bodies together. */
+      /** @description Over all bodies together. */
       duration_s: number | null;
       bodies: components["schemas"]["TruthBody"][];
       notes: string[];
       reading: components["schemas"]["TruthReading"];
     };
-    /** @description Options by which the file was read; None: as it says itself. */
+    /** @description Options with which the file was read; null: as the file states. */
     TruthReading: {
       rate_hz: number | null;
       angles: ("helical" | "euler_xyz") | null;
@@ -2049,7 +2056,7 @@ export interface components {
     };
     VideoDevice: {
       path: string;
-      /** @description Its name by the port it is plugged into. */
+      /** @description Persistent path, by the port it is plugged into. */
       by_path: string | null;
       card: string | null;
       /** @description Why it cannot be used, and what to do. */
@@ -2058,7 +2065,7 @@ export interface components {
       controls: components["schemas"]["DeviceControl"][];
     };
     Problem: {
-      /** @description Where in the request, as in body, the field's name. */
+      /** @description Location in the request, such as body and the field's name. */
       loc: (string | number)[];
       /** @description What is wrong and what would be right. */
       msg: string;

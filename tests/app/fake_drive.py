@@ -168,7 +168,9 @@ class FakeDrive:
                 return self.goal
             case StopGoal():
                 if self.goal is not None:
-                    self.goal = replace(self.goal, state="ended", sentence="The goal was given up.")
+                    self.goal = replace(
+                        self.goal, state="ended", sentence="The goal was cancelled."
+                    )
         return None
 
     def _take(self, command: TakeLease) -> str:

@@ -50,7 +50,7 @@ def until_driving(page: Page, send: Callable[[], object]) -> None:
     A busy machine shows a frame too late now and then: that ends the drive, and it is sent again.
     """
     deadline = time.monotonic() + DRIVEN_S
-    giving_up = goal_section(page).get_by_role("button", name="Give up goal")
+    giving_up = goal_section(page).get_by_role("button", name="Cancel goal")
     while time.monotonic() < deadline:
         if not giving_up.is_visible() and arm_observer(page):
             send()

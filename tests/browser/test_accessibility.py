@@ -19,7 +19,7 @@ _TABS = ("Source", "Parameters", "Robots", "Calibration", "Runs", "Status")
 _LOOKS: dict[str, dict[str, Any]] = {
     "light": {},
     "dark": {"color_scheme": "dark"},
-    "phone": {"viewport": {"width": 390, "height": 844}, "has_touch": True},
+    "phone": {"viewport": {"width": 360, "height": 780}, "has_touch": True},
 }
 # Whatever is folded, unfolded: what is inside is seen, too.
 _UNFOLD = """() => {

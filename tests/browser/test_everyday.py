@@ -10,7 +10,7 @@ from playwright.sync_api import Browser, Page, Route, ViewportSize, expect
 from .conftest import KeepPicture, OpenPanel, Server
 
 PHONE: ViewportSize = {"width": 390, "height": 844}
-WATCHING_ONLY = "This link is for watching. Ask for an operator link to change anything."
+WATCHING_ONLY = "This link is read-only. Ask for an operator link to change anything."
 
 
 @pytest.fixture
@@ -82,7 +82,7 @@ def test_who_only_watches_is_told_once_and_changes_nothing(
     server: Server, watching: Page, keep_picture: KeepPicture
 ) -> None:
     page = watching
-    expect(page.get_by_text("Watching only")).to_be_visible()
+    expect(page.get_by_text("Read-only", exact=True)).to_be_visible()
     expect(page.get_by_role("button", name="Start run")).to_be_hidden()
     pause = page.locator("observer-playback").get_by_role("button").first
     expect(pause).to_be_disabled()
@@ -112,7 +112,7 @@ def test_who_only_watches_is_told_once_and_changes_nothing(
     expect(stop).to_be_enabled()
     from_menu(page, "Share")
     dialog = page.get_by_role("dialog", name="Share this page")
-    expect(dialog.get_by_label("Watch only")).to_be_checked()
+    expect(dialog.get_by_label("Read-only", exact=True)).to_be_checked()
     expect(dialog.get_by_label("Operator")).to_have_count(0)
     expect(dialog.get_by_role("button", name="Revoke")).to_have_count(0)
     dialog.get_by_role("button", name="Close").click()
@@ -244,12 +244,12 @@ def test_what_happened_stays_readable(
     log = page.locator("observer-log")
     expect(log.get_by_text("Server started.")).to_be_attached()
     run = server.api.post("/api/runs", json={"name": "logged", "source": "simulated:lab"}).json()
-    expect(log.get_by_role("listitem").filter(has_text="Run logged started.")).to_be_attached()
+    expect(log.get_by_role("listitem").filter(has_text='Run "logged" started.')).to_be_attached()
     refused = server.api.post("/api/runs", json={"source": "simulated:lab"})
     assert refused.status_code == 409
     server.api.post(f"/api/runs/{run['id']}/stop")
     # The newest first.
-    expect(log.get_by_role("listitem").first).to_contain_text("Run logged ended.")
+    expect(log.get_by_role("listitem").first).to_contain_text('Run "logged" ended.')
     log.get_by_label("Only warnings and errors").check()
     expect(log.get_by_role("listitem").first).to_contain_text("Refused: ")
     expect(log.get_by_text("Server started.")).to_have_count(0)

@@ -106,7 +106,7 @@ def test_the_observer_drives_to_a_typed_goal_until_it_is_given_up(
     deadline = time.monotonic() + DRIVEN_S
     told = ""
     with Witness(room, "observer") as witness:
-        while ended.inner_text() != "The goal was given up.":
+        while ended.inner_text() != "The goal was cancelled.":
             assert time.monotonic() < deadline, section.inner_text()
             until_driving(page, lambda: ahead.press("Enter"))
             if witness.first(True, time.monotonic(), 3.0) is None:
@@ -116,7 +116,7 @@ def test_the_observer_drives_to_a_typed_goal_until_it_is_given_up(
             start = time.monotonic()
             # Unless it ended by itself meanwhile.
             with contextlib.suppress(Error):
-                driving.get_by_role("button", name="Give up goal").click(timeout=2000)
+                driving.get_by_role("button", name="Cancel goal").click(timeout=2000)
             witness.zero_after(start)
             page.wait_for_timeout(300)
     expect(driving).to_be_hidden()
@@ -140,7 +140,7 @@ def test_a_page_that_is_left_ends_the_drive(
     hide_page(page, True)
     eventually(lambda: room.get("/robots")["goal"]["state"] == "ended", 3)
     hide_page(page, False)
-    expect(goal_section(page).locator(".goal-ended")).to_contain_text("given up: ")
+    expect(goal_section(page).locator(".goal-ended")).to_contain_text("aborted: ")
 
 
 def test_the_risk_of_a_goal_is_the_parameter_unless_another_is_chosen(

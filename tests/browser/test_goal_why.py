@@ -108,7 +108,7 @@ def test_every_state_of_a_goal_is_told_to_everybody(
     why, refused = driving.locator("observer-goal-why"), driving.locator(".refused-paths li")
     expect(why).to_be_hidden()
     # By keyboard, after the button above it.
-    driving.get_by_role("button", name="Give up goal").focus()
+    driving.get_by_role("button", name="Cancel goal").focus()
     page.keyboard.press("Tab")
     page.keyboard.press("Enter")
     expect(why).to_contain_text("obstacle 3: on the straight path they would meet in 1.4 s")
@@ -126,8 +126,8 @@ def test_every_state_of_a_goal_is_told_to_everybody(
     check("driving", refused=[], waits_for=None)
     expect(why).to_contain_text("no obstacle")
     expect(why).to_contain_text("No path was refused.")
-    check("ended", sentence="The goal was given up: the robot reports no odometry any more.")
-    expect(ended).to_contain_text("no odometry any more")
+    check("ended", sentence="The goal was aborted: the robot no longer reports odometry.")
+    expect(ended).to_contain_text("no longer reports odometry")
     check("reached", sentence="The goal is reached.")
 
 
@@ -178,12 +178,17 @@ def test_whoever_is_in_the_way_is_told_of_live_and_in_the_run(
     expect(slider).to_be_enabled(timeout=60_000)
     frames = crossing.get(f"/runs/{run}/frames")["frames"]
     expect(told).to_contain_text("s: no goal.")
+    above = page.locator("observer-top-view")
+    expect(above.locator(".goal")).to_have_count(0)
     goals = {at: entry["goal"] for at, entry in enumerate(frames) if entry["goal"]}
     at, goal = next((at, goal) for at, goal in goals.items() if goal["refused"])
     slider.fill(str(at))
     expect(told).to_contain_text(f"s: {goal['sentence']}")
     expect(told.locator(".refused-paths li")).to_have_count(len(goal["refused"]))
     expect(told).to_contain_text("0.001 accepted")
+    expect(above.locator(".goal")).to_be_visible()
+    expect(above.locator(".planned-path")).to_have_count(1)
+    expect(above).to_contain_text("Violet: goal and planned path.")
     told.scroll_into_view_if_needed()
     assert findings(page) == []
     keep_picture(page, "goal-run")

@@ -65,7 +65,7 @@ def test_a_run_is_found_described_and_compared_with_truth(
     expect(page.locator("observer-run-search")).to_contain_text("1 run found")
 
     rows.get_by_role("link", name="ride").click()
-    expect(page.locator("#history-title")).to_have_text("Run ride")
+    expect(page.locator("#history-title")).to_have_text("ride")
     page.get_by_label("Add tag").fill("figure 17, to and fro")
     page.keyboard.press("Enter")
     eventually(lambda: server.get(f"/runs/{bare_run}")["tags"] == ["figure 17", "to and fro"])
@@ -183,7 +183,7 @@ def test_image_top_view_and_chart_of_a_run_show_one_instant(
     page = open_panel()
     server.api.post("/api/playback", json={"paused": True})
     page.evaluate(f"location.hash = '#history/{kept_run}'")
-    expect(page).to_have_title(re.compile("Run ride"))
+    expect(page).to_have_title(re.compile("ride"))
     player, reading = page.locator("observer-run-player"), page.locator(".chart-reading:visible")
     slider = player.get_by_role("slider", name="Position in the run")
     place, count = player.locator("output"), len(server.get(f"/runs/{kept_run}/frames")["frames"])

@@ -7,7 +7,7 @@ import re
 import pytest
 from playwright.sync_api import Page, ViewportSize, expect
 
-from .conftest import TOO_WIDE, KeepPicture, OpenPanel
+from .conftest import TOO_WIDE, KeepPicture, OpenPanel, Server
 
 _SIZES: tuple[ViewportSize, ...] = (
     {"width": 360, "height": 780},
@@ -130,7 +130,7 @@ def test_the_tour_goes_once_around_and_can_be_left(
     page = open_panel()
     page.get_by_role("button", name="Tour", exact=True).click()
     card = page.locator(".tour-card")
-    expect(card).to_contain_text("Who moves")
+    expect(card).to_contain_text("What moves")
     card.get_by_role("button", name="Next").click()
     expect(page.locator("observer-scene")).to_have_attribute("data-toured", "")
     keep_picture(page, "tour")
@@ -148,3 +148,49 @@ def test_the_tour_goes_once_around_and_can_be_left(
     page.get_by_role("button", name="Take the tour").click()
     page.keyboard.press("Escape")
     expect(card).to_be_hidden()
+
+
+def test_who_drives_on_a_phone_sees_the_whole_left_view(open_panel: OpenPanel) -> None:
+    page = open_panel(viewport=_SIZES[0], has_touch=True)
+    page.locator("main").evaluate("main => main.scrollTo(0, main.scrollHeight)")
+    page.get_by_role("tab", name="Robots").click()
+    expect(page.locator("main .view-image").first).to_be_in_viewport(ratio=1)
+    seen = page.locator("main").bounding_box()
+    image = page.locator("main .view-image").first.bounding_box()
+    assert seen is not None
+    assert image is not None
+    assert image["y"] >= seen["y"]
+
+
+def test_on_a_phone_the_way_to_the_live_view_has_a_heading_and_shows_once_it_has_the_focus(
+    open_panel: OpenPanel,
+) -> None:
+    page = open_panel(viewport=_SIZES[0])
+    expect(page.get_by_role("heading", name="Dynamic Observer", level=1)).to_have_count(1)
+    for _ in range(2):
+        page.keyboard.press("Tab")
+    link = page.get_by_role("link", name="Dynamic Observer")
+    expect(link).to_be_focused()
+    expect(link.locator("img")).to_be_in_viewport(ratio=1)
+    _does_not_scroll(page, "focused")
+
+
+def test_the_header_keeps_its_height_while_a_run_with_a_long_name_is_recorded(
+    open_panel: OpenPanel, server: Server, keep_picture: KeepPicture
+) -> None:
+    page = open_panel()
+    run = server.api.post("/api/runs", json={"name": "Walk past the long shelf, evening"}).json()
+    try:
+        stop = page.get_by_role("button", name="Stop run")
+        for size in _SIZES:
+            page.set_viewport_size(size)
+            expect(stop).to_be_in_viewport(ratio=1)
+            _does_not_scroll(page, f"recording at {size['width']}")
+            height = page.locator(".top").evaluate("top => top.clientHeight")
+            assert height <= 60, f"{height} px at {size['width']}"
+        page.set_viewport_size(_SIZES[3])
+        keep_picture(page, "shell-recording")
+        stop.click()
+        expect(page.get_by_text("stopped and saved")).to_be_visible()
+    finally:
+        server.api.post(f"/api/runs/{run['id']}/stop")

@@ -157,6 +157,31 @@ def test_the_field_suggests_by_keyboard(
     expect(page.locator(".notice").last).to_contain_text("seed=2", timeout=15_000)
 
 
+def test_sources_that_arrive_late_are_suggested_for_what_was_typed(open_panel: OpenPanel) -> None:
+    waiting: list[Route] = []
+
+    def hold(route: Route) -> None:
+        waiting.append(route)
+
+    page = open_panel()
+    page.route("**/api/sources", hold)
+    page.get_by_role("tab", name="Source").click()
+    field = page.get_by_role("combobox", name="Source", exact=True)
+    options = page.get_by_role("listbox", name="Suggested sources").get_by_role("option")
+    field.fill("people across")
+    expect(field).to_have_attribute("aria-expanded", "false")
+    for route in waiting:
+        route.continue_()
+    expect(options.first).to_contain_text("simulated:people_across")
+    expect(field).to_have_attribute("aria-expanded", "true")
+
+    # What matched nothing for a while is suggested for again.
+    field.fill("no such source")
+    expect(field).to_have_attribute("aria-expanded", "false")
+    field.fill("people across")
+    expect(field).to_have_attribute("aria-expanded", "true")
+
+
 def test_the_field_suggests_by_touch_and_a_template_says_what_to_type(
     open_panel: OpenPanel, keep_picture: KeepPicture
 ) -> None:

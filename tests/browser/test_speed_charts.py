@@ -258,3 +258,17 @@ def test_what_is_seen_of_a_run_is_saved_in_two_clicks(
     assert all(0.5 <= float(row["time_s"]) <= 1.5 for row in rows)
     expect(export.get_by_role("button", name="Export")).to_be_focused()
     server.api.delete(f"/api/runs/{run}").raise_for_status()
+
+
+def test_the_curves_of_one_source_do_not_stay_with_the_next(
+    server: Server, open_panel: OpenPanel
+) -> None:
+    page = open_panel()
+    chart = page.locator("observer-speed-chart")
+    expect(chart.locator(".legend").last).to_contain_text("Ground truth P3-DX", timeout=20_000)
+    try:
+        server.api.put("/api/source", json={"source": "simulated:people"}).raise_for_status()
+        expect(chart.locator(".legend").last).to_contain_text("Ada", timeout=20_000)
+        expect(chart.get_by_text("P3-DX")).to_have_count(0)
+    finally:
+        server.api.put("/api/source", json={"source": "simulated:lab"}).raise_for_status()

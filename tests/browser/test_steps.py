@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from .conftest import KeepPicture, OpenPanel
 
@@ -64,6 +64,32 @@ def test_nine_steps_are_gone_through_by_keys_and_kept_in_the_address(
     expect(current).to_have_text(re.compile("^9"))
     page.get_by_role("button", name="Back to live").click()
     expect(page.locator("observer-steps")).to_be_hidden()
+
+
+def test_an_answer_leaves_the_address_of_another_place_alone(open_panel: OpenPanel) -> None:
+    """Between going back and being told so, the address is that of the place that is left."""
+    waiting: list[Route] = []
+
+    def hold(route: Route) -> None:
+        waiting.append(route)
+
+    page = open_panel()
+    _go(page, "#steps/2?source=simulated:lab&frame=40")
+    _seen(page)
+    page.route("**/api/steps?*", hold)
+    _go(page, "#steps/2?source=simulated:lab&frame=41")
+    expect(page.locator("observer-steps")).to_have_attribute("aria-busy", "true")
+    left = page.evaluate(
+        """() => {
+            history.pushState(null, "", location.hash.replace("steps/2", "steps/7"));
+            return location.hash;
+        }"""
+    )
+    page.unroute("**/api/steps?*")
+    for route in waiting:
+        route.continue_()
+    _seen(page)
+    assert page.evaluate("location.hash") == left
 
 
 def test_a_parameter_changes_picture_and_numbers_but_nothing_that_is_live(

@@ -77,7 +77,7 @@ def points_in_view(
 
 def place_information(camera: StereoCamera, place: Float64Array, sigma_px: float) -> Float64Array:
     """(N, 3, 3) 1/m^2 of places (N, 3), camera frame, with equal noise in u, v and disparity."""
-    J = camera.projection_jacobian(place) / sigma_px
+    J = projection_jacobian(camera, place) / sigma_px
     return np.asarray(np.swapaxes(J, 1, 2) @ J)
 
 
@@ -146,3 +146,20 @@ def an_obstacle(**changes: Any) -> Obstacle:
         "points": 5, "significance": 6.0, "box_px": (0.0, 0.0, 1.0, 1.0), "reason": "it moves",
     }  # fmt: skip
     return Obstacle(**{**values, **changes})
+
+
+def projection_jacobian(camera: StereoCamera, points: np.ndarray) -> np.ndarray:
+    """Derivative (..., 3, 3) of u, v and disparity by camera-frame points (..., 3), px/m.
+
+    NaN for points that do not lie in front of the camera.
+    """
+    p = np.asarray(points, dtype=np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        w = np.where(p[..., 2] > 0, 1 / p[..., 2], np.nan)
+    J = np.zeros((*p.shape[:-1], 3, 3))
+    J[..., 0, 0] = camera.fx * w
+    J[..., 0, 2] = -camera.fx * p[..., 0] * w * w
+    J[..., 1, 1] = camera.fy * w
+    J[..., 1, 2] = -camera.fy * p[..., 1] * w * w
+    J[..., 2, 2] = -camera.fx * camera.baseline * w * w
+    return J

@@ -24,6 +24,8 @@ from observer.truth.contract import Truth
 from observer.types import StereoFrame
 from observer.vision.camera_rate import CameraRate
 
+from .builders import projection_jacobian
+
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 HERE = Pose.identity()
 DT = 1 / 15
@@ -199,7 +201,7 @@ class Watched:
         return px + noise[:, :2], disparity + noise[:, 2]
 
     def _seen(self, points: TrackedPoints) -> tuple[Float64Array, Float64Array]:
-        J = CAMERA.projection_jacobian(self._truth()) / SIGMA_PX
+        J = projection_jacobian(CAMERA, self._truth()) / SIGMA_PX
         return CAMERA.triangulate(points.px, points.disparity), np.swapaxes(J, 1, 2) @ J
 
     def _renew(self) -> None:

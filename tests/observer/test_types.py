@@ -124,6 +124,23 @@ def test_what_may_have_begun_to_move_is_a_reason_of_its_own() -> None:
     assert reason.startswith("something may have started to move")
 
 
+def test_what_a_trace_keeps_for_later_is_made_once_and_only_if_asked_for() -> None:
+    made: list[str] = []
+
+    def make() -> int:
+        made.append("made")
+        return 7
+
+    trace = FullTrace()
+    trace.keep_later("seven", make)
+    NoTrace().keep_later("seven", make)
+    assert "seven" in trace
+    assert made == []
+    assert trace["seven"] == trace.get("seven") == dict(trace)["seven"] == 7
+    assert made == ["made"]
+    assert trace.get("eight") is None
+
+
 def test_a_json_line_tells_where_motion_could_not_be_noticed_as_evaluation_reads_it() -> None:
     seen = Observation(0, 0.0, 0.0, 0, Status.DEGRADED, UNSEEN.reasons, 0, None, (), unseen=UNSEEN)
     line = json.loads(json.dumps(observation_line(seen)))

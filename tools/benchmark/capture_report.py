@@ -13,22 +13,22 @@ def capture_markdown(figures: CaptureFigures) -> str:
     return "\n".join(
         [
             f"## Live capture at {width}x{height} and {figures.camera_rate:g} images a second, "
-            f"to reach\n",
+            f"targets\n",
             targets_table({"measured": figures.targets}, "figure, median"),
-            "## The loops, ms a frame, p10 / median / p95\n",
+            "## The loops, ms per frame, p10 / median / p95\n",
             markdown_table(
-                ["loop", "frames", "per second", "read: processor", "read: not waiting for images",
-                 "work", "processor in all", "grabbed to handed over", "troubles"],
+                ["loop", "frames", "per second", "read: CPU", "read: without waiting for images",
+                 "work", "CPU in total", "grabbed to delivered", "errors"],
                 [
-                    _row("observes what cameras send", figures.live),
-                    _row("observes the same from memory", figures.memory),
-                    _row(f"sleeps {1e3 * SLOW_S:g} ms in place of observing", figures.slow),
-                    _row("the same, cameras tended between", figures.tending),
+                    _row("processes what cameras send", figures.live),
+                    _row("processes the same from memory", figures.memory),
+                    _row(f"sleeps {1e3 * SLOW_S:g} ms instead of processing", figures.slow),
+                    _row("the same, with the cameras served in between", figures.tending),
                 ],
             ),
             "## The pairs of the cameras\n",
             markdown_table(
-                ["skew median", "skew p95", "pairs", "dropped"],
+                ["sync error median", "sync error p95", "pairs", "dropped"],
                 [
                     [
                         _ms(figures.skew_median_ms), _ms(figures.skew_p95_ms),

@@ -127,13 +127,13 @@ class CaptureFigures:
     @property
     def targets(self) -> tuple[Target, ...]:
         return (
-            Target("added to the loop, ms a frame", None, _MOST_MS, self.added_ms,
+            Target("added to the loop, ms per frame", None, _MOST_MS, self.added_ms,
                    self.live.frames),
-            Target("the same in time of the processor", None, _MOST_MS, self.added_cpu_ms,
+            Target("the same in CPU time", None, _MOST_MS, self.added_cpu_ms,
                    self.live.frames),
             Target("read in a loop slower than the cameras, ms", None, _MOST_MS,
                    self.slow.read_wall_ms.median, self.slow.frames),
-            Target("the same where they are tended between stages", None, _MOST_MS,
+            Target("the same with the cameras served between stages", None, _MOST_MS,
                    self.tending.read_wall_ms.median, self.tending.frames),
         )  # fmt: skip
 
@@ -162,7 +162,7 @@ def capture_figures(
         SourceError: the streams could not be opened.
     """
     world = World(load_scenario(SCENARIO))
-    say("what cameras will show: being drawn")
+    say("rendering what the cameras will show")
     encoded = encoded_pairs(world, pictures)
     decoded = [tuple(_decoded(data) for data in pair) for pair in encoded]
     live, memory, slow, tending = _Notes(), _Notes(), _Notes(), _Notes()
@@ -249,7 +249,7 @@ class _Notes:
         if len(self.work) < 2:
             raise MeasurementError(
                 f"only {len(self.work)} frames came within {self.seconds:.1f} s; measure longer, "
-                f"or on a machine with less to do"
+                f"or on a less busy machine"
             )
         return Loop(
             frames=len(self.work),

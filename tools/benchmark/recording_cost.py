@@ -85,7 +85,7 @@ class RecordingFigures:
         own = [rate for rate in self.rates if rate.playback_rate == _PACES[0]]
         rates = [
             Target(
-                f"loop's rate while images are recorded as {rate.images}, of that without",
+                f"loop's rate while recording images as {rate.images}, relative to that without",
                 _LEAST_RATIO,
                 None,
                 rate.ratio,
@@ -96,7 +96,7 @@ class RecordingFigures:
         memory, half = self.memory_mb, len(self.memory_mb) // 2
         growth = max(memory[half:]) / max(memory[:half]) if half else None
         flat = Target(
-            "engine's memory in the later half of all turns, of that in the earlier half",
+            "engine's memory in the second half of all turns, relative to the first half",
             None,
             _MOST_GROWTH,
             growth,
@@ -145,7 +145,7 @@ def recording_figures(
     began = time.monotonic()
     rates: list[RecordingRates] = []
     with tempfile.TemporaryDirectory(prefix="dynamic-observer-benchmark-") as folder:
-        say("what cameras will show: being drawn")
+        say("rendering what the cameras will show")
         path = Path(folder) / "cameras.mcap"
         frames = round((seconds / turns + _MARGIN_S) * _MOST_PER_S)
         size = _record_pictures(world, path, pictures, frames)

@@ -12,7 +12,7 @@ def recording_markdown(figures: RecordingFigures) -> str:
     width, height = figures.image_size
     return "\n".join(
         [
-            f"## Recording {width}x{height} at {RATE:g} pairs a second, to reach\n",
+            f"## Recording {width}x{height} at {RATE:g} pairs a second, targets\n",
             targets_table({"measured": figures.targets}, "figure"),
             "## The loop in a running server, unique frames per second\n",
             markdown_table(
@@ -34,7 +34,7 @@ def recording_markdown(figures: RecordingFigures) -> str:
 def _memory_line(figures: RecordingFigures) -> str:
     memory = figures.memory_mb
     if not memory:
-        return "The system does not tell the engine's memory.\n"
+        return "The system does not report the engine's memory.\n"
     return (
         f"The engine's memory over {figures.minutes:.1f} min: {memory[0]:.0f} MB first, "
         f"{min(memory):.0f} to {max(memory):.0f} MB, {memory[-1]:.0f} MB last.\n"

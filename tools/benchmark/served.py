@@ -44,7 +44,7 @@ class DriveLateness:
     def words(self) -> str:
         """Describe it for people."""
         if self.late_p99_ms is None or self.late_max_ms is None:
-            return f"not told, priority {self.priority}"
+            return f"not reported, priority {self.priority}"
         return (
             f"p99 {self.late_p99_ms:.2f} ms, max {self.late_max_ms:.2f} ms, "
             f"priority {self.priority}"
@@ -153,8 +153,8 @@ class ServedFigures:
         """Return the targets."""
         rates = [
             Target(
-                f"loop's rate with {each.viewers} viewers, played at {each.playback_rate:g} x, of "
-                f"that alone",
+                f"loop's rate with {each.viewers} viewers, played at {each.playback_rate:g} x, "
+                f"relative to that alone",
                 LEAST_WITH_VIEWERS,
                 None,
                 each.ratio,
@@ -163,8 +163,8 @@ class ServedFigures:
             for each in self.rates
         ]
         stalled = Target(
-            f"what {self.stalled.viewers} viewers receive beside one that reads nothing, of that "
-            f"without it",
+            f"what {self.stalled.viewers} viewers receive beside a stalled one, relative to that "
+            "without it",
             _LEAST_BESIDE_STALLED,
             None,
             self.stalled.ratio,
@@ -253,7 +253,7 @@ def _stalled_rates(
 ) -> StalledRates:
     # At this rate the loop has time to spare, so that it is the server that may hold viewers up.
     server.request("POST", "/api/playback", {"rate": 1.0, "loop": True})
-    say(f"{viewer_count} viewers without and beside one that reads nothing")
+    say(f"{viewer_count} viewers without and beside a stalled one")
     with viewers(server, viewer_count) as drained:
         before = _served_rates(server, drained, seconds / 2)
         with stalled_viewer(server) as stalled:

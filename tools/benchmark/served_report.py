@@ -14,7 +14,7 @@ def served_markdown(served: ServedFigures) -> str:
     """
     return "\n".join(
         [
-            "## Viewers, to reach\n",
+            "## Viewers, targets\n",
             targets_table({"measured": served.targets}, "figure"),
             "## The loop in a running server, unique frames per second\n",
             markdown_table(
@@ -30,7 +30,7 @@ def served_markdown(served: ServedFigures) -> str:
                 ],
             ),
             f"\n{drive_line(served)}",
-            "\n## Viewers beside one that reads nothing, per second\n",
+            "\n## Viewers beside a stalled one, per second\n",
             _stalled_table(served.stalled),
             "\n## The dense cloud beside the loop\n",
             _dense_cloud_table(served.dense_cloud),
@@ -43,8 +43,7 @@ def served_markdown(served: ServedFigures) -> str:
 def drive_line(served: ServedFigures) -> str:
     """Describe the lateness of the drive loop in one sentence."""
     told = "; ".join(
-        f"at {r.playback_rate:g} x {_late(r.drive)}, with a run recorded besides "
-        f"{_late(r.recorded)}"
+        f"at {r.playback_rate:g} x {_late(r.drive)}, while a run is recorded {_late(r.recorded)}"
         for r in served.rates
     )
     return f"The drive loop's lateness with viewers, over its last 30 s: {told}."
@@ -74,7 +73,7 @@ def _dense_cloud_table(rates: DenseCloudRates) -> str:
 
     return markdown_table(
         ["played at", "loop without", "loop with", "ratio", "clouds per s", "age", "cost of one",
-         "pixels along one matched", "failures"],
+         "downscaling factor", "failures"],
         [
             [
                 f"{rates.playback_rate:g} x", f"{rates.without:.1f}", f"{rates.watched:.1f}",

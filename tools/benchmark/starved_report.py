@@ -12,7 +12,7 @@ def starved_markdown(figures: StarvedFigures) -> str:
     ages = (figures.age_median_s, figures.age_p95_s, figures.age_max_s)
     return "\n".join(
         [
-            f"## {figures.share:.0%} of one core, to reach\n",
+            f"## {figures.share:.0%} of one core, targets\n",
             targets_table({"measured": figures.targets}, "figure"),
             "## Measured\n",
             markdown_table(

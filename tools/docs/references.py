@@ -66,7 +66,7 @@ def parameter_page() -> str:
             parameter_table(basic_parameters()),
             "## Presets",
             "The built-in presets differ in these values. [Your own presets]"
-            "(sources.md#your-own-presets) tells how to save, share and compare presets.",
+            "(sources.md#your-own-presets) explains how to save, share and compare presets.",
             preset_table(),
             "## All parameters",
             *_by_group(AllParameters.declared()),

@@ -96,7 +96,7 @@ def _ask(pins: Path, options: Sequence[str]) -> Audit:
         raise Unanswered(f"pip-audit has no answer: {last[:200]}") from None
     unknown = tuple(each["name"] for each in packages if "skip_reason" in each)
     if len(unknown) == len(packages):
-        raise Unanswered("the package index tells none")
+        raise Unanswered("the package index reports none")
     found = tuple(
         _vulnerability(package, told) for package in packages for told in package.get("vulns", ())
     )

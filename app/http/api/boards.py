@@ -36,7 +36,10 @@ def get_board(
     square_mm: Annotated[float, Query(ge=2, le=500, allow_inf_nan=False)] = 25.0,
     paper: Literal["A4", "A3", "Letter"] = "A4",
 ) -> Response:
-    """Print it at 100 %. Refused where it does not fit; the sentence says what would."""
+    """Print it at 100 %.
+
+    A board that does not fit the paper is refused, and the sentence says what would fit.
+    """
     board = board_of(kind, columns, rows, square_mm)
     try:
         content = board_svg(board, paper) if format == "svg" else board_pdf(board, paper)

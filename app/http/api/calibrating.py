@@ -82,7 +82,7 @@ async def get_calibrating(server: TheServer) -> CalibratingStatus:
     responses=refusals(409, 422, 503),
 )
 async def begin(start: CalibratingStart, server: TheServer) -> CalibratingStatus:
-    """Replaces what was being calibrated; observing pauses meanwhile."""
+    """Replaces any calibration in progress; observing pauses meanwhile."""
     board = board_of(start.kind, start.columns, start.rows, start.square_mm)
     await server.calibrating.begin(start.source, board)
     return _facts(server)
@@ -97,14 +97,14 @@ async def leave(server: TheServer) -> Status:
 
 @router.patch("", summary="Capture, undo, remove a view", responses=refusals(404, 409, 422, 503))
 async def change(change: CalibratingChange, server: TheServer) -> CalibratingStatus:
-    """Applies the given fields. ``cover_check`` begins or ends the question which lens is left."""
+    """Applies the given fields. ``cover_check`` starts or ends the check of which lens is left."""
     await server.calibrating.change(ChangeCalibration(**change.model_dump()))
     return _facts(server)
 
 
 @router.post("/swap", summary="Swap left and right", responses=refusals(409, 422, 503))
 async def swap(server: TheServer) -> CalibratingStatus:
-    """The cameras are opened the other way round; the views so far are kept."""
+    """Opens the cameras the other way round; the captured views are kept."""
     await server.calibrating.swap()
     return _facts(server)
 
@@ -135,7 +135,7 @@ async def post_images(
     square_mm: Annotated[float, Form(ge=2, le=500, allow_inf_nan=False)],
     server: TheServer,
 ) -> CalibratingStatus:
-    """The board is looked for in every pair; what was captured before is forgotten only then."""
+    """Detects the board in every pair; only then are earlier captures discarded."""
     board = board_of(kind, columns, rows, square_mm)
     with tempfile.TemporaryDirectory(prefix="dynamic-observer-") as folder:
         archive = FilePath(folder) / "images.zip"
@@ -154,14 +154,14 @@ async def post_images(
     responses=refusals(409, 422),
 )
 async def compute(start: ComputeStart, server: TheServer) -> CalibratingStatus:
-    """It goes on in the background; ``computing`` tells how far it is."""
+    """Runs in the background; ``computing`` reports the progress."""
     server.calibrating.session.compute(start.distortion_model)
     return _facts(server)
 
 
 @router.post("/cancel", summary="Cancel the computation", responses={})
 async def cancel(server: TheServer) -> CalibratingStatus:
-    """Views and an earlier result stay."""
+    """Keeps the views and an earlier result."""
     await server.calibrating.session.computation.cancel()
     return _facts(server)
 
@@ -191,7 +191,7 @@ async def get_preview(server: TheServer) -> Response:
     responses=refusals(409, 422, 503, 507),
 )
 async def save(save: CalibrationSave, server: TheServer) -> Calibration:
-    """``activate`` observes its cameras with it from now on, and ends calibrating."""
+    """With ``activate``, the cameras are observed with it from now on, and calibrating ends."""
     saved = await server.calibrating.save(save.name, activate=save.activate)
     return server.calibrating.entry(saved)
 

@@ -43,7 +43,7 @@ class CalibrationChange(In):
 
 
 class TapeCheckStart(In):
-    """A place in the rectified left image, and how far it is by a tape from the left lens."""
+    """A spot in the rectified left image and its tape-measured distance from the left lens."""
 
     u: Annotated[Finite, Field(ge=0, le=16384)]
     v: Annotated[Finite, Field(ge=0, le=16384)]
@@ -114,7 +114,7 @@ async def deactivate(server: TheServer) -> Status:
     responses=refusals(409, 503, 507),
 )
 async def refine(server: TheServer) -> Calibration:
-    """Pitch and roll between the cameras, and a vergence that drifted, as a new calibration.
+    """Saves a new calibration with corrected pitch, roll and drifted vergence.
 
     Nothing is replaced.
     """
@@ -134,7 +134,7 @@ async def rename(id: NameInPath, change: CalibrationChange, server: TheServer) -
 
 @router.post("/{id}/activate", summary="Use a calibration", responses=refusals(404, 409, 422, 503))
 async def activate(id: NameInPath, server: TheServer) -> Status:
-    """The open source begins again with it. Refused where the image size differs."""
+    """Restarts the open source with it. Refused if the image size differs."""
     await server.calibrating.activate(id)
     return status(server)
 
@@ -198,7 +198,7 @@ async def get_depth(
     responses=refusals(404, 409, 422, 503, 507),
 )
 async def post_tape_check(record: Listed, check: TapeCheckStart, server: TheServer) -> Calibration:
-    """The result is kept beside the calibration."""
+    """Stores the result with the calibration."""
     checked = await check_by_tape(
         server.engine, server.storage, record, check.u, check.v, check.measured_m
     )
@@ -212,7 +212,7 @@ async def post_tape_check(record: Listed, check: TapeCheckStart, server: TheServ
     responses=refusals(404, 409, 503),
 )
 async def delete_calibration(id: NameInPath, server: TheServer) -> None:
-    """Runs that used it stay repeatable."""
+    """Runs that used it can still be repeated."""
     await server.calibrating.delete(id)
 
 

@@ -17,11 +17,13 @@ router = APIRouter(prefix="/comparison", tags=["runs"])
 
 class ComparisonStart(In):
     source: Spec | None = Field(
-        None, description="None: what is open; of live cameras the last seconds are taken."
+        None, description="null: the open source; for live cameras, their last seconds."
     )
-    seconds: Annotated[Finite, Field(ge=1, le=30, description="Of the source.")] = 8.0
+    seconds: Annotated[
+        Finite, Field(ge=1, le=30, description="Duration on the source's clock.")
+    ] = 8.0
     presets: Annotated[list[Name], Field(min_length=2, max_length=2)] = Field(
-        ["paper", "default"], description="A run is made with each, from the same frames."
+        ["paper", "default"], description="One run is made with each, from the same frames."
     )
 
 
@@ -37,7 +39,7 @@ async def get_comparison(server: TheServer) -> ComparisonStatus:
     responses=refusals(409, 422, 503, 507),
 )
 async def start_comparison(wanted: ComparisonStart, server: TheServer) -> ComparisonStatus:
-    """It goes on in the background, beside what is open, and ends as two runs."""
+    """Runs in the background, beside the open source, and produces two runs."""
     return await server.runs.methods.start(wanted.source, wanted.seconds, wanted.presets)
 
 
@@ -60,6 +62,6 @@ async def get_picture(server: TheServer) -> Response:
 
 @router.post("/cancel", summary="End the comparison", responses={})
 async def cancel_comparison(server: TheServer) -> ComparisonStatus:
-    """Nothing stays of it; earlier ones do."""
+    """Nothing of it is kept; earlier comparisons are."""
     await server.runs.methods.cancel()
     return server.runs.methods.facts()

@@ -22,19 +22,19 @@ _RISK = AllParameters.declaration("navigation.risk_per_metre")
 
 class GoalChoice(In):
     ahead_m: Annotated[Finite, Field(ge=-FARTHEST_GOAL_M, le=FARTHEST_GOAL_M)] = Field(
-        description="From the robot as it stands now, m."
+        description="Distance ahead of the robot's current pose, m."
     )
     left_m: Annotated[Finite, Field(ge=-FARTHEST_GOAL_M, le=FARTHEST_GOAL_M)] = Field(
-        0.0, description="To its left, m."
+        0.0, description="Distance to its left, m."
     )
     risk_per_metre: Annotated[Finite, Field(ge=_RISK["minimum"], le=_RISK["maximum"])] | None = (
         Field(
             None,
-            description="Accepted probability of a contact with tracked obstacles on each metre "
+            description="Accepted probability of a contact with tracked obstacles per metre "
             "driven; default: the parameter navigation.risk_per_metre.",
         )
     )
-    lease: Identifier = Field(description="Of the observer, which must be armed.")
+    lease: Identifier = Field(description="Lease of the observer, which must be armed.")
 
 
 @router.post(
@@ -43,9 +43,10 @@ class GoalChoice(In):
     summary="Send the observer to a goal",
 )
 async def start_goal(wanted: GoalChoice, server: TheServer) -> Response:
-    """It drives while its operator stays present on the drive socket; replaces the goal before.
+    """Runs while its operator stays present on the drive socket; replaces the previous goal.
 
-    A help for attentive people, tried in simulation only; the guard limits what it drives.
+    This assists attentive operators, and was tried in simulation only; the guard limits what the
+    robot drives.
     """
     risk = wanted.risk_per_metre
     if risk is None:
@@ -58,9 +59,9 @@ async def start_goal(wanted: GoalChoice, server: TheServer) -> Response:
 @router.delete(
     "",
     responses={200: {"model": RobotsNow}, **refusals(409, 503)},
-    summary="Give up the goal",
+    summary="Cancel the goal",
 )
 async def stop_goal(server: TheServer) -> Response:
-    """At zero; the robot stays armed."""
+    """The robot stops and stays armed."""
     await server.driving.ask(StopGoal())
     return answer(server.driving.facts())

@@ -40,9 +40,9 @@ def _facts(server: Server, status: int = 200) -> Response:
 
 @router.get("/check", responses={200: {"model": ChecksNow}})
 async def get_check(
-    server: TheServer, role: Annotated[Role, Query(description="Of the advice.")] = "observer"
+    server: TheServer, role: Annotated[Role, Query(description="Role to advise on.")] = "observer"
 ) -> Response:
-    """The guided check that goes on or ended last, and whether to check again."""
+    """The guided check in progress or the last one, and whether to check again."""
     return answer(await server.driving.checks.outlook(role))
 
 
@@ -55,7 +55,7 @@ async def get_check(
 async def start_check(
     request: Request, server: TheServer, wanted: Annotated[CheckStart | None, Body()] = None
 ) -> Response:
-    """It moves nothing: somebody drives by hand and does as each step says, stops are measured."""
+    """Moves nothing: somebody drives by hand and follows the steps, and stops are measured."""
     wanted = wanted or CheckStart()
     if server.driving.robot(wanted.role) is None:
         raise Conflict(f"no robot is connected as the {wanted.role}")
@@ -71,7 +71,7 @@ async def start_check(
 async def skip_step(
     request: Request, server: TheServer, by: Annotated[By | None, Body()] = None
 ) -> Response:
-    """The record tells who did."""
+    """The record names who skipped it."""
     await server.driving.checks.skip(who(request, None if by is None else by.name))
     return _facts(server)
 
@@ -82,7 +82,7 @@ async def give_up_check(
     server: TheServer,
     name: Annotated[str | None, Query(max_length=100, pattern=r"^[^\x00-\x1f\x7f]*$")] = None,
 ) -> Response:
-    """Keeps the record so far, marked as given up. ``name``: the person who asks."""
+    """Keeps the record so far, marked as aborted. ``name``: the person who aborts it."""
     await server.driving.checks.give_up(who(request, name or None))
     return _facts(server)
 

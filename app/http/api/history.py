@@ -33,7 +33,8 @@ async def get_history(
         list[Tag] | None, Query(max_length=_MOST_TAGS, description="Tags that runs must all have.")
     ] = None,
     deleted: Annotated[
-        bool, Query(description="Only deleted runs that can be restored, instead of the others.")
+        bool,
+        Query(description="Only deleted runs that can still be restored, instead of the others."),
     ] = False,
     limit: Annotated[int, Query(ge=1, le=500)] = 50,
     offset: Annotated[int, Query(ge=0, le=1_000_000)] = 0,

@@ -28,5 +28,5 @@ async def get_log(
     journal: TheJournal,
     after: Annotated[int, Query(ge=0, le=2**53, description="Only entries above this number.")] = 0,
 ) -> LogPage:
-    """Since the server started; the live socket tells what is added."""
+    """Since the server started; the live socket sends later entries."""
     return LogPage(journal.since(after))

@@ -34,7 +34,7 @@ Wanted = Annotated[AccessWord, Query(description="What the link allows.")]
 async def get_links(
     request: Request, sharing: TheSharing, admission: TheAdmission, access: Wanted = "read_only"
 ) -> ShareLinks:
-    """Of the newest read-only link; whoever only watches gets the one that they came by."""
+    """With the newest read-only link; a read-only client gets the link that it came by."""
     return _links(request, sharing, admission, access)
 
 
@@ -49,7 +49,7 @@ async def get_qr(
     sharing: TheSharing,
     admission: TheAdmission,
     access: Wanted = "read_only",
-    link: Annotated[int, Query(ge=0, le=1000, description="Its place in the list.")] = 0,
+    link: Annotated[int, Query(ge=0, le=1000, description="Its index in the list.")] = 0,
 ) -> Response:
     links = _links(request, sharing, admission, access).links
     if link >= len(links):
@@ -67,7 +67,7 @@ async def get_read_only_links(admission: TheAdmission) -> list[ReadOnlyLinkNow]:
     "/read-only", status_code=201, summary="Make a read-only link", responses=refusals(409)
 )
 async def make_read_only_link(admission: TheAdmission) -> ReadOnlyLinkNow:
-    """From now on it is the one to share; the others remain valid."""
+    """It becomes the link to share; the others remain valid."""
     try:
         return _now(admission, await admission.make_link())
     except ValueError as error:
@@ -81,9 +81,9 @@ async def make_read_only_link(admission: TheAdmission) -> ReadOnlyLinkNow:
     responses=refusals(404, 422),
 )
 async def revoke_read_only_link(id: NameInPath, admission: TheAdmission) -> None:
-    """End all sessions and WebSockets that came by it, at once.
+    """Ends all sessions and WebSockets that came by it at once.
 
-    Where it was the last one, a new link takes its place.
+    If it was the last one, a new link replaces it.
     """
     link = admission.sessions.links.get(id)
     if link is None:

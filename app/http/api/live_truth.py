@@ -32,7 +32,7 @@ class LiveTruthChoice(In):
 
 @router.get("", summary="Live motion capture")
 async def get_live_truth(server: TheServer) -> LiveTruthStatus | None:
-    """Same as in the status; null where no motion capture is connected."""
+    """Same as in the status; null if no motion capture is connected."""
     return server.source.state.truth
 
 

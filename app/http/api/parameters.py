@@ -32,7 +32,7 @@ class ReplacingPreset(In):
 
 
 class NewPreset(ReplacingPreset):
-    """What a preset's file holds."""
+    """Contents of a preset file."""
 
     format: Literal["dynamic-observer preset"] = "dynamic-observer preset"
     name: Name
@@ -54,7 +54,7 @@ async def patch_parameters(
     ],
     server: TheServer,
     based_on: Annotated[
-        Name | None, Query(description="The preset that the values come from, if another.")
+        Name | None, Query(description="The preset that the values start from, if another.")
     ] = None,
 ) -> ParametersChanged:
     """Dotted names and new values, all or nothing; they act from the next frame on."""
@@ -85,7 +85,7 @@ async def get_presets(server: TheServer) -> list[Preset]:
     responses=refusals(409, 422, 503, 507),
 )
 async def post_preset(wanted: NewPreset, server: TheServer) -> Preset:
-    """A file that the panel saved is such a body."""
+    """A preset file saved by the panel is a valid body."""
     return await server.parameters.save_preset(wanted.name, wanted.help, wanted.values)
 
 

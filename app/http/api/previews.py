@@ -16,8 +16,7 @@ PREVIEW_RESPONSES: dict[int | str, dict[str, Any]] = {
         "content": {"image/jpeg": {}},
         "headers": {
             "X-Vertical-Error-Px": {
-                "description": "Median vertical distance of matching points; absent where there "
-                "were too few.",
+                "description": "Median epipolar error of matches; absent if there were too few.",
                 "schema": {"type": "number"},
             },
             "X-Matches": {"schema": {"type": "integer"}},

@@ -28,7 +28,7 @@ class ProgrammeStart(In):
     repeat: Annotated[StrictInt, Field(ge=1, le=MAX_REPEAT)] = 1
     reverse: StrictBool = Field(False, description="The same path in reverse.")
     leases: dict[Role, Identifier] = Field(
-        description="By role, of every robot that it moves; each must be armed."
+        description="Leases by role, for every robot that it moves; each robot must be armed."
     )
 
 
@@ -64,13 +64,13 @@ def _detail(kept: KeptProfile) -> ProgrammeDetail:
 
 @router.get("", summary="All programmes")
 async def list_programmes(server: TheServer) -> list[ProgrammeEntry]:
-    """Those that come with the project first."""
+    """Built-in programmes first."""
     return [_entry(each) for each in await asyncio.to_thread(server.programmes.all)]
 
 
 @router.post("", status_code=201, summary="Save a programme", responses=refusals(409, 422, 507))
 async def keep_programme(wanted: ProgrammeText, server: TheServer) -> ProgrammeDetail:
-    """Under the name it gives itself; your own of the same name is replaced."""
+    """Stored under the name in it; your own programme of the same name is replaced."""
     return _detail(await asyncio.to_thread(server.programmes.save, wanted.text))
 
 

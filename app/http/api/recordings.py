@@ -50,5 +50,5 @@ async def get_ring(name: NameInPath, server: TheServer) -> FileResponse:
     responses=refusals(404, 503),
 )
 async def delete_ring(name: NameInPath, server: TheServer) -> None:
-    """The recording of the run that was going stays."""
+    """The recording of the run that was in progress is kept."""
     await server.runs.clips.delete(name)

@@ -9,9 +9,9 @@ from pydantic import TypeAdapter
 from app.contract.refusals import Problems, Refused
 
 _MEANINGS: dict[int, str] = {
-    404: "There is no such thing.",
-    409: "Not possible in the present state.",
-    503: "Not possible for the moment; try again.",
+    404: "Not found.",
+    409: "Not possible in the current state.",
+    503: "Not possible at the moment; try again.",
     507: "The disk is full.",
 }
 _SCHEMAS = "#/components/schemas/"
@@ -25,9 +25,11 @@ def _answer(model: type[Problems | Refused], description: str) -> dict[str, Any]
 
 # What the gate in front of every route may answer.
 GATE_RESPONSES: dict[int | str, dict[str, Any]] = {
-    400: _answer(Refused, "The request is malformed, or for another host."),
+    400: _answer(Refused, "The request is malformed or meant for another host."),
     401: _answer(Refused, "No token, or a wrong one."),
-    403: _answer(Refused, "Sent by a page of another site, or a change by a read-only link."),
+    403: _answer(
+        Refused, "Sent by a page of another site, or a change requested with a read-only link."
+    ),
     429: _answer(Refused, "Too many wrong tokens from this address."),
 }
 # And of requests that may have a body.

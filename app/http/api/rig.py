@@ -25,9 +25,11 @@ class RigMount(In):
     """Mount of the left camera; metres and degrees. None: not known."""
 
     height_m: RigNumber | None = None
-    tilt_deg: RigNumber | None = Field(None, description="By which it looks down.")
-    roll_deg: RigNumber | None = Field(None, description="Right side down.")
-    pan_deg: RigNumber | None = Field(None, description="To the left of where the robot drives.")
+    tilt_deg: RigNumber | None = Field(None, description="Positive: the camera looks down.")
+    roll_deg: RigNumber | None = Field(None, description="Positive: the right side is lower.")
+    pan_deg: RigNumber | None = Field(
+        None, description="Positive: to the left of the driving direction."
+    )
     forward_m: RigNumber | None = Field(None, description="From the middle of the axle.")
     left_m: RigNumber | None = None
 
@@ -35,10 +37,11 @@ class RigMount(In):
 class RigChange(In):
     mount: RigMount
     models: dict[Role, RobotModel | None] | None = Field(
-        None, description="Of the robots by role; None: as they are."
+        None, description="Models of the robots by role; null: unchanged."
     )
     for_simulated: StrictBool = Field(
-        False, description="Simulated sources, which know their mount, take this one instead."
+        False,
+        description="Whether simulated sources, which know their mount, use this one instead.",
     )
 
 
@@ -66,7 +69,7 @@ async def get_rig(server: TheServer) -> RigNow:
 
 @router.put("", summary="Change the rig", responses=refusals(409, 422, 503, 507))
 async def put_rig(change: RigChange, server: TheServer) -> RigNow:
-    """The open source begins again with it; bodies of a mocap system stay as they are."""
+    """Restarts the open source with it; motion-capture bodies stay unchanged."""
 
     def changed() -> Rig:
         calibration = server.source.wanted.calibration
@@ -102,7 +105,7 @@ async def put_file(file: RigFile, server: TheServer) -> RigNow:
     "/floor", summary="Estimate height, tilt and roll from the floor", responses=refusals(409, 503)
 )
 async def post_floor(server: TheServer) -> FloorEstimate:
-    """Looks for about two seconds; nothing is changed."""
+    """Takes about two seconds; nothing is changed."""
     return await survey_floor(server.engine, server.source.state.camera)
 
 
@@ -113,7 +116,7 @@ async def post_floor(server: TheServer) -> FloorEstimate:
     responses=refusals(409),
 )
 async def post_drive(server: TheServer) -> DriveNow:
-    """Drive some metres straight and turn on the spot; wheel odometry must come with the frames."""
+    """Drive some metres straight and turn on the spot; the frames must have wheel odometry."""
     if server.source.state.camera is None:
         raise Conflict("no source is open to follow a drive with; open one first")
     server.survey.begin()
@@ -127,7 +130,7 @@ async def get_drive(server: TheServer) -> DriveNow:
 
 @router.delete("/drive", summary="End the drive")
 async def delete_drive(server: TheServer) -> DriveNow:
-    """Keeps what the drive found; the rig stays as it is."""
+    """Keeps the result of the drive; the rig stays as it is."""
     server.survey.end()
     return await _drive(server)
 

@@ -30,11 +30,13 @@ class PortChoice(In):
         "coppeliasim:HOST:PORT/OBJECT, external:HOST:PORT?key=KEY; as it is shown (without its "
         "key): the key stays."
     )
-    model: RobotModel | None = Field(None, description="None: as the robot says of itself.")
+    model: RobotModel | None = Field(None, description="null: as reported by the robot.")
 
 
 class Arming(In):
-    lease: Identifier | None = Field(None, description="Of who drives it; None where nobody does.")
+    lease: Identifier | None = Field(
+        None, description="Lease of the operator in control; null if nobody has control."
+    )
 
 
 def _facts(server: Server) -> Response:
@@ -48,9 +50,10 @@ async def get_robots(server: TheServer) -> Response:
 
 @router.post("/stop", responses={**_ROBOTS, **refusals(503)}, summary="Stop all robots")
 async def stop_robots(request: Request, server: TheServer) -> Response:
-    """A software stop, no emergency stop (ISO 13850). It holds until it is reset.
+    """A software stop, not a substitute for an emergency stop (ISO 13850).
 
-    Anyone signed in may stop; it waits for no run, lease or other request.
+    It holds until it is reset. Anyone signed in may stop the robots; it waits for no run, lease or
+    other request.
     """
     await server.driving.stop_robots(who(request))
     return _facts(server)
@@ -58,7 +61,7 @@ async def stop_robots(request: Request, server: TheServer) -> Response:
 
 @router.post("/reset", responses={**_ROBOTS, **refusals(409, 503)}, summary="Reset the stop")
 async def reset_stop(request: Request, server: TheServer) -> Response:
-    """Faults whose cause is over are forgotten as well; all robots stay disarmed."""
+    """Also clears faults whose cause is over; all robots stay disarmed."""
     await server.driving.reset(who(request))
     return _facts(server)
 
@@ -69,7 +72,7 @@ async def reset_stop(request: Request, server: TheServer) -> Response:
     summary="Run a programme",
 )
 async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response:
-    """Plays while the operators of its robots stay present on their drive sockets."""
+    """Runs while the operators of its robots stay present on their drive sockets."""
     await server.driving.ask(await programme_command(server, wanted))
     return _facts(server)
 
@@ -78,7 +81,7 @@ async def start_programme(wanted: ProgrammeStart, server: TheServer) -> Response
     "/programme", responses={**_ROBOTS, **refusals(409, 503)}, summary="Stop the programme"
 )
 async def stop_programme(server: TheServer) -> Response:
-    """At zero; the robots stay armed."""
+    """Robots stop and stay armed."""
     await server.driving.ask(StopProgramme())
     return _facts(server)
 
@@ -91,7 +94,7 @@ async def stop_programme(server: TheServer) -> Response:
 async def arm_robot(
     role: Role, server: TheServer, arming: Annotated[Arming | None, Body()] = None
 ) -> Response:
-    """At zero velocity. Nothing else ever switches them on."""
+    """At zero velocity. Nothing else ever switches the motors on."""
     await server.driving.ask(ArmRobot(role, None if arming is None else arming.lease))
     return _robot(server, role)
 
@@ -113,7 +116,7 @@ async def disarm_robot(role: Role, server: TheServer) -> Response:
     summary="Connect a real robot via a port",
 )
 async def put_port(role: Role, choice: PortChoice, server: TheServer) -> Response:
-    """It is kept in rig.yaml, and connected as long as live cameras are open."""
+    """Stored in rig.yaml, and connected while live cameras are open."""
     await server.change_rig(lambda: server.rig.with_port(role, choice.port, choice.model))
     return _facts(server)
 

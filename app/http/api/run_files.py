@@ -55,7 +55,7 @@ def _file(*kinds: str) -> dict[int | str, dict[str, Any]]:
     responses=refusals(404, 409, 503),
 )
 async def get_chart(id: NameInPath, server: TheServer, request: Request) -> Response:
-    """Gaps are null. While the run is going, and without a recording, there are no errors."""
+    """Gaps are null. There are no errors during the run, or without a recording."""
     run = await server.runs.archive.find(id)
     values = await while_there(request, server.runs.files.chart(run))
     about = json_text(filled(Run, run)).encode()
@@ -94,7 +94,7 @@ async def get_chart_file(
     responses=_file("text/html"),
 )
 async def get_report(id: NameInPath, server: TheServer, request: Request) -> Response:
-    """It takes up to a minute, and stands for itself: images, data and style are in it."""
+    """Takes up to a minute. The page is self-contained: images, data and style are in it."""
     run = await server.runs.archive.find(id)
     made = await while_there(request, server.runs.files.report(run))
     headers = {"content-security-policy": REPORT_POLICY}
@@ -113,7 +113,7 @@ async def get_export(
     request: Request,
     format: Annotated[
         ExportFormat,
-        Query(description="zip: all of it; ros2: a zip of a bag that ros2 bag play takes."),
+        Query(description="zip: everything; ros2: a zip of a bag for ros2 bag play."),
     ] = "zip",
     table: Annotated[
         Literal[
@@ -128,7 +128,7 @@ async def get_export(
             "parameters",
         ]
         | None,
-        Query(description="Of csv and parquet; none: obstacles."),
+        Query(description="For csv and parquet; default: obstacles."),
     ] = None,
 ) -> Response:
     if table is not None and format not in _TABLES:

@@ -24,12 +24,14 @@ _LAST = 1_000_000_000
 )
 async def get_frame_image(
     id: NameInPath,
-    position: Annotated[int, Path(ge=0, le=_LAST, description="Of the frame in the run, from 0.")],
+    position: Annotated[
+        int, Path(ge=0, le=_LAST, description="Position of the frame in the run, from 0.")
+    ],
     server: TheServer,
 ) -> Response:
-    """Rectified, as the boxes of its obstacles are; at most 1280 pixels wide.
+    """Rectified, like the boxes of its obstacles; at most 1280 pixels wide.
 
-    A re-run shows the images of the run that it re-ran.
+    A re-run returns the images of the original run.
     """
     jpeg = await server.runs.images.jpeg(id, position)
     return Response(jpeg, media_type="image/jpeg")
@@ -45,16 +47,21 @@ async def get_frames(
     id: NameInPath,
     server: TheServer,
     request: Request,
-    first: Annotated[int, Query(ge=0, le=_LAST, description="Position of the first one.")] = 0,
+    first: Annotated[int, Query(ge=0, le=_LAST, description="Position of the first frame.")] = 0,
     count: Annotated[
-        int | None, Query(ge=1, le=_LAST, description="Of frames from there on; none: all.")
+        int | None,
+        Query(ge=1, le=_LAST, description="Number of frames from there on; default: all."),
     ] = None,
     most: Annotated[
         int | None,
-        Query(ge=1, le=_LAST, description="Of more, so many are told, evenly spread over them."),
+        Query(
+            ge=1,
+            le=_LAST,
+            description="Maximum number of frames returned, evenly spread over those requested.",
+        ),
     ] = None,
 ) -> Response:
-    """Boxes, speeds and, with ground truth, how many obstacles were false so far."""
+    """Boxes, speeds and, with ground truth, the number of false obstacles so far."""
     run = await server.runs.archive.find(id)
     content = await while_there(request, server.runs.files.frames(run, first, count, most))
     return Response(content, media_type="application/json")

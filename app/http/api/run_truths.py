@@ -50,7 +50,7 @@ class AlignStart(In):
     )
     matches: Annotated[dict[Track, Body | None], Field(max_length=500)] = Field(
         default_factory=dict,
-        description="Which body a track (SEGMENT/NUMBER) is, null: none of them.",
+        description="Body of each track (SEGMENT/NUMBER); null: none of them.",
     )
     expected_offset_s: Annotated[Finite, Field(ge=-1e12, le=1e12)] | None = Field(
         None,
@@ -59,7 +59,8 @@ class AlignStart(In):
     )
     camera_on_body: CameraOnBodyIn | None = Field(
         None,
-        description="Of the left camera, on the observer's body. None: estimated, or from the rig.",
+        description="Pose of the left camera on the observer's body. null: estimated, or from the "
+        "rig.",
     )
 
 
@@ -67,7 +68,7 @@ class RerunStart(In):
     name: Name | None = None
     preset: Name | None = None
     parameters: Changes = Field(
-        default_factory=dict, description="Made to the preset, or to the run's own."
+        default_factory=dict, description="Changes to the preset, or to the run's own values."
     )
 
 
@@ -79,8 +80,9 @@ class RerunStart(In):
 async def align_run(
     id: NameInPath, wanted: AlignStart, server: TheServer, request: Request
 ) -> AlignedRunEntry:
-    """Clocks, room and which track is which body are found. Where that is not possible one
-    sentence says why, and what was laid over the run before stays.
+    """Determines time offset, room frame and the body of each track.
+
+    If that is not possible, one sentence says why, and the previous alignment is kept.
     """
     choices = filled(
         AlignChoicesEntry,
@@ -98,12 +100,12 @@ async def align_run(
     responses=refusals(404, 409, 422, 503, 507),
 )
 async def rerun(id: NameInPath, wanted: RerunStart, server: TheServer) -> StartedRun:
-    """Once through, as fast as it goes, with the run's own parameters where none are given.
+    """Processes the recording once, as fast as possible, with the run's own parameters by default.
 
-    The answer is the new run, which is ``running``; ``reruns`` of the status tells how far it is.
-    Neither the open source nor the parameters in force change. It waits while a robot is armed.
-    Deleting it cancels it. Where truth was laid over the run, it is laid over the new one when it
-    has ended.
+    Returns the new run, which is ``running``; ``reruns`` of the status reports its progress. The
+    open source and the current parameters do not change. It pauses while a robot is armed. Deleting
+    it cancels it. If the run has aligned ground truth, it is also aligned with the new run at its
+    end.
     """
     run = await server.runs.rerun(
         id, name=wanted.name, preset=wanted.preset, parameters=wanted.parameters

@@ -32,15 +32,15 @@ _COLUMNS = ("time", "role", "source", "track_id", "speed", "std", "segment")
 
 class RunStart(In):
     name: Name | None = None
-    source: Spec | None = Field(None, description="None: what is open.")
-    calibration: Identifier | None = Field(None, description="None: the source's own.")
+    source: Spec | None = Field(None, description="null: the open source.")
+    calibration: Identifier | None = Field(None, description="null: the source's own.")
     preset: Name | None = None
-    parameters: Changes = Field(default_factory=dict, description="Made to the preset, if any.")
+    parameters: Changes = Field(default_factory=dict, description="Changes to the preset, if any.")
     programme: ProgrammeStart | None = Field(
-        None, description="Driven from the run's beginning, and ended with it."
+        None, description="Programme that starts and ends with the run."
     )
     record: Images = Field(
-        "jpeg", description="Which images its recording keeps; all else is always recorded."
+        "jpeg", description="Which images are recorded; everything else is always recorded."
     )
 
 
@@ -49,7 +49,7 @@ class RunChange(In):
 
     name: Name | None = None
     tags: Annotated[list[Tag], Field(max_length=50)] | None = Field(
-        None, description="All of them, in place of those before."
+        None, description="All tags; they replace the previous ones."
     )
     notes: Text | None = None
 
@@ -58,9 +58,9 @@ class RunChange(In):
     "", status_code=201, summary="Start a run", responses=refusals(404, 409, 422, 503, 507)
 )
 async def start_run(wanted: RunStart, server: TheServer) -> StartedRun:
-    """Keep what is observed from now on, from the source's beginning, with all its settings.
+    """Records from now on, from the source's beginning, with all settings.
 
-    One run at a time. A recording's run ends with the recording.
+    One run at a time. The run of a recording ends with the recording.
     """
     programme = None
     if wanted.programme is not None:
@@ -101,9 +101,9 @@ async def change_run(id: NameInPath, change: RunChange, server: TheServer) -> Ru
 
 @router.delete("/{id}", status_code=204, summary="Delete a run", responses=refusals(404, 409, 503))
 async def delete_run(id: NameInPath, server: TheServer) -> None:
-    """It is hidden, and deleted for good some days later; see ``undo_days`` of the history.
+    """The run is hidden, and permanently deleted some days later; see ``undo_days`` of the history.
 
-    A re-run that is not finished is cancelled, and nothing stays of it.
+    An unfinished re-run is cancelled, and nothing of it is kept.
     """
     await server.runs.delete(id)
 
@@ -115,7 +115,7 @@ async def recover_run(id: NameInPath, server: TheServer) -> Run:
 
 @router.post("/{id}/stop", summary="Stop a run", responses=refusals(404, 409, 503))
 async def stop_run(id: NameInPath, server: TheServer) -> Run:
-    """Its source stays open."""
+    """The source stays open."""
     return filled(Run, await server.runs.stop(id))
 
 
@@ -125,13 +125,13 @@ async def stop_run(id: NameInPath, server: TheServer) -> Run:
     response_class=FileResponse,
     responses={
         200: {"content": {"application/octet-stream": {}}},
-        206: {"description": "The part that was asked for by the header Range."},
-        416: {"description": "There is no such part."},
+        206: {"description": "The part requested by the Range header."},
+        416: {"description": "The requested part does not exist."},
         **refusals(404, 409, 503),
     },
 )
 async def get_recording(id: NameInPath, server: TheServer) -> FileResponse:
-    """Everything that happened in a run; opens in Foxglove and Lichtblick, and as a source."""
+    """Everything recorded in a run; opens in Foxglove and Lichtblick, and as a source."""
     run = await server.runs.archive.find(id)
     path = await server.runs.archive.recording(id)
     headers = {"content-disposition": content_disposition(f"{file_stem(run)}.mcap")}
@@ -150,9 +150,11 @@ async def get_recording(id: NameInPath, server: TheServer) -> FileResponse:
 async def get_speeds(
     id: NameInPath,
     server: TheServer,
-    format: Annotated[Literal["json", "csv"], Query(description="csv is for download.")] = "json",
+    format: Annotated[
+        Literal["json", "csv"], Query(description="csv returns a file for download.")
+    ] = "json",
 ) -> Response:
-    """Estimates, truth, commands and encoders; the unknown is null in JSON and empty in CSV."""
+    """Estimates, ground truth, commands and encoders; unknown is null in JSON, empty in CSV."""
     rows = await server.runs.archive.speeds(id)
     if format == "csv":
         text = await asyncio.to_thread(_csv, rows)

@@ -11,5 +11,5 @@ router = APIRouter(tags=["views"])
 
 @router.get("/scene", summary="Layers, colours and views of the 3D scene")
 async def get_scene() -> SceneFacts:
-    """Always the same; what a person hides is settled in the own browser."""
+    """Always the same; each browser decides by itself which layers it hides."""
     return SCENE

@@ -26,7 +26,7 @@ def _admission(request: Request) -> Admission:
 TheAdmission = Annotated[Admission, Depends(_admission)]
 
 
-@router.get("/session", summary="What one may do")
+@router.get("/session", summary="Current access rights")
 async def get_session(request: Request) -> SessionNow:
     """Of the session or the token that the request came with."""
     return SessionNow(access_of(request.scope).value)
@@ -34,7 +34,7 @@ async def get_session(request: Request) -> SessionNow:
 
 @router.delete("/session", status_code=204, summary="Sign out", responses=refusals(404))
 async def sign_out(request: Request, admission: TheAdmission) -> Response:
-    """End the browser's session at once, with its WebSockets: a robot that it drives stops."""
+    """Ends the browser's session at once, with its WebSockets: a robot that it drives stops."""
     session = session_of(request.scope)
     if session is None:
         raise NotThere(
@@ -45,9 +45,9 @@ async def sign_out(request: Request, admission: TheAdmission) -> Response:
 
 @router.delete("/sessions", status_code=204, summary="Sign out everywhere")
 async def sign_out_everywhere(admission: TheAdmission) -> Response:
-    """End the sessions of all browsers, with their WebSockets: robots that they drive stop.
+    """Ends the sessions of all browsers, with their WebSockets: robots that they drive stop.
 
-    Scripts that bring the token stay; a new token keeps them out.
+    Scripts that send the token stay signed in; a new token keeps them out.
     """
     return _signed_out(await admission.sign_out_everywhere())
 

@@ -26,7 +26,7 @@ _LAST_FRAME = 1_000_000_000
 
 class SourceChoice(In):
     source: Spec
-    calibration: Identifier | None = Field(None, description="None: the source's own.")
+    calibration: Identifier | None = Field(None, description="null: the source's own.")
 
 
 class PlaybackChange(In):
@@ -36,17 +36,17 @@ class PlaybackChange(In):
     rate: Annotated[Finite, Field(ge=0.1, le=4.0)] | None = None
     loop: StrictBool | None = None
     step: Annotated[StrictInt, Field(ge=0, le=1000)] = Field(
-        0, description="Show so many further frames while paused."
+        0, description="Number of further frames to show while paused."
     )
     restart: StrictBool = False
     seek: Annotated[StrictInt, Field(ge=0, le=_LAST_FRAME)] | None = Field(
-        None, description="Go on from this frame of a recording, and show it also while paused."
+        None, description="Frame of a recording to continue from; it is shown even while paused."
     )
 
 
 @router.get("/sources", summary="Sources to choose from")
 async def get_sources(server: TheServer) -> list[SourceEntry]:
-    """Those opened lately, the built-in scenarios, and templates of the texts that name others."""
+    """Recently opened sources, the built-in scenarios, and templates for the others."""
     return await server.source.recent.entries()
 
 
@@ -72,7 +72,7 @@ async def get_picture(
 
 @router.put("/source", summary="Open another source", responses=refusals(409, 422, 503))
 async def put_source(choice: SourceChoice, server: TheServer) -> Status:
-    """Observe it without keeping anything. What cannot be opened leaves the old one open."""
+    """Observes it without recording. If it cannot be opened, the old one stays open."""
     await server.source.open(choice.source, choice.calibration)
     return status(server)
 
@@ -83,7 +83,7 @@ async def put_source(choice: SourceChoice, server: TheServer) -> Status:
     responses=refusals(409, 422, 503),
 )
 async def go_back(server: TheServer) -> Status:
-    """``before`` of the status' source says what that is."""
+    """``before`` of the source in the status says which one it is."""
     await server.source.go_back()
     return status(server)
 
@@ -94,5 +94,5 @@ async def go_back(server: TheServer) -> Status:
     responses=refusals(409, 422, 503),
 )
 async def post_playback(change: PlaybackChange, server: TheServer) -> PlaybackStatus:
-    """The playback as it is afterwards. Live sources cannot be paused."""
+    """Returns the resulting playback. Live sources cannot be paused."""
     return await ask(server.engine, SetPlayback(**change.model_dump()))

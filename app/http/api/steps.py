@@ -36,7 +36,8 @@ def _choice(
         Query(
             min_length=1,
             max_length=1000,
-            description="simulated:SCENARIO, run:ID or what was opened before; none: the open one.",
+            description="simulated:SCENARIO, run:ID or a source that was opened before; default: "
+            "the open one.",
         ),
     ] = None,
     frame: Annotated[
@@ -44,10 +45,10 @@ def _choice(
         Query(
             ge=0,
             le=_LAST_FRAME,
-            description="Position of the image of t+dt, from 0; none: one worth looking at.",
+            description="Position of the image at t+dt, from 0; default: one worth looking at.",
         ),
     ] = None,
-    preset: Annotated[Name, Query(description="With a planar method.")] = "paper",
+    preset: Annotated[Name, Query(description="A preset with a planar method.")] = "paper",
 ) -> PairChoice:
     """A parameter is given as ``p.NAME=VALUE``, as in ``p.flow.residual_threshold_px=2``."""
     changes = {
@@ -67,9 +68,9 @@ Choice = Annotated[PairChoice, Depends(_choice)]
     "", summary="The nine steps of the method on one pair", responses=refusals(409, 422, 503)
 )
 async def get_steps(choice: Choice, server: TheServer, request: Request) -> MethodSteps:
-    """Title, formula and numbers of each; any parameter is changed by ``p.NAME=VALUE``.
+    """Title, formula and numbers of each step; ``p.NAME=VALUE`` changes any parameter.
 
-    Nothing that is open and no parameter in force changes.
+    The open source and the current parameters do not change.
     """
     return await while_there(request, server.steps.steps(choice))
 
@@ -90,11 +91,11 @@ async def get_step(
     server: TheServer,
     request: Request,
     labelled: Annotated[
-        bool, Query(description="With title, formula and meaning, to stand alone.")
+        bool, Query(description="With title, formula and explanation, as a self-contained picture.")
     ] = True,
-    dark: Annotated[bool, Query(description="SVG for a dark ground.")] = False,
+    dark: Annotated[bool, Query(description="SVG for a dark background.")] = False,
 ) -> Response:
-    """The pair is chosen as for all steps together."""
+    """The pair is chosen as for the list of steps."""
     work = server.steps.file(choice, number, format, dark=dark, labelled=labelled)
     content = await while_there(request, work)
     headers = {"content-disposition": f'inline; filename="step-{number}.{format}"'}

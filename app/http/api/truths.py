@@ -52,5 +52,5 @@ async def post_truth(
     "/{id}", status_code=204, summary="Delete a ground-truth file", responses=refusals(404, 503)
 )
 async def delete_truth(id: NameInPath, server: TheServer) -> None:
-    """Runs that were compared with it still are."""
+    """Runs that were compared with it keep their results."""
     await server.runs.truths.delete(id)

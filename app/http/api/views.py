@@ -39,7 +39,7 @@ async def get_views() -> list[str]:
     responses={200: {"content": {"image/jpeg": {}}}, **refusals(404, 503)},
 )
 async def get_snapshot(name: ViewName, feeds: Feeds) -> Response:
-    """Drawn for this request; while paused it shows the frame that stands."""
+    """Drawn for this request; while paused, it shows the current frame."""
     if name not in feeds:
         raise NotThere(_NO_SUCH_VIEW)
     async with feeds[name].watched():

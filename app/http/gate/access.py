@@ -12,7 +12,7 @@ from enum import StrEnum
 
 # Methods that change nothing.
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
-WATCHING_ONLY = "This link is for watching. Ask for an operator link to change anything."
+WATCHING_ONLY = "This link is read-only. Ask for an operator link to change anything."
 
 # Method and path of what also those may do who only watch; * stands for one part of the path.
 FOR_EVERYONE = (

@@ -83,7 +83,7 @@ class RunArchive:
             before = await asyncio.to_thread(self._storage.get_run, record.rerun_of)
             if before is None:
                 raise NotThere(
-                    f"the run whose images {asked.name} was made of has been permanently deleted"
+                    f"the run whose images {asked.name} uses has been permanently deleted"
                 )
             record = before
         if record.record == "none":

@@ -9,6 +9,7 @@ from typing import Any
 
 from app.contract.drive import StartProgramme, StopProgramme
 from app.contract.events import ObservationEvent, StateEvent
+from app.runtime.heap import return_freed_memory
 from app.server.calibrations.library import keep_own_calibration
 from app.server.errors import Conflict, FieldError, NotAvailable
 from app.server.parameters.in_force import ParametersInForce
@@ -32,6 +33,7 @@ from app.server.runs.reruns import Reruns
 from app.server.runs.saved_clips import SavedClips
 from app.server.runs.truths import TruthFiles
 from app.server.shared import Shared
+from app.server.source.hints import source_title
 from app.server.source.live_truth import LiveTruthManager
 from app.server.source.manager import SourceManager
 from app.server.source.opening import Opening, make_opening
@@ -216,7 +218,7 @@ class RunManager:
     ) -> RunRecord:
         return await asyncio.to_thread(
             self._storage.create_run,
-            name=name or f"Run of {opening.name or shown_spec(opening.source)}"[:100],
+            name=(name or opening.name or source_title(opening.source))[:100],
             source=shown_spec(opening.source),
             parameters=parameters.values.flat(),
             versions=versions(),
@@ -377,5 +379,6 @@ class RunManager:
             self._soon(asyncio.to_thread(measure_run, self._storage, run.id))
         if state is RunState.FINISHED:
             self._soon(self.truths.run_ended(run.record, self._live_truth.order))
+        self._soon(asyncio.to_thread(return_freed_memory))
         self._shared.followers.status_changed()
         return written or ended

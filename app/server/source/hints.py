@@ -11,7 +11,7 @@ from app.contract.calibrating import BoardFacts
 from app.contract.sources import SourceEntry, SourceGroup
 from app.contract.values import filled
 from app.server.source.opening import RUN
-from observer.opening import SourceKind, source_kind
+from observer.opening import SourceKind, shown_spec, source_kind
 from observer.simulation.scenarios import load_scenario, scenario_names
 
 # What a newcomer looks for, in this order; the others follow by name.
@@ -97,6 +97,12 @@ def source_entries(
     return tuple(replace(entry, recent=places.get(entry.spec)) for entry in every)
 
 
+def source_title(spec: str) -> str:
+    """Return what people call a source, as on its tile: "The lab" or a folder's last name."""
+    entry = _entry(spec, None)
+    return shown_spec(spec) if entry is None else entry.title
+
+
 @functools.cache
 def _scenarios() -> tuple[SourceEntry, ...]:
     names = (*_FIRST, *(name for name in scenario_names() if name not in _FIRST))
@@ -134,7 +140,7 @@ def _entry(spec: str, name: str | None) -> SourceEntry | None:
         return None
     scenario, _, query = spec.partition(":")[2].partition("?")
     if kind == "simulated" and scenario in scenario_names():
-        return _scenario(spec, scenario, f", {query.replace('=', ' ')}")
+        return _scenario(spec, scenario, f", {query.replace('=', ' ')}" if query else "")
     last = Path(spec.partition(":")[2] if kind == "video" else spec).name
     title = name or _TITLES.get(kind) or last or spec
     return SourceEntry(spec, title, spec, _GROUPS[kind], picture=kind in _PICTURED)

@@ -247,6 +247,7 @@ class SourceManager:
         """Store the engine's state; return False if it must not be shown yet."""
         if self.restoring and event.state is EngineState.IDLE:
             # A new engine has no source open yet; until it has, the lost state is shown.
+            self.state = replace(self.state, preparing=event.preparing)
             return False
         self.state = event
         self.time.live = event.source is not None and event.source.live

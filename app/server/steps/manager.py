@@ -263,8 +263,8 @@ def _check_effect(choice: PairChoice, values: Mapping[str, Any]) -> None:
         what = f"the preset {choice.preset} uses" if by_preset else "this is"
         raise FieldError(
             ("query", "preset" if by_preset else "ego_motion.model"),
-            f"{what} the {model} method, and the nine steps are those of the paper's; choose the "
-            f"preset {_PAPER}, or {' or '.join(PLANAR)} as the method",
+            f"{what} the {model} method, but the nine steps are the paper's; choose the preset "
+            f"{_PAPER}, or {' or '.join(PLANAR)} as the method",
         )
     own = Parameters().flat()
     idle = without_effect(choice.changes, model) | {

@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from statistics import median
 from typing import Any
 
 import numpy as np
 
+from app.contract.robots import GoalNow
 from app.contract.run_frames import FrameBody, FrameCounts, FrameEntry, FrameObstacle, RunFrames
 from app.workers.methods.goals import Goals
 from app.workers.methods.plans import Plans, plan_maps
@@ -52,7 +53,7 @@ def run_frames(recording: Recording, truth: Truth | None) -> RunFrames:
         scores = _Scores(tally(checked_lines(lines), truth, image_size=size))
     plans, goals = Plans(recording, truth), Goals(recording)
     entries = [
-        replace(_entry(frame, line, camera, truth, scores, plans), goal=goals.of(frame))
+        _entry(frame, line, camera, truth, scores, plans, goals.of(frame))
         for frame, line in _with_lines(recording.frames, lines)
     ]
     took = [entry.observed_ms for entry in entries if entry.observed_ms is not None]
@@ -138,6 +139,7 @@ def _entry(
     truth: Truth | None,
     scores: _Scores | None,
     plans: Plans,
+    goal: GoalNow | None,
 ) -> FrameEntry:
     place = None if line is None else (int(line["segment"]), int(line["frame"]))
     false = set() if scores is None or place is None else scores.false(place)
@@ -150,7 +152,8 @@ def _entry(
         truth=[] if truth is None else list(_bodies(truth, frame.time)),
         counts=None if scores is None else scores.up_to(place),
         observed_ms=None if took is None else round(took, _MS_DIGITS),
-        plan=plans.of(frame, line),
+        plan=plans.of(frame, line, goal),
+        goal=goal,
     )
 
 

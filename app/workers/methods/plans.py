@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from app.contract.frame_plan import SIGMAS_95_2D, FramePlan, PlanBody, PlanMap, PlanObstacle
+from app.contract.robots import GoalNow
 from observer.geometry import Float64Array, Pose
 from observer.jsonl import line_pose
 from observer.mount import level_pose
@@ -31,25 +32,46 @@ class Plans:
     def __init__(self, recording: Recording, truth: Truth | None) -> None:
         mount = recording.facts.camera_mount()
         self._T_level_world = level_pose(mount)
+        self._T_camera_base = None if mount is None else mount.T_base_camera.inverse()
         self._truth = truth
         self._clock = RunTime()
         self._segment = recording.facts.segment
         self._T_world_truth: dict[int, Pose] = {}
 
-    def of(self, frame: RecordedFrame, line: Mapping[str, Any] | None) -> FramePlan:
-        """Return the plan of the next frame; None is the line of a frame that was not observed."""
+    def of(
+        self, frame: RecordedFrame, line: Mapping[str, Any] | None, goal: GoalNow | None = None
+    ) -> FramePlan:
+        """Return the plan of the next frame.
+
+        Args:
+            line: of its observation; None of a frame that was not observed.
+            goal: of the observer at that time; None if it had none.
+        """
         time = self._clock.add_recorded(frame)
         if line is None:
             return FramePlan(time, self._segment, None, [], [])
         self._segment = int(line["segment"])
         pose = line_pose(line)
+        way = self._way(pose, goal)
         return FramePlan(
             time=time,
             segment=self._segment,
             camera=None if pose is None else self._camera(pose),
             obstacles=list(self._obstacles(line)),
             truth=list(self._bodies(frame.time, pose)),
+            goal=way[0] if way else None,
+            path=way[1:],
         )
+
+    def _way(self, pose: Pose | None, goal: GoalNow | None) -> list[list[float]]:
+        """Return the goal and the planned path to it; nothing unless it is driven to."""
+        if pose is None or self._T_camera_base is None or goal is None or goal.place is None:
+            return []
+        if goal.state != "driving":
+            return []
+        T_level_base = self._T_level_world @ pose @ self._T_camera_base
+        places = np.array([(*place, 0.0) for place in (goal.place, *goal.path)])
+        return [_flat(place) for place in T_level_base.apply(places)]
 
     def _camera(self, pose: Pose) -> list[float]:
         T_level_camera = self._T_level_world @ pose

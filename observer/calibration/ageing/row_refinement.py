@@ -136,9 +136,9 @@ def refine_from_scene(
     if np.abs(turn).max() > _MAX_TURN_RAD:
         pitch, roll = np.degrees(turn)
         return RefinementRefusal(
-            f"the rows call for a correction of {pitch:+.2f}° in pitch and {roll:+.2f}° in roll, "
-            f"more than the {np.degrees(_MAX_TURN_RAD):g}° of a plausible drift: recalibrate, and "
-            "check that left and right are synchronized"
+            f"the epipolar error calls for a correction of {pitch:+.2f}° in pitch and {roll:+.2f}° "
+            f"in roll, more than the {np.degrees(_MAX_TURN_RAD):g}° of a plausible drift: "
+            "recalibrate, and check that left and right are synchronized"
         )
     std = _deviations(camera, left_px, right_px, errors(turn), turn, yaw)
     # What each means in pixels: pitch everywhere, roll at the left and right edge.

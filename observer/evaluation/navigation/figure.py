@@ -54,7 +54,7 @@ def navigation_figure(result: NavigationBenchmark) -> Figure:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("declared risk, contacts per metre")
-    axes.set_ylabel("contacts that the robot drove up to, per metre")
+    axes.set_ylabel("people that the robot drove into, per metre")
     axes.set_title("Contacts against declared risk", loc="left", fontsize=11, fontweight="bold")
     drawn = [s for s in result.summaries if s.setting.driver == "planner"]
     runs = sum(each.runs for each in drawn if each.setting.sees == "model")

@@ -11,7 +11,7 @@ from observer.evaluation.navigation.run import IN_TIME
 _HEAD = (
     "driver", "sees by", "people", "per m²", "declared risk / m", "runs",
     f"reached in {IN_TIME:g}x", "time ratio", "time / oracle", "contacts moving",
-    "driven up to", "avoidable", "run-ins standing", "guard stops / run",
+    "driven into", "avoidable", "contacts standing", "guard stops / run",
     "stopped by guard", "waited",
 )  # fmt: skip
 
@@ -41,12 +41,13 @@ def navigation_markdown(result: NavigationBenchmark) -> str:
 
 
 _NOTE = (
-    "Time ratio: median time to the goal over that without people, a goal not reached counted as "
-    "longest; *time / oracle*: over that of a driver who knows where everybody will walk. "
-    "Contacts: persons touched while the robot moved; *driven up to*: those towards whom it drove, "
-    "the others walked into its side or back; *avoidable*: those who could have been seen a second "
-    "before. Run-ins: persons who walked into the standing robot. Stopped, waited: share of the "
-    "time for which the guard had the robot stand, and the driver itself."
+    "*Time ratio*: median time to the goal relative to that without people; a goal that was not "
+    "reached counts as the longest. *Time / oracle*: relative to a driver who knows where all will "
+    "walk. *Contacts moving*: people touched while the robot moved; *driven into*: those "
+    "towards whom it drove, the others walked into its side or back; *avoidable*: those who could "
+    "have been seen a second before. *Contacts standing*: people who walked into the standing "
+    "robot. *Stopped by guard*, *waited*: share of the time in which the guard, or the driver "
+    "itself, kept the robot standing."
 )
 
 

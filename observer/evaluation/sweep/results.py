@@ -23,7 +23,7 @@ OBSERVING: Mapping[RankedBy, tuple[str, bool]] = {
 DRIVING: Mapping[RankedBy, tuple[str, bool]] = {
     "time_ratio": ("time ratio", False),
     "contacts_per_m": ("contacts / m", False),
-    "ahead_per_m": ("driven up to / m", False),
+    "ahead_per_m": ("driven into / m", False),
     "reached": ("goals reached", True),
 }
 # What a robot pays for one of these with the other.

@@ -74,9 +74,9 @@ def _explained(sweep: Sweep, figure: RankedBy) -> str:
     if not sweep.grid.driving:
         return "Cost is that of `observe` relative to the preset default on the same frames."
     return (
-        "Time ratio: median time to the goal over that without people at the default speed, a goal "
-        "not reached counted with the time after which it is given up; contacts: persons touched "
-        "while the robot moved; driven up to: those of them towards whom it drove. The cost is "
+        "Time ratio: median time to the goal relative to that without people at the default speed; "
+        "a goal that was not reached counts with the time limit. Contacts: people touched while "
+        "the robot moved; driven into: those of them towards whom it drove. The cost is "
         f"{cost_title(figure)}."
     )
 

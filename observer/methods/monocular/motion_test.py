@@ -15,12 +15,12 @@ from scipy.spatial import cKDTree
 from scipy.special import ndtri
 
 from observer.camera import StereoCamera
+from observer.chi_square import upper_quantile
 from observer.geometry import Float64Array, Pose
 from observer.methods.monocular.ground import GroundPlane
 from observer.methods.monocular.inverse_depth import expected_sightings, inverse_2x2
 from observer.methods.monocular.rays import RayPoints
 from observer.parameters import EvidenceParameters
-from observer.vision.chi_square import upper_quantile
 from observer.vision.neighbourhoods import false_alarms_per_test, summed
 
 # Neighbours move alike in the image to within so many pixels a frame, and this share.

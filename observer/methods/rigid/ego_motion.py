@@ -14,40 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array, Pose, orthonormal, rotation_matrix
+from observer.chi_square import quantile
+from observer.geometry import Float64Array, Pose
+from observer.kernels.pose_fit import fit_pose
 from observer.parameters import EgoMotionParameters
 from observer.robust import median
 from observer.types import Status
-from observer.vision.chi_square import quantile
-from observer.vision.pose_fit import (
-    Linearised,
-    SeenPoints,
-    gauss_newton,
-    inverse_information,
-    jacobian,
-    linearised,
-    residuals,
-)
 from observer.vision.rigid_ego_motion import RigidEgoMotion
 
-_SAMPLE = 3
-_BATCH = 32
-_CONFIDENCE = 0.9999
-_SAMPLE_STEPS = 3
-_REFINE_STEPS = 4
-# Most points used to judge a sample; more do not make the better one better known.
-_JUDGES = 200
 # A pose that explains less than this share of the points may follow an obstacle instead.
 _WEAK_SHARE = 0.4
-# If the expected pose explains this share of the image, a better one is near: then one step leads
-# from it to that of a sample, and a few samples are enough.
-_EXPECTED_SHARE = 0.6
-_NEAR_BATCH, _NEAR_STEPS = 16, 1
-# The refinement ends when a step changes the pose by less than this share of its uncertainty.
-_CONVERGED = 0.02
-_HUBER_SIGMAS = 2.0
-# Residuals beyond this many standard deviations are outliers of the refinement.
-_OUTLIER_SIGMAS = 3.5
+# Keeps the information invertible where the points leave a direction open.
 _DAMPING = 1e-9
 _MEDIAN_CHI2 = quantile(0.5, df=3)
 
@@ -104,9 +81,9 @@ def estimate_rigid_motion(
             f"only {count} static points could be tracked, {parameters.min_inliers} are needed: "
             "too few features, or too large a motion",
         )
-    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
-        pose, fit, information = _fitted(scene, T_expected_world, camera, parameters, seed)
-    inliers, mahalanobis = fit.inliers, fit.mahalanobis
+    pose, mahalanobis, inliers, information = _fitted(
+        scene, T_expected_world, camera, parameters, seed
+    )
     rms = float(np.sqrt(np.mean(mahalanobis[inliers] ** 2))) if inliers.any() else float("nan")
     support = int(inliers.sum())
     if support < parameters.min_inliers:
@@ -126,7 +103,7 @@ def estimate_rigid_motion(
     excess = max(1.0, rms**2 / 3)
     # Correlated noise makes the result worse than independent noise would.
     shared = 1 + parameters.noise_correlation * support
-    covariance = inverse_information(information) * excess * shared
+    covariance = _inverse(information) * excess * shared
     return RigidEgoMotion(
         camera=camera,
         status=Status.DEGRADED if reasons else Status.OK,
@@ -144,170 +121,32 @@ def _lost(camera: StereoCamera, count: int, reason: str) -> RigidEgoMotion:
     return RigidEgoMotion(camera, Status.LOST, (reason,), np.zeros(count, np.bool_))
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """Fit of N points to a pose: whitened residuals (3, N), their lengths (N,), inliers (N,)."""
-
-    white: Float64Array
-    mahalanobis: Float64Array
-    inliers: NDArray[np.bool_]
-
-
 def _fitted(
     scene: StaticScene,
     expected: Pose,
     camera: StereoCamera,
     parameters: EgoMotionParameters,
     seed: int,
-) -> tuple[Pose, _Fit, Float64Array]:
-    """The pose, how the points fit it, and its information (6, 6)."""
-    points = SeenPoints.of(scene.position, scene.covariance, scene.px, scene.disparity, scene.sigma)
-    linear = linearised(points, expected, camera)
-    pose = _ransac(points, scene.weight, linear, expected, camera, parameters, seed)
-    if pose is not expected:
-        linear = linearised(points, pose, camera)
-    fit = _judged(points, pose, linear, camera, parameters, np.inf)
-    information = np.zeros((6, 6))
-    for step in range(_REFINE_STEPS):
-        if np.count_nonzero(fit.inliers) < parameters.min_inliers:
-            break
-        # Huber's weights: what is far off, yet no outlier, counts by its distance only.
-        weight = np.minimum(1.0, _HUBER_SIGMAS / np.maximum(fit.mahalanobis, 1e-9)) * fit.inliers
-        change, information = gauss_newton(linear, fit.white, weight)
-        change = np.clip(change, -10.0, 10.0)
-        pose = Pose.from_rotvec(change[:3], change[3:]) @ pose
-        if step == 0:
-            # From here on the pose changes too little to matter for the derivatives.
-            linear = linearised(points, pose, camera)
-        fit = _judged(points, pose, linear, camera, parameters, _OUTLIER_SIGMAS)
-        if step and change @ information @ change < _CONVERGED**2:
-            break
-    return pose, fit, information
-
-
-def _judged(
-    points: SeenPoints,
-    pose: Pose,
-    linear: Linearised,
-    camera: StereoCamera,
-    parameters: EgoMotionParameters,
-    most_sigmas: float,
-) -> _Fit:
-    """Fit of the points: inliers within the threshold, allowing for each position's covariance."""
-    r = points.residuals(pose, camera)
-    white = linear.whitened(r)
-    squared = (white * white).sum(axis=0)
-    squared[~linear.usable] = np.inf
-    scaled = r * (linear.sigma[0] / linear.sigma)
-    mahalanobis = np.sqrt(squared)
-    inliers = (scaled * scaled).sum(axis=0) <= parameters.ransac_threshold_px**2
-    inliers &= mahalanobis <= most_sigmas
-    return _Fit(white, mahalanobis, inliers & linear.usable)
-
-
-def _ransac(
-    points: SeenPoints,
-    share: Float64Array,
-    linear: Linearised,
-    start: Pose,
-    camera: StereoCamera,
-    parameters: EgoMotionParameters,
-    seed: int,
-) -> Pose:
-    """The best of many poses, each the least-squares fit of three points, all tried at once.
-
-    As in libviso2 (Geiger et al., StereoScan, 2011); a sample of three points with disparity is
-    solved by a few Gauss-Newton steps from the expected pose, which is a candidate itself.
-    """
-    deep = np.flatnonzero(points.known)
-    if len(deep) < _SAMPLE:
-        return start
-    count = len(points.known)
-    judges = np.linspace(0, count - 1, min(_JUDGES, count)).astype(np.intp)
-    judging = points.take(judges)
-    sigma = linear.sigma.take(judges, axis=1)
-    limit = np.minimum(parameters.ransac_threshold_px, _OUTLIER_SIGMAS * sigma[0])
-    cap = (limit / sigma[0]) ** 2
-    weight = share[judges]
-    squared = _squared(judging, sigma, start.rotation[None], start.translation[None], camera)
-    near = (squared[0] <= cap) @ weight >= _EXPECTED_SHARE * weight.sum()
-    batch, steps = (_NEAR_BATCH, _NEAR_STEPS) if near else (_BATCH, _SAMPLE_STEPS)
-    rng = np.random.default_rng(seed)
-    best, best_cost = start, float(_cost(squared, cap, weight)[0])
-    tried = 0
-    wanted = min(float(parameters.ransac_iterations), _samples(squared[0] <= cap, weight))
-    # Drawn by weight, so that a crowd of points on an obstacle is not drawn again and again.
-    drawn = np.cumsum(share[deep])
-    while tried < wanted:
-        chance = rng.random((batch, _SAMPLE)) * drawn[-1]
-        sample = deep[np.minimum(np.searchsorted(drawn, chance), len(deep) - 1)]
-        R, t = _sampled(points, sample, start, camera, steps)
-        squared = _squared(judging, sigma, R, t, camera)
-        cost = _cost(squared, cap, weight)
-        number = int(np.argmin(cost))
-        if cost[number] < best_cost:
-            best_cost = float(cost[number])
-            best = Pose(orthonormal(R[number]), t[number])
-            wanted = min(wanted, _samples(squared[number] <= cap, weight))
-        tried += batch
-    return best
-
-
-def _samples(explained: NDArray[np.bool_], weight: Float64Array) -> float:
-    """Number of samples needed to draw one without outliers, almost surely.
-
-    Args:
-        explained: (K,) which judges the best pose so far explains. weight: (K,) of each.
-    """
-    share = float(explained @ weight / max(float(weight.sum()), 1e-9))
-    miss = np.log1p(-min(share**_SAMPLE, 1 - 1e-9)) if share > 0 else -1e-9
-    return float(np.log(1 - _CONFIDENCE) / miss)
-
-
-def _cost(squared: Float64Array, cap: Float64Array, weight: Float64Array) -> Float64Array:
-    """(S,) of S poses: an outlier costs what the worst inlier costs (MSAC; Torr, Zisserman 2000).
-
-    Args:
-        squared: (S, K) residuals. cap: (K,) of the worst inlier; what has none does not count.
-    """
-    known = np.isfinite(cap)
-    return np.asarray(np.minimum(squared, np.where(known, cap, 0.0)) @ (weight * known))
-
-
-def _squared(
-    points: SeenPoints, sigma: Float64Array, R: Float64Array, t: Float64Array, camera: StereoCamera
-) -> Float64Array:
-    """(S, K) squared residuals of K points at S poses, in standard deviations (3, K)."""
-    p = R @ points.place + t[:, :, None]
-    r = residuals(p, points.seen, points.known, camera) / sigma
-    squared = (r * r).sum(axis=1)
-    return np.where(np.isfinite(squared), squared, np.inf)
-
-
-def _sampled(
-    points: SeenPoints, sample: NDArray[np.intp], start: Pose, camera: StereoCamera, steps: int
-) -> tuple[Float64Array, Float64Array]:
-    """Poses (S, 3, 3) and (S, 3) by which S samples of K points each are seen where they are."""
-    count = len(sample)
-    R = np.broadcast_to(start.rotation, (count, 3, 3))
-    t = np.broadcast_to(start.translation, (count, 3))
-    place, seen, variance = (
-        values.take(sample, axis=1).swapaxes(0, 1)
-        for values in (points.place, points.seen, points.variance)
+) -> tuple[Pose, Float64Array, NDArray[np.bool_], Float64Array]:
+    """The pose, residuals (N,) in standard deviations, inliers (N,), and information (6, 6)."""
+    rotation, translation, mahalanobis, inliers, information = fit_pose(
+        np.ascontiguousarray(scene.position, np.float64),
+        np.ascontiguousarray(scene.covariance, np.float64),
+        np.column_stack([scene.px, scene.disparity]).astype(np.float64, copy=False),
+        np.square(scene.sigma),
+        np.ascontiguousarray(scene.weight, np.float64),
+        expected.rotation,
+        expected.translation,
+        camera.numbers,
+        parameters.ransac_threshold_px,
+        parameters.min_inliers,
+        parameters.ransac_iterations,
+        np.random.default_rng(seed).random((parameters.ransac_iterations, 3)),
     )
-    known, sigma = points.known[sample], np.sqrt(variance)
-    for _ in range(steps):
-        p = R @ place + t[:, :, None]
-        r = (residuals(p, seen, known, camera) / sigma).reshape(count, -1)
-        J = jacobian(p.swapaxes(0, 1), camera) / sigma.swapaxes(0, 1)
-        J = J.transpose(2, 1, 3, 0).reshape(count, -1, 6)
-        bad = ~(np.isfinite(J).all(axis=(1, 2)) & np.isfinite(r).all(axis=1))
-        J[bad], r[bad] = 0.0, 0.0
-        A = np.swapaxes(J, 1, 2) @ J
-        A[:, range(6), range(6)] += _DAMPING + 1e-6 * A[:, range(6), range(6)]
-        step = np.linalg.solve(A, np.einsum("sai,sa->si", J, r)[..., None])[..., 0]
-        # Three points nearly in a line turn anyhow; such samples lose, and must not overflow.
-        step = np.clip(step, -1e3, 1e3)
-        turn = rotation_matrix(step[:, :3])
-        R, t = turn @ R, (turn @ t[..., None])[..., 0] + step[:, 3:]
-    return R, t
+    return Pose(rotation, translation), mahalanobis, inliers, information
+
+
+def _inverse(information: Float64Array) -> Float64Array:
+    """Covariance (6, 6) of a pose; very large where the points leave a direction open."""
+    damping = np.diag(_DAMPING * (1 + np.diagonal(information)))
+    return np.asarray(np.linalg.inv(information + damping), np.float64)

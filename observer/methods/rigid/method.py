@@ -10,11 +10,14 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.contract import StageTimer, Step
+from observer.methods.rigid.bodies.expectation import expected_at
 from observer.methods.rigid.bodies.reporting import describe_body
+from observer.methods.rigid.bodies.seeming import told_px
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseVision
@@ -129,11 +132,12 @@ class RigidMethod:
         keep_motion(trace, before, points, seen, ego, motion)
         self._view, self._points, self._last = view, points, now
         with timer("drift"):
-            notes = self._follow_drift(given, before.take(seen.found), rows, p, trace)
+            notes = self._follow_drift(given, before, seen.found, rows, p, trace)
         obstacles = self._described(now)
         with timer("unseen"):
             if due:
-                self._told_unseen = self._unseen.look(view, scene, points, obstacles, p.stereo)
+                boxes = told_px(self._tracker.tracks, scene, now)
+                self._told_unseen = self._unseen.look(view, scene, points, *boxes, p.stereo)
             elif p.dense.rate_hz == 0:
                 self._told_unseen = None
         trace.keep("unseen", self._told_unseen)
@@ -161,7 +165,7 @@ class RigidMethod:
     def _expectation(self, T_expected: Pose, dt: float, p: Parameters) -> Expectation:
         """Predict each point: static ones stay in the world, members move with their bodies."""
         place, _ = self._points.sums.static_position()
-        body = self._tracker.expected_at(self._points, place, dt, p.obstacles)
+        body = expected_at(self._tracker.tracks, self._points, place, dt, p.obstacles)
         place = np.where(np.isfinite(body), body, place)
         return expected_view(self._points, place, T_expected, self._camera)
 
@@ -223,12 +227,18 @@ class RigidMethod:
         return ego if reason is None else ego.refused(reason)
 
     def _follow_drift(
-        self, given: View, before: TrackedPoints, rows: StereoRows, p: Parameters, trace: Trace
+        self,
+        given: View,
+        before: TrackedPoints,
+        found: NDArray[np.bool_],
+        rows: StereoRows,
+        p: Parameters,
+        trace: Trace,
     ) -> tuple[str, ...]:
         """Learn bias and skew of the pair; what is learnt moves no point and no obstacle."""
         now = self._last
         assert now is not None
-        change = self._drift.look(given, before, self._points, rows, now, p, trace)
+        change = self._drift.look(given, before, found, self._points, rows, now, p, trace)
         if change is None:
             return ()
         if change.bias_px:

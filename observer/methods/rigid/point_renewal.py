@@ -10,7 +10,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.point_tracking import (
     LEAST_DISPARITY_PX,
     MOST_NEGATIVE_PX,
-    sighting_information,
+    sightings_at,
 )
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
@@ -26,8 +26,6 @@ from observer.vision.view import View
 _ANOTHER_DISPARITY_PX = 2.5
 # The noise of points that are seen for the first time, before it can be told, px.
 _FIRST_SIGMA_PX = 0.15
-# Time step of the derivative by which a new point's flow is predicted, seconds.
-_FLOW_STEP_S = 0.01
 
 
 class PointRenewal:
@@ -82,9 +80,8 @@ class PointRenewal:
         disparity = (points.px[:, 0] - points.right_px[:, 0]).astype(np.float64)
         known = np.asarray(disparity > MOST_NEGATIVE_PX)
         points, disparity = points.take(known), disparity[known]
-        begun = self._begun(
-            view, points.px, points.right_px, disparity, points.flow[:, 0], T_camera_world, bias_px
-        )
+        disparity = disparity + _skew_s(view) * points.flow[:, 0]
+        begun = self._begun(points.px, points.right_px, disparity, T_camera_world, bias_px)
         return begun.but(number=points.number, flow=points.flow)
 
     def _spawned(
@@ -107,43 +104,44 @@ class PointRenewal:
         known = np.asarray(disparity > MOST_NEGATIVE_PX)
         px, right = px[known], right[known]
         disparity = np.maximum(disparity[known], LEAST_DISPARITY_PX)
-        flow = self._static_flow(px, disparity, rate)
-        begun = self._begun(view, px, right, disparity, flow, T_camera_world, bias_px)
+        skew_s = _skew_s(view)
+        if skew_s and rate is not None:
+            disparity = disparity + skew_s * self._static_flow(px, disparity, rate)
+        begun = self._begun(px, right, disparity, T_camera_world, bias_px)
         self._next_number += len(px)
         return begun
 
     def _begun(
         self,
-        view: View,
         px: NDArray[np.float32],
         right: NDArray[np.float32],
         disparity: Float64Array,
-        flow: Float64Array,
         T_camera_world: Pose,
         bias_px: float,
     ) -> TrackedPoints:
-        """Points first seen at (N, 2) px, with disparities (N,) px and flow (N,) px/s."""
-        if view.right_time is not None:
-            disparity = disparity + flow * (view.right_time - view.time)
+        """Points first seen at (N, 2) px, with disparities (N,) px at the left exposure."""
         if bias_px:
             disparity = disparity + bias_px * bias_profile(px, disparity, self._camera)
         disparity = np.maximum(disparity, LEAST_DISPARITY_PX)
+        sigma, unknown = np.full((len(px), 3), _FIRST_SIGMA_PX), np.full((len(px), 3), np.nan)
         T_world_camera = T_camera_world.inverse()
-        place = self._camera.triangulate(px, disparity)
-        sigma = np.full((len(px), 3), _FIRST_SIGMA_PX)
-        information = sighting_information(place, sigma, T_world_camera, self._camera)
-        sums = PositionVelocityFilter.begin(T_world_camera.apply(place), information)
+        first = sightings_at(px, disparity, sigma, unknown, T_world_camera, self._camera)
+        sums = PositionVelocityFilter.begin(first.position, first.information)
         return TrackedPoints.begin(self._next_number, px, right, disparity, sums)
 
     def _static_flow(
-        self, px: NDArray[np.float32], disparity: Float64Array, rate: CameraRate | None
+        self, px: NDArray[np.float32], disparity: Float64Array, rate: CameraRate
     ) -> Float64Array:
-        """(N,) px/s along the rows of new points, if they are static."""
-        if rate is None:
-            return np.zeros(len(px))
-        back = rate.over(-_FLOW_STEP_S)
-        earlier, _ = self._camera.project(back.apply(self._camera.triangulate(px, disparity)))
-        return np.nan_to_num((px[:, 0] - earlier[:, 0]) / _FLOW_STEP_S)
+        """(N,) px/s along the rows of new points, if they are static: f d/dt (x / z)."""
+        x, y, z = self._camera.triangulate(px, disparity).T
+        (turn_x, turn_y, turn_z), (right, _, ahead) = rate.turn, rate.shift
+        across, nearing = turn_y * z - turn_z * y + right, turn_x * y - turn_y * x + ahead
+        return np.asarray(self._camera.fx * (across - x / z * nearing) / z, np.float64)
+
+
+def _skew_s(view: View) -> float:
+    """Seconds by which the right camera exposes later, as far as is known."""
+    return 0.0 if view.right_time is None else view.right_time - view.time
 
 
 def _contradicted(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,9 +10,9 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
+from observer.kernels.sightings import placed_in_world, seen_again
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.parameters import KltTrackingParameters
-from observer.vision.disparity_bias import bias_profile
 from observer.vision.klt_tracking import Sightings, as_bright_as, track_stereo_points
 from observer.vision.view import View
 
@@ -81,29 +82,30 @@ def sighted_points(
     Args:
         bias_px: what all disparities lack, at the image's centre.
     """
-    found = seen.found
-    points = points.take(found)
-    px, right_px = seen.px[found], seen.right_px[found]
-    flow = (px - points.px).astype(np.float64) / dt
-    disparity = (px[:, 0] - right_px[:, 0]).astype(np.float64)
-    growth = np.abs(expected.disparity[found] / points.disparity - 1)
-    warp = parameters.scale_change_noise * parameters.window_px / 2 * np.nan_to_num(growth)
-    sigma = np.empty((len(px), 3))
-    sigma[:, :2] = np.hypot(seen.sigma[found, :1], warp[:, None])
-    variance = seen.sigma[found, 1].astype(np.float64) ** 2
-    if view.right_time is not None:
-        # What moves in the image has moved on when the right camera exposes.
-        disparity = disparity + flow[:, 0] * (view.right_time - view.time)
-        variance = variance + (flow[:, 0] * parameters.skew_sigma_s) ** 2
-    if bias_px:
-        disparity = disparity + bias_px * bias_profile(px, disparity, camera)
-    sigma[:, 2] = np.sqrt(variance)
-    far = np.maximum(disparity, LEAST_DISPARITY_PX)
+    at = np.flatnonzero(seen.found)
+    px, right_px, flow, disparity, sigma = seen_again(
+        at,
+        points.px,
+        points.disparity,
+        expected.disparity,
+        seen.px,
+        seen.right_px,
+        seen.sigma,
+        camera.numbers,
+        dt,
+        parameters.scale_change_noise * parameters.window_px / 2,
+        math.nan if view.right_time is None else view.right_time - view.time,
+        parameters.skew_sigma_s,
+        bias_px,
+        MOST_NEGATIVE_PX,
+        LEAST_DISPARITY_PX,
+    )
+    points = points.take(at)
     points = points.but(
         px=px,
         right_px=right_px,
         flow=flow,
-        disparity=np.where(disparity > MOST_NEGATIVE_PX, far, np.nan),
+        disparity=disparity,
         sightings=points.sightings + 1,
         age=points.age + dt,
     )
@@ -114,24 +116,31 @@ def world_sightings(
     points: TrackedPoints, sigma: Float64Array, T_world_camera: Pose, camera: StereoCamera
 ) -> WorldSightings:
     """Return where points seen with noise sigma (N, 3) px are."""
-    place = camera.triangulate(points.px, points.disparity)
-    # The information depends on the depth; the noise of this very sighting must not decide it.
-    steady = T_world_camera.inverse().apply(points.sums.moving_position(points.velocity)[0])
-    use = np.isfinite(steady).all(axis=1) & (steady[:, 2] > 0)
-    at = np.where(use[:, None], steady, place)
-    information = sighting_information(at, sigma, T_world_camera, camera)
-    known = np.asarray(np.isfinite(place).all(axis=1))
-    known &= np.isfinite(information).reshape(-1, 9).all(axis=1)
-    information = np.where(known[:, None, None], information, 0.0)
-    return WorldSightings(
-        np.where(known[:, None], T_world_camera.apply(place), np.nan), information
+    believed, _ = points.sums.moving_position(points.velocity)
+    return sightings_at(points.px, points.disparity, sigma, believed, T_world_camera, camera)
+
+
+def sightings_at(
+    px: NDArray[np.float32],
+    disparity: Float64Array,
+    sigma: Float64Array,
+    believed: Float64Array,
+    T_world_camera: Pose,
+    camera: StereoCamera,
+) -> WorldSightings:
+    """Return where what is seen at pixels (N, 2), with disparities (N,) px, is.
+
+    Args:
+        sigma: (N, 3) px, noise of u, v and disparity.
+        believed: (N, 3) m, world, where it is as far as is known; NaN unknown.
+    """
+    position, information = placed_in_world(
+        px,
+        disparity,
+        sigma,
+        believed,
+        T_world_camera.rotation,
+        T_world_camera.translation,
+        camera.numbers,
     )
-
-
-def sighting_information(
-    place: Float64Array, sigma: Float64Array, T_world_camera: Pose, camera: StereoCamera
-) -> Float64Array:
-    """(N, 3, 3) 1/m^2, world axes, of points (N, 3), camera frame, seen with sigma (N, 3) px."""
-    J = camera.projection_jacobian(place) / sigma[..., None]
-    R = T_world_camera.rotation
-    return np.asarray(R @ (np.swapaxes(J, 1, 2) @ J) @ R.T, dtype=np.float64)
+    return WorldSightings(position, information)

@@ -20,7 +20,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.geometry import Float64Array, inverse_3x3
+from observer.geometry import Float64Array
+from observer.kernels.inverses import inverse_3x3
 
 # Information below this is none: the point was seen once, or always in one place.
 _TINY = 1e-12
@@ -46,8 +47,8 @@ class PositionVelocityFilter:
     count: Float64Array
 
     @cached_property
-    def _cov(self) -> Float64Array:
-        """(N, 3, 3) m^2, the inverse of a0, not to be written to.
+    def position_cov(self) -> Float64Array:
+        """(N, 3, 3) m^2, of each static position: the inverse of a0, not to be written to.
 
         It is asked for several times a frame, and what moves the sums on or chooses among them
         hands it on.
@@ -56,10 +57,15 @@ class PositionVelocityFilter:
         cov.setflags(write=False)
         return cov
 
+    @property
+    def _has_cov(self) -> bool:
+        """Whether it was asked for already."""
+        return "position_cov" in self.__dict__
+
     def _with_cov(self, cov: Float64Array) -> PositionVelocityFilter:
         """Return these sums, of whose a0 the inverse (N, 3, 3) is known already."""
         cov.setflags(write=False)
-        self.__dict__["_cov"] = cov
+        self.__dict__["position_cov"] = cov
         return self
 
     @staticmethod
@@ -90,7 +96,9 @@ class PositionVelocityFilter:
             c0=keep * self.c0,
             count=keep * self.count,
         )
-        return moved._with_cov(self._cov / keep) if "_cov" in self.__dict__ else moved
+        return (
+            moved._with_cov(self.position_cov / keep) if "position_cov" in self.__dict__ else moved
+        )
 
     def with_sightings(
         self, position: Float64Array, information: Float64Array
@@ -123,18 +131,18 @@ class PositionVelocityFilter:
             b1=self.b1 + turned,
             c0=self.c0 + np.einsum("ni,ni->n", drift, 2 * self.b1 + turned),
         )
-        return moved._with_cov(self._cov)
+        return moved._with_cov(self.position_cov)
 
     def static_position(self) -> tuple[Float64Array, Float64Array]:
         """Return each point's position if it is static: (N, 3) metres, covariance (N, 3, 3)."""
-        return self.origin + np.einsum("nij,nj->ni", self._cov, self.b0), self._cov
+        return self.origin + np.einsum("nij,nj->ni", self.position_cov, self.b0), self.position_cov
 
     def velocity_information(self) -> tuple[Float64Array, Float64Array]:
         """Information (N, 3, 3) s^2/m^2 of each velocity, and information times velocity (N, 3).
 
         That of neighbours may be added; ``information^-1 @ vector`` is the velocity.
         """
-        gain = self.a1 @ self._cov
+        gain = self.a1 @ self.position_cov
         information = self.a2 - gain @ self.a1
         vector = self.b1 - np.einsum("nij,nj->ni", gain, self.b0)
         return (information + np.swapaxes(information, 1, 2)) / 2, vector
@@ -150,28 +158,13 @@ class PositionVelocityFilter:
         Args:
             velocity_cov: (N, 3, 3), by which the covariance (N, 3, 3) m^2 grows.
         """
-        cov = self._cov
+        cov = self.position_cov
         inner = self.b0 - np.einsum("nij,nj->ni", self.a1, velocity)
         position = self.origin + np.einsum("nij,nj->ni", cov, inner)
         if velocity_cov is not None:
             lever = cov @ self.a1
             cov = cov + lever @ velocity_cov @ np.swapaxes(lever, 1, 2)
         return position, cov
-
-    def excess(self, position: Float64Array, velocity: Float64Array) -> Float64Array:
-        """(N,) by how much the sightings scatter more about a straight course than their noise.
-
-        1 or more: the sum of squared Mahalanobis residuals over its degrees of freedom. A point
-        that brakes or turns does not fit a straight course, and its velocity is not to be trusted
-        as far as the noise alone would allow.
-
-        Args:
-            position, velocity: (N, 3) as fitted.
-        """
-        explained = np.einsum("ni,ni->n", position - self.origin, self.b0)
-        explained += np.einsum("ni,ni->n", velocity, self.b1)
-        freedom = np.maximum(3 * self.count - 6, 1.0)
-        return np.asarray(np.maximum(1.0, (self.c0 - explained) / freedom), np.float64)
 
     def window_s(self) -> Float64Array:
         """(N,) seconds over which the sightings effectively lie.
@@ -192,16 +185,20 @@ class PositionVelocityFilter:
         # Of rows, take() is several times as fast as an index, and wants no mask.
         at = np.flatnonzero(which) if which.dtype == np.bool_ else which
         taken = PositionVelocityFilter(*(getattr(self, name).take(at, axis=0) for name in _NAMES))
-        return taken._with_cov(self._cov.take(at, axis=0)) if "_cov" in self.__dict__ else taken
+        return (
+            taken._with_cov(self.position_cov.take(at, axis=0))
+            if "position_cov" in self.__dict__
+            else taken
+        )
 
     def joined(self, other: PositionVelocityFilter) -> PositionVelocityFilter:
         """Return these points and then the others."""
         both = PositionVelocityFilter(
             *(np.concatenate([getattr(self, name), getattr(other, name)]) for name in _NAMES)
         )
-        if "_cov" not in self.__dict__:
+        if not self._has_cov:
             return both
-        return both._with_cov(np.concatenate([self._cov, other._cov]))
+        return both._with_cov(np.concatenate([self.position_cov, other.position_cov]))
 
 
 _NAMES = ("origin", "a0", "a1", "a2", "b0", "b1", "c0", "count")

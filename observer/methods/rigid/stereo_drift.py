@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
@@ -104,6 +105,7 @@ class StereoDrift:
         self,
         view: View,
         before: TrackedPoints,
+        found: NDArray[np.bool_],
         points: TrackedPoints,
         rows: StereoRows,
         now: CameraStep,
@@ -113,14 +115,19 @@ class StereoDrift:
         """Learn from one more frame; returns what is to be used from now on, None as before.
 
         Args:
-            view: as the source gave it. before, points: the same points at the last frame and
-                at this one. rows: of this frame, without the bias.
+            view: as the source gave it. before: (N,) points at the last frame, of which those
+                found (N,) are the points at this one. rows: of this frame, without the bias.
         """
         self._told = view.right_time is not None
         if not self._told:
             self.skew = self.skew.after(
                 DisparityStep.of(
-                    before.px, points.px, _raw(before), _raw(points), now.dt, self._camera
+                    before.px[found],
+                    points.px,
+                    _raw(before)[found],
+                    _raw(points),
+                    now.dt,
+                    self._camera,
                 )
             )
         self._look_for_bias(view.time, rows, now, parameters)

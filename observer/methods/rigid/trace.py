@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,7 +31,7 @@ def keep_background(
     trace.keep("previous_left", previous.left)
     trace.keep("previous_right", previous.right)
     trace.keep("features_px", before.px)
-    trace.keep("matches", Matches(before.px[seen.found], points.px))
+    trace.keep_later("matches", lambda: Matches(before.px[seen.found], points.px))
     trace.keep("ego_motion", ego)
     trace.keep("rows", rows)
 
@@ -42,15 +44,31 @@ def keep_motion(
     ego: RigidEgoMotion,
     motion: PooledMotion,
 ) -> None:
-    """Keep what moves, of a frame whose pose is known."""
-    start = before.px[seen.found].astype(np.float64)
-    residual = points.px - ego.predict(start, before.disparity[seen.found])
-    known = np.isfinite(residual).all(axis=1)
-    trace.keep("flow_px", start[known])
-    trace.keep("flow_observed_px", (start + residual)[known].astype(np.float32))
-    trace.keep("flow_residual_px", residual[known].astype(np.float32))
-    trace.keep("dynamic", (motion.dynamic | (_obstacle(points) != NO_OBSTACLE))[known])
-    trace.keep("evidence", _evidence(points, ego, motion))
+    """Keep what moves, of a frame whose pose is known; most of it is made when it is asked for."""
+
+    @cache
+    def flow() -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
+        start = before.px[seen.found].astype(np.float64)
+        residual = points.px - ego.predict(start, before.disparity[seen.found])
+        return start, residual, np.asarray(np.isfinite(residual).all(axis=1))
+
+    def observed() -> NDArray[np.float32]:
+        start, residual, known = flow()
+        return np.asarray((start + residual)[known], np.float32)
+
+    def residuals() -> NDArray[np.float32]:
+        _, residual, known = flow()
+        return np.asarray(residual[known], np.float32)
+
+    def dynamic() -> NDArray[np.bool_]:
+        known = flow()[2]
+        return np.asarray((motion.dynamic | (_obstacle(points) != NO_OBSTACLE))[known])
+
+    trace.keep_later("flow_px", lambda: flow()[0][flow()[2]])
+    trace.keep_later("flow_observed_px", observed)
+    trace.keep_later("flow_residual_px", residuals)
+    trace.keep_later("dynamic", dynamic)
+    trace.keep_later("evidence", lambda: _evidence(points, ego, motion))
 
 
 def _evidence(points: TrackedPoints, ego: RigidEgoMotion, motion: PooledMotion) -> PointEvidence:

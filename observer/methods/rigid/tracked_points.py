@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -141,7 +141,8 @@ class TrackedPoints:
 
     def but(self, **changes: object) -> TrackedPoints:
         """The same points with some attributes replaced."""
-        return replace(self, **changes)  # type: ignore[arg-type]
+        # dataclasses.replace looks at every field anew, which takes several times as long.
+        return TrackedPoints(**(vars(self) | changes))
 
     def __len__(self) -> int:
         return len(self.px)

@@ -85,7 +85,7 @@ def parse_devices(rest: str, by_path: Path = BY_PATH) -> CamerasSpec:
         targets = (_device(parts[0], by_path), _device(parts[1], by_path))
         if Path(targets[0].address).resolve() == Path(targets[1].address).resolve():
             raise SourceError(
-                f"left and right are the same camera, {targets[0].name}; name two different ones "
+                f"left and right are the same camera, {targets[0].name}; name two "
                 "different ones, or a side-by-side camera as in camera:sbs:0"
             )
     return CamerasSpec(f"camera:{rest}", targets, settings, swapped)

@@ -34,7 +34,7 @@ export function ofRun({ id, name }, range) {
   const query = range ? `?begin=${range.begin.toFixed(4)}&end=${range.end.toFixed(4)}` : "";
   const words = range ? `${fixed(range.begin, 1)} to ${fixed(range.end, 1)} s` : "whole run";
   return {
-    words: `Run ${name}: ${words}`,
+    words: `Run “${name}”: ${words}`,
     files: Object.entries(FORMATS).map(([format, title]) => ({
       format,
       title,

@@ -50,6 +50,8 @@ class SpeedChart extends Part {
   /** @type {number | null} */
   #at = null;
   #drawnAt = 0;
+  /** What the curves are of. @type {string | null} */
+  #source = null;
   /** The newest run, where none is kept now. @type {Run | null} */
   #last = null;
 
@@ -69,12 +71,25 @@ class SpeedChart extends Part {
     );
     this.hear("observation", () => this.#observed());
     this.hear("robots", () => this.#history.addWheels(this.hub.robots?.wheels ?? []));
-    this.hear("status", () => this.#renderStatus());
+    this.hear("status", () => {
+      this.#followSource();
+      this.#renderStatus();
+    });
     this.hear("runs", () => this.#findLastRun());
     void this.#findLastRun();
     // Where it is paused, no other comes.
     if (this.hub.observation) this.#history.add(this.hub.observation);
     this.#draw();
+  }
+
+  /** Begin anew with another source: the curves of one would be read as the other's. */
+  #followSource() {
+    const source = this.hub.status?.source?.spec ?? this.#source;
+    if (source !== this.#source && this.#source !== null) {
+      this.#history = new SpeedHistory(SPAN_S);
+      this.#draw();
+    }
+    this.#source = source;
   }
 
   #observed() {

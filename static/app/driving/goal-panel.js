@@ -66,8 +66,8 @@ class GoalPanel extends Part {
   #explained = { news: "", at: 0 };
   #kept = h("p.field-error", { role: "alert" });
   #leave = oneAtATime(undefined, this.#kept);
-  #giveUp = button([icon("stop"), "Give up goal"], () =>
-    this.#leave(() => named("Not given up", () => request("DELETE", "/goal"))),
+  #giveUp = button([icon("stop"), "Cancel goal"], () =>
+    this.#leave(() => named("Not cancelled", () => request("DELETE", "/goal"))),
   );
   #driving = h(
     "div.goal-driving",
@@ -100,7 +100,7 @@ class GoalPanel extends Part {
         "div.goal-fields",
         field("Ahead (m)", this.#ahead),
         field("Left (m)", this.#left),
-        h("p.hint", "From the robot as it stands. Negative: behind it, to its right."),
+        h("p.hint", "From the robot's current pose. Negative: behind it, to its right."),
       ),
       this.#error,
       details(
@@ -108,7 +108,7 @@ class GoalPanel extends Part {
         field(
           "Risk per metre",
           this.#risk,
-          "Accepted probability of touching a tracked obstacle on each metre driven. The lower it is, the longer the observer waits and the wider it passes. It does not cover what the cameras have not seen.",
+          "Accepted probability of touching a tracked obstacle per metre driven. The lower it is, the longer the observer waits and the wider it passes. It does not cover what the cameras have not seen.",
         ),
       ),
       h("div.row", this.#send, this.#pick),
@@ -119,7 +119,7 @@ class GoalPanel extends Part {
       h("h3", { title: GLOSSARY["goal"] }, "Drive to a goal"),
       h(
         "p.hint",
-        "The observer drives there by itself, around what moves, only while this page is open and visible. Driving by hand ends it. Tried in simulation only.",
+        "The observer drives there by itself, around obstacles, only while this page is open and visible. Driving by hand ends it. Tried in simulation only.",
       ),
       this.#driving,
       this.#spoken,

@@ -162,7 +162,7 @@ class Programmes extends Part {
     const { driver, robots } = this.hub;
     if (robots?.stopped) return "All robots are stopped: reset the stop first.";
     if (roles.includes("observer") && robots?.goal?.state === "driving")
-      return "The observer drives to a goal: give it up first.";
+      return "The observer is driving to a goal: cancel it first.";
     const wanting = roles.flatMap((role) => {
       const robot = driver.robot(role);
       if (!robot) return [`connect the ${role}`];

@@ -32,20 +32,21 @@ export const GLOSSARY = {
     "Vertical distance between a point in the right image and the row on which the calibration expects it, in pixels.",
   "extrinsics": "Position and orientation of one camera relative to the other, or to the robot.",
   "goal":
-    "Place on the ground to which the observer drives by itself, around what moves, while its operator is present.",
+    "Place on the ground to which the observer drives by itself, around obstacles, while its operator is present.",
   "ground truth": "The true motion of a body, from the simulator or from motion capture.",
   "guard":
     "Part of the drive process that slows and stops the robots according to what the cameras and the sonar see. It is not a certified safety function.",
-  "identity switch": "A body that had one track continues under another track.",
-  "in place": "An obstacle that moves without going anywhere, such as a person waving both arms.",
+  "identity switch": "A body that had one track continues under another one.",
+  "in place":
+    "State of an obstacle that moves without going anywhere, such as a person waving both arms.",
   "inlier": "Match that agrees with the estimated ego-motion.",
   "keypoint": "Place in the image that can be found again in the next one; also called feature.",
   "latency": "Time from an exposure until its result is available.",
   "local map":
-    "Cells of 0.1 m around the observer on its way to a goal that were seen to be free or blocked lately. All others are unknown.",
+    "Grid of 0.1 m cells around the observer on its way to a goal. A cell is free or blocked if it was recently seen to be; all others are unknown.",
   "lost":
     "Status of a frame whose ego-motion could not be estimated. Nothing can be said about motion in it.",
-  "monocular": "With the left camera only.",
+  "monocular": "Using the left camera only.",
   "observer": "The robot that carries the cameras; also the name of the library.",
   "obstacle":
     "Something that moves or has moved, tracked with position, velocity, box and uncertainty. Also the role of the second robot, which is there to be detected.",

@@ -95,7 +95,7 @@ class Scene extends Part {
     if (!floorPick.asked) return;
     if (place) floorPick.answer(place);
     else if (known) floorPick.say("That is not on the floor: click again.");
-    else floorPick.say("Not picked: the place of the observer is unknown.", true);
+    else floorPick.say("Not picked: the observer's position is unknown.", true);
   }
 
   #showPick() {

@@ -213,7 +213,9 @@ export class StepsView extends Part {
     this.#told = told;
     this.defaults = /** @type {Values} */ (told.preset_values);
     this.#place = { ...place, source: told.source, frame: told.frame };
-    history.replaceState(null, "", addressOf(this.#place));
+    // Whoever went back or forward meanwhile is at another place, which is shown next.
+    if (addressOf(placeOfAddress(location.hash)) === addressOf(place))
+      history.replaceState(null, "", addressOf(this.#place));
     this.#choice.show(told);
     setText(this.#error, "");
     this.#render();

@@ -96,7 +96,8 @@ class RunBar extends Part {
     this.#start.hidden = this.#more.hidden = run !== null;
     this.#stop.hidden = run === null;
     this.#running.hidden = run === null;
-    if (run) setText(this.#running, `${run.name} · ${duration(run.duration_s)}`);
+    // In this order, because a long name is cut off.
+    if (run) setText(this.#running, `${duration(run.duration_s)} · ${run.name}`);
     const ready = connection === "open" && !this.#busy;
     this.#start.disabled = !ready || !status?.source || status.engine.state === "calibrating";
     this.#stop.disabled = !ready;
@@ -138,7 +139,7 @@ class RunBar extends Part {
       record: this.#record.value,
     });
     this.#name.value = "";
-    notify(`Run ${run.name} started.`);
+    notify(`Run “${run.name}” started.`);
     this.hub.tell("runs");
   }
 
@@ -146,7 +147,7 @@ class RunBar extends Part {
     const run = this.hub.status?.run;
     if (!run) return;
     await request("POST", `/runs/${encodeURIComponent(run.id)}/stop`);
-    notify(`Run ${run.name} stopped and saved.`);
+    notify(`Run “${run.name}” stopped and saved.`);
     this.hub.tell("runs");
   }
 

@@ -45,7 +45,7 @@ export class RunPlayer extends Part {
     "aria-label": "Position in the run",
   });
   #place = h("output.figure.position");
-  #rate = select({ id: "player-rate", "aria-label": "Speed of playback" }, RATES);
+  #rate = select({ id: "player-rate", "aria-label": "Playback speed" }, RATES);
   #controls = h("div.player-controls", this.#play, this.#slider, this.#place, this.#rate);
   #method = h("a.player-method", { hidden: true }, "See the method on this frame");
   #note = h("p.hint", { role: "status" });

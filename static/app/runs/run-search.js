@@ -249,7 +249,10 @@ export class RunSearch extends Part {
 export async function removeRun(hub, run) {
   if (!(await attempt(() => request("DELETE", `/runs/${encodeURIComponent(run.id)}`))))
     return false;
-  notify(`Run ${run.name} deleted.`, "done", { words: "Undo", act: () => void recover(hub, run) });
+  notify(`Run “${run.name}” deleted.`, "done", {
+    words: "Undo",
+    act: () => void recover(hub, run),
+  });
   hub.tell("runs");
   return true;
 }
@@ -261,7 +264,7 @@ export async function removeRun(hub, run) {
 async function recover(hub, run) {
   await attempt(async () => {
     await request("POST", `/runs/${encodeURIComponent(run.id)}/recover`);
-    notify(`Run ${run.name} restored.`);
+    notify(`Run “${run.name}” restored.`);
   });
   hub.tell("runs");
 }

@@ -168,7 +168,7 @@ export class RunView extends Part {
       this.#truth.forget();
     }
     this.#body.hidden = this.actions.hidden = false;
-    this.named(`Run ${run.name}`);
+    this.named(run.name);
     setText(this.#state, run.state);
     this.#state.dataset.state = run.state;
     setText(this.#facts, facts(run));

@@ -21,6 +21,7 @@ export function boundsOf(frames, wide, high) {
   const found = frames.flatMap(({ plan }) => [
     ...plan.obstacles.filter(({ state }) => state === "confirmed").map(({ at }) => at),
     ...plan.truth.map(({ at }) => at),
+    ...(plan.goal ? [plan.goal] : []),
   ]);
   const spans = [0, 1].map((axis) => {
     const own = cameras.map((at) => Number(at[axis]));

@@ -10,6 +10,7 @@ import { boundsOf, gridOf } from "./top-view-bounds.js";
 const LABEL_PX = 12;
 const CAMERA_PX = 11;
 const DOT_PX = 4;
+const GOAL_PX = 7;
 const HEAD_PX = 7;
 const TRAIL_POINTS = 300;
 
@@ -71,14 +72,15 @@ export class TopView extends HTMLElement {
     this.#drawing.replaceChildren(
       ...(this.#map ? [brush.map(this.#map)] : []),
       ...gridLines(wide, high, step, ahead, left, perMetre),
-      brush.trail(this.#trail(plan)),
+      brush.line("camera-trail", this.#trail(plan)),
       ...plan.truth.map((body) => brush.body(body)),
+      ...(plan.goal ? brush.way(plan.goal, plan.path) : []),
       ...plan.obstacles.map((obstacle) => brush.obstacle(obstacle)),
       ...brush.camera(plan.camera),
     );
     setText(
       this.#scale,
-      `Top view, grid ${step} m. Ellipses: 95 %. Arrows: 1 s of motion.${plan.truth.length > 0 ? " Dashed: ground truth." : ""}${this.#map ? " Local map: green is free, brown stands." : ""}`,
+      `Top view, grid ${step} m. Ellipses: 95 %. Arrows: 1 s of motion.${plan.truth.length > 0 ? " Dashed: ground truth." : ""}${plan.goal ? " Violet: goal and planned path." : ""}${this.#map ? " Local map: green is free, brown stands." : ""}`,
     );
   }
 
@@ -133,14 +135,23 @@ class Brush {
     );
   }
 
-  /** @param {readonly (readonly number[])[]} places */
-  trail(places) {
+  /** @param {string} what class of the line @param {readonly (readonly number[])[]} places */
+  line(what, places) {
     const points = places.map((at) =>
       this.place(at)
         .map((value) => value.toFixed(1))
         .join(","),
     );
-    return svg("polyline", { class: "camera-trail", points: points.join(" ") });
+    return svg("polyline", { class: what, points: points.join(" ") });
+  }
+
+  /** @param {readonly number[]} goal @param {readonly (readonly number[])[]} path */
+  way(goal, path) {
+    const [x, y] = this.place(goal);
+    return [
+      this.line("planned-path", path),
+      svg("circle", { class: "goal", cx: x.toFixed(1), cy: y.toFixed(1), r: GOAL_PX }),
+    ];
   }
 
   /** @param {readonly number[] | null} camera ahead, left, angle */

@@ -79,7 +79,11 @@ class FirstLine extends Part {
           this.hub.freshness.state === "held" ? this.hub.freshness.reason.replace(/\.$/, "") : null,
           run ? `run ${run.name}` : calibrating ? "observation paused" : "preview, not recorded",
         ]
-      : ["No source is open. Choose one under Source."];
+      : [
+          status.engine.reason
+            ? "No source is open yet"
+            : "No source is open. Choose one under Source.",
+        ];
     const context = words.filter(Boolean).join(" · ");
     setText(this.#context, context);
     setAttribute(this.#context, "title", context);

@@ -177,7 +177,9 @@ export function judge(connection, status, beat, now) {
   if (!["idle", "preview", "running", "calibrating"].includes(engine.state)) {
     return { state: "stale", age_s, reason: sentence(engine.reason ?? "the engine has failed") };
   }
-  if (!status.source) return { state: "none", age_s, reason: "No source is open." };
+  if (!status.source) {
+    return { state: "none", age_s, reason: sentence(engine.reason ?? "No source is open") };
+  }
   if (engine.state === "calibrating")
     return { state: "none", age_s, reason: "Calibration in progress." };
   const trouble = status.live?.trouble;

@@ -19,6 +19,6 @@ export function tooSlow({ playback, live, source, rates }) {
   if (reduced) return `this computer is too slow for full processing: ${reduced}`;
   const { achieved_rate: achieved, rate = 1, paused, ended } = playback ?? {};
   if (live || paused || ended || !achieved || achieved > KEPT_UP * rate) return "";
-  const wanted = rate === 1 ? "real time" : `real time, ${rate} × asked for`;
+  const wanted = rate === 1 ? "real time" : `real time, ${rate} × requested`;
   return `this computer is too slow: ${achieved.toFixed(1)} × ${wanted}`;
 }

@@ -13,7 +13,7 @@ import { attempt } from "./notice.js";
 const CHOICES = [
   {
     value: "read_only",
-    label: "Watch only",
+    label: "Read-only",
     help: "Anyone with this link can see everything and stop the robots, but cannot change anything.",
   },
   {

@@ -11,7 +11,7 @@ const GAP_PX = 10;
 const STOPS = /** @type {const} */ ([
   [
     ".first-line-text",
-    "Who moves",
+    "What moves",
     "The nearest moving obstacle in one sentence: its speed with the 95 % interval, its heading and distance, and the ground truth where the source has it.",
   ],
   [

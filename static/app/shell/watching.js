@@ -10,7 +10,7 @@
 import { h, setAttribute } from "../elements/dom.js";
 import { access } from "./access.js";
 
-const WATCHING_ONLY = "This link is for watching. Ask for an operator link to change anything.";
+const WATCHING_ONLY = "This link is read-only. Ask for an operator link to change anything.";
 
 const LOOKS = [
   "[data-looks]",
@@ -59,7 +59,7 @@ class Watching extends HTMLElement {
   async #begin() {
     if ((await access()) === "operator") return;
     document.documentElement.dataset.access = "read_only";
-    this.append(h("span.state-chip", { title: WATCHING_ONLY }, "Watching only"));
+    this.append(h("span.state-chip", { title: WATCHING_ONLY }, "Read-only"));
     this.append(h("span.visually-hidden", `. ${WATCHING_ONLY}`));
     this.hidden = false;
     lockAll(document.body);

@@ -15,6 +15,8 @@ export class Combobox {
   /** @type {T[]} */
   #items = [];
   #marked = -1;
+  /** Somebody asked for suggestions and did not close them; the list shows where there are any. */
+  #wanted = false;
 
   /** Called when the suggestions have to be renewed for what the field holds. */
   asked = () => {};
@@ -58,7 +60,7 @@ export class Combobox {
   }
 
   /**
-   * Show these where the list is open; the one that was marked stays marked where it still is.
+   * Show these where they are wanted; the one that was marked stays marked where it still is.
    *
    * @param {T[]} items
    * @param {(item: T) => string} key
@@ -68,23 +70,26 @@ export class Combobox {
     const marked = before === undefined ? null : key(before);
     this.#items = items;
     this.#list.replaceChildren(...items.map((item, at) => this.#option(item, at)));
-    if (items.length === 0) this.close();
+    this.#expand();
     this.#mark(marked === null ? -1 : items.findIndex((item) => key(item) === marked));
   }
 
   close() {
-    this.#list.hidden = true;
-    setAttribute(this.#input, "aria-expanded", "false");
+    this.#wanted = false;
+    this.#expand();
     this.#mark(-1);
   }
 
   #open() {
-    if (!this.isOpen) {
-      this.#list.hidden = false;
-      setAttribute(this.#input, "aria-expanded", "true");
-    }
+    this.#wanted = true;
     this.#mark(-1);
     this.asked();
+  }
+
+  #expand() {
+    const shown = this.#wanted && this.#items.length > 0;
+    this.#list.hidden = !shown;
+    setAttribute(this.#input, "aria-expanded", String(shown));
   }
 
   /** @param {T} item @param {number} at */
@@ -124,9 +129,9 @@ export class Combobox {
         event.preventDefault();
         this.#take(item);
       } else this.close();
-    } else if (key === "Escape" && this.isOpen) {
+    } else if (key === "Escape") {
       // It goes on to whoever else listens: it stops robots, too.
-      event.preventDefault();
+      if (this.isOpen) event.preventDefault();
       this.close();
     }
   }

@@ -175,6 +175,7 @@ class SourcePicker extends Part {
   #show() {
     this.#showTiles();
     this.#render();
+    this.#showSuggestions();
   }
 
   #showTiles() {
@@ -234,20 +235,23 @@ class SourcePicker extends Part {
     }
   }
 
-  /** Suggest for what the field holds; all of it while that is what is open. */
-  #suggest() {
+  /** What is looked for: what the field holds, and all while that is what is open. */
+  get #words() {
     const typed = this.#spec.value.trim();
-    const words = typed === this.#followed ? "" : typed;
-    this.#showSuggestions(words);
+    return typed === this.#followed ? "" : typed;
+  }
+
+  #suggest() {
+    const words = this.#words;
+    this.#showSuggestions();
     clearTimeout(this.#searchTimer);
     if (words) this.#searchTimer = setTimeout(() => this.#searchRuns(words), SEARCH_AFTER_MS);
   }
 
-  /** @param {string} words */
-  #showSuggestions(words) {
+  #showSuggestions() {
     const listed = this.hub.sources.map(choiceOfEntry);
     const all = merged([...this.#foundCameras, ...listed, ...this.#foundRuns, ...this.#runs]);
-    this.#suggested.show(suggestions(all, words, MOST_OF_EACH), ({ spec }) => spec);
+    this.#suggested.show(suggestions(all, this.#words, MOST_OF_EACH), ({ spec }) => spec);
   }
 
   /** Find runs by their names among all that there are. @param {string} words */
@@ -257,9 +261,9 @@ class SourcePicker extends Part {
     const found = await this.#search
       .answer(() => request("GET", `/history?${query}`))
       .catch(() => null);
-    if (!found || !this.#suggested.isOpen || this.#spec.value.trim() !== words) return;
+    if (!found || this.#words !== words) return;
     this.#foundRuns = choicesOfRuns(found.runs);
-    this.#showSuggestions(words);
+    this.#showSuggestions();
   }
 
   #submit() {

@@ -56,13 +56,13 @@ def test_the_reason_of_an_early_end_is_the_error(
     server.way_to_goal = [
         "Waiting for obstacle 3: it will cross in 1.4 s.",
         "Waiting for obstacle 3: it will cross in 1.3 s.",
-        "The goal was given up: vision is lost.",
+        "The goal was aborted: vision is lost.",
     ]
     code, out, err = go(server, capsys, "2")
     assert code == 1
     assert out == ""
     assert err.count("Waiting for obstacle 3") == 1
-    assert "The goal was given up: vision is lost" in err.splitlines()[-1]
+    assert "The goal was aborted: vision is lost" in err.splitlines()[-1]
     assert not server.armed
 
 

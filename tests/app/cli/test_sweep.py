@@ -79,7 +79,7 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
             process.communicate()
     assert (process.returncode, out) == (130, "")
     first, last = err.splitlines()
-    assert first == "177 combinations over 1 sources: 177 tasks, 0 of them finished before"
+    assert first == "177 combinations over 1 sources: 177 tasks, 0 of them already finished"
     finished = len(list(output.glob("tasks/*.json")))
     assert 1 <= finished < 177
     assert last.startswith(f"interrupted with {177 - finished} of 177 tasks left")
@@ -94,7 +94,7 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
     grid.write_text(f"klt_tracking.spacing_px: [{spacing}]\nevidence.memory_s: [{memory}]\n")
     again = shell(*arguments, "--rank-by", "recall")
     assert again.code == 0, again.err
-    assert again.err == "1 combinations over 1 sources: 1 tasks, 1 of them finished before\n"
+    assert again.err == "1 combinations over 1 sources: 1 tasks, 1 of them already finished\n"
     (row,) = csv.DictReader((output / "ranking.csv").read_text().splitlines())
     told = (row["klt_tracking.spacing_px"], row["evidence.memory_s"])
     assert tuple(map(float, told)) == (spacing, memory)
@@ -111,7 +111,7 @@ def test_an_interrupted_sweep_keeps_what_is_finished(
         ("evidence.radius_px: [20]", ("--output", "/dev/null/x"), "/dev/null/x"),
         ("evidence.radius_px: [20]", ("--rank-by", "time_ratio"), "time_ratio is not measured"),
         ("evidence.radius_px: [20]", ("--runs", "3"), "--runs 3 has no effect on these sources"),
-        ("navigation.berth_m: [0.2]", ("crowd:hard:0.1",), "sweep over one of both"),
+        ("navigation.berth_m: [0.2]", ("crowd:hard:0.1",), "sweep over only one"),
     ],
 )
 def test_what_is_wrong_is_said_before_the_work(

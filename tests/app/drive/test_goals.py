@@ -146,7 +146,7 @@ def test_it_stands_at_once_when_its_operator_is_gone(bench: Bench) -> None:
     [
         (lambda bench: bench.take(DisarmRobot("observer")), "was disarmed"),
         (lambda bench: bench.take(StopRobots("Ann")), "stopped by Ann"),
-        (lambda bench: bench.take(StopGoal()), "was given up"),
+        (lambda bench: bench.take(StopGoal()), "was cancelled"),
         (lambda bench: bench.drive("observer", 0.1), "driven manually"),
         (
             lambda bench: bench.take(ReleaseLease("observer", bench.leases["observer"])),

@@ -15,6 +15,7 @@ from app.contract.commands import OpenSource, ToEngine
 from app.contract.events import StateEvent
 from app.engine.drive_link import DriveLink
 from app.engine.loop import Engine
+from app.engine.preparing import Preparing
 from app.runtime.requests import Reply, Request
 from observer.camera import StereoCalibration, StereoCamera
 from observer.errors import SourceError
@@ -121,8 +122,9 @@ class Publisher:
 class Bench:
     """An engine in a thread, its messages in a list, and its sources by name."""
 
-    def __init__(self, drive: DriveLink | None = None) -> None:
+    def __init__(self, drive: DriveLink | None = None, preparing: Preparing | None = None) -> None:
         self._drive = drive
+        self._preparing = preparing
         self.sources: dict[str, Any] = {}
         self.open_gate: threading.Event | None = None
         self.truth: StandingTruth | None = None
@@ -144,6 +146,7 @@ class Bench:
             drive=self._drive,
             open_source=self._open,
             make_observer=self._make_observer,
+            preparing=self._preparing,
         ).run()
 
     def _take(self, message: object) -> None:

@@ -24,14 +24,14 @@ async def test_runs_and_refusals_are_logged_and_told(served: Any) -> None:
             "/api/runs", json={"name": "first", "source": "simulated:lab"}
         )
         assert made.status_code == 201
-        begun = await told("Run first started.")
+        begun = await told('Run "first" started.')
         assert begun["severity"] == "info"
         again = await served.http.post("/api/runs", json={"source": "simulated:lab"})
         assert again.status_code == 409
         refused = await told("Refused: the run first")
         assert refused["severity"] == "warning"
         await served.http.post(f"/api/runs/{made.json()['id']}/stop")
-        ended = await told("Run first ended.")
+        ended = await told('Run "first" ended.')
     page = (await served.http.get("/api/log")).json()["entries"]
     numbers = [entry["number"] for entry in page]
     assert numbers == list(range(1, len(page) + 1))

@@ -44,7 +44,7 @@ async def test_a_run_is_recorded_and_its_recording_can_be_had(
     assert stopped["recording_bytes"] == 4096
     answer = await http.get(path)
     assert answer.content == CONTENT
-    assert 'filename="Run of simulated_lab.mcap"' in answer.headers["content-disposition"]
+    assert 'filename="The lab.mcap"' in answer.headers["content-disposition"]
     part = await http.get(path, headers={"Range": "bytes=1-4"})
     assert (part.status_code, part.content) == (206, b"MCAP")
     beyond = await http.get(path, headers={"Range": "bytes=999-"})

@@ -7,18 +7,20 @@ import sys
 
 import pytest
 
-# Of sixteen threads each holds 6 MB for a moment, one after another; prints the MiB that are kept.
-KEPT = """
+PREPARED = """
 import threading
 import numpy as np
-from app.runtime.heap import keep_freed_memory
+from app.runtime.heap import keep_freed_memory, return_freed_memory
 keep_freed_memory()
-meet = threading.Barrier(16)
 def kept():
     for line in open("/proc/self/smaps_rollup"):
         if line.startswith("Anonymous:"):
             return int(line.split()[1]) / 1024
 before = kept()
+"""
+# Of sixteen threads each holds 6 MB for a moment, one after another; prints the MiB that are kept.
+SHARED = """
+meet = threading.Barrier(16)
 turn = threading.Lock()
 def one_by_one():
     meet.wait(20)
@@ -33,10 +35,30 @@ for thread in threads:
     thread.join(20)
 print(kept() - before)
 """
+# Small blocks stay between large ones that go; prints the MiB that are kept before and after.
+RETURNED = """
+held = [(np.ones(200_000, np.uint8), np.ones(200, np.uint8)) for _ in range(400)]
+held = [small for _, small in held]
+left = kept() - before
+return_freed_memory()
+print(left, kept() - before)
+"""
+
+
+def told(program: str) -> list[float]:
+    command = [sys.executable, "-c", PREPARED + program]
+    ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
+    return [float(number) for number in ended.stdout.split()]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the memory is read from /proc")
 def test_threads_share_what_they_have_freed() -> None:
-    command = [sys.executable, "-c", KEPT]
-    told = subprocess.run(command, capture_output=True, text=True, timeout=60, check=True)
-    assert float(told.stdout) < 30
+    (kept,) = told(SHARED)
+    assert kept < 30
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the memory is read from /proc")
+def test_what_is_free_between_blocks_that_stay_is_returned() -> None:
+    left, kept = told(RETURNED)
+    assert left > 60
+    assert kept < 10

@@ -155,7 +155,7 @@ def test_a_process_that_cannot_hear_its_parent_any_more_leaves(
         here.sendall(GARBAGE)
         assert left.wait(10), "it goes on without hearing anything"
     assert heard == ["whole"]
-    assert "cannot be heard any more: a message of 4 bytes arrived damaged" in caplog.text
+    assert "lost contact with the server: a message of 4 bytes arrived damaged" in caplog.text
 
 
 async def test_a_child_that_sends_garbage_counts_as_ended(caplog: pytest.LogCaptureFixture) -> None:
@@ -176,7 +176,7 @@ async def test_a_child_that_sends_garbage_counts_as_ended(caplog: pytest.LogCapt
         await child.remove()
     assert heard == ["whole", None]
     assert child.reap()
-    assert "cannot be heard any more: a message of 4 bytes arrived damaged" in caplog.text
+    assert f"process {child.pid}: a message of 4 bytes arrived damaged" in caplog.text
 
 
 @pytest.fixture

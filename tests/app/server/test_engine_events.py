@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import asyncio
 from typing import Any
 
 import pytest
 
-from app.contract.events import EngineState
+from app.contract.commands import OpenSource
+from app.contract.events import EngineState, StateEvent
 from app.server import NotAvailable, Server
+from app.server.status import status
 from app.storage import RunState
 
 from .servers import begin, opens, until
@@ -82,3 +85,40 @@ async def test_without_an_engine_requests_are_refused_for_the_moment(
         await begin(server)
     assert server.runs.current is None
     assert await server.runs.archive.newest() == []
+
+
+class SlowOpening:
+    """Has the peer open sources only once ``gate`` is set."""
+
+    def __init__(self, peer: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.gate = asyncio.Event()
+        self._request = peer.request
+        monkeypatch.setattr(peer, "request", self._slowly)
+        monkeypatch.setattr("app.server.shared._OPEN_TIMEOUT_S", 0.2)
+
+    async def _slowly(self, command: Any, *args: Any, **more: Any) -> Any:
+        if isinstance(command, OpenSource):
+            await self.gate.wait()
+        return await self._request(command, *args, **more)
+
+
+async def test_a_source_that_does_not_open_is_given_up(
+    peer: Any, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    SlowOpening(peer, monkeypatch)
+    with pytest.raises(NotAvailable, match=r"a/folder did not open within 0\.2 s"):
+        await server.source.open("a/folder", None)
+
+
+async def test_an_engine_that_prepares_itself_may_take_longer(
+    peer: Any, server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slow = SlowOpening(peer, monkeypatch)
+    peer.publish(StateEvent(EngineState.IDLE, None, preparing="compiling, which takes a while"))
+    assert status(server).engine.reason == "compiling, which takes a while"
+    opening = asyncio.create_task(server.source.open("a/folder", None))
+    await asyncio.sleep(0.7)
+    assert not opening.done()
+    slow.gate.set()
+    await opening
+    assert server.source.state.state is EngineState.PREVIEW

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from observer.errors import InputError
@@ -128,6 +129,30 @@ def test_a_miss_is_told_by_a_coasting_obstacle_where_it_is() -> None:
         x, y, z = each["obstacles"][0]["position"]
         each["obstacles"][0]["position"] = [x + 1.0, y, z]
     assert evaluate(lines, truth).missed_told == 0
+
+
+@pytest.mark.parametrize("motion", ["stopped", "in_place"])
+def test_a_miss_is_told_where_the_obstacle_is_reported_with_a_velocity_that_may_be_right(
+    motion: str,
+) -> None:
+    """Whoever turns round counts as stopped for a moment, and is not unseen."""
+    truth = BoxedTruth()
+
+    def told(off_mps: float, aside_m: float = 0.0, cov: object = None) -> int:
+        lines = perfect(truth, 20, error=(off_mps, 0.0, 0.0), offset=(aside_m, 0.0, 0.0))
+        for each in lines:
+            each["obstacles"][0].update(motion=motion, velocity_cov=cov)
+        result = evaluate(lines, truth)
+        assert result.missed == 14
+        return result.missed_told
+
+    cov = (np.eye(3) * 0.1**2).tolist()
+    # 95 % lie within 2.8 standard deviations.
+    assert told(0.27, cov=cov) == 14
+    assert told(0.29, cov=cov) == 0
+    assert told(0.0, aside_m=1.0, cov=cov) == 0
+    # Without a stated uncertainty nothing is wrong, nor right.
+    assert told(0.0) == 0
 
 
 def test_no_misses_no_share() -> None:

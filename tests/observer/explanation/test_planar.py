@@ -66,21 +66,22 @@ class Scene:
         motions = measure_motion(flow, moving, moving, DT, ego, CAMERA, parameters)
         detections = detect_obstacles(motions, DT / 2, parameters.clustering, parameters.motion)
         trace = FullTrace()
-        trace.update(
-            time=DT,
-            previous_time=0.0,
-            left=np.zeros((256, 512), np.uint8),
-            previous_left=np.zeros((256, 512), np.uint8),
-            features_px=start,
-            ego_motion=ego,
-            disparity=np.full((256, 512), disparity, np.float32),
-            flow_px=flow.px,
-            flow_observed_px=flow.observed_px,
-            flow_residual_px=flow.residual_px,
-            dynamic=flow.dynamic,
-            motions=motions,
-            detections=detections,
-        )
+        for name, value in {
+            "time": DT,
+            "previous_time": 0.0,
+            "left": np.zeros((256, 512), np.uint8),
+            "previous_left": np.zeros((256, 512), np.uint8),
+            "features_px": start,
+            "ego_motion": ego,
+            "disparity": np.full((256, 512), disparity, np.float32),
+            "flow_px": flow.px,
+            "flow_observed_px": flow.observed_px,
+            "flow_residual_px": flow.residual_px,
+            "dynamic": flow.dynamic,
+            "motions": motions,
+            "detections": detections,
+        }.items():
+            trace.keep(name, value)
         return trace
 
     def ask(self, px: tuple[float, float], **changes: Any) -> PixelAnswer:

@@ -203,7 +203,7 @@ def test_impossible_values_let_it_stand(value: float) -> None:
         navigator.see(sight(one), np.array([0.0, 0.0, pose]))
         made = navigator.plan(ERRAND, 10.05)
         assert (made.speed_mps, made.path) == (0.0, ())
-        assert made.reason == "Waiting: the camera frame tells impossible values."
+        assert made.reason == "Waiting: the camera frame contains impossible values."
 
 
 def test_whoever_is_unseen_where_sonar_hears_nothing_is_forgotten() -> None:

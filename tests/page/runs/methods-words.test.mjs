@@ -35,7 +35,15 @@ const entry = (frame, obstacles, counts) => ({
   truth: [],
   counts,
   observed_ms: 12,
-  plan: { time: frame / 15, segment: 0, camera: null, obstacles: [], truth: [] },
+  plan: {
+    time: frame / 15,
+    segment: 0,
+    camera: null,
+    obstacles: [],
+    truth: [],
+    goal: null,
+    path: [],
+  },
   goal: null,
 });
 

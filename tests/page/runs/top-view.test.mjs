@@ -34,6 +34,8 @@ function frame(time, camera, obstacles = []) {
         ellipse: null,
       })),
       truth: [],
+      goal: null,
+      path: [],
     },
     goal: null,
   };
@@ -52,6 +54,13 @@ test("a top view holds the camera's way and what was found, to one scale", () =>
   assert.deepEqual([ahead, left], [3, -1]);
   // 6 m ahead in 200 px; 4 m across would have more room.
   assert.ok(Math.abs(perMetre - 200 / 6) < 1e-9);
+});
+
+test("a top view holds the goal that the observer drives to", () => {
+  const there = frame(1, [1, 0]);
+  there.plan.goal = [7, 2];
+  const { ahead, left } = boundsOf([frame(0, [0, 0]), there], 400, 400);
+  assert.deepEqual([ahead, left], [3.5, 1]);
 });
 
 test("a stray far away does not shrink all else, and a camera that stands has some room", () => {

@@ -16,7 +16,7 @@ test("a source that plays slower than asked for is told, with its rate", () => {
   const playing = { rate: 1, achieved_rate: 0.4, paused: false, ended: false };
   assert.equal(tooSlow(facts(playing)), "this computer is too slow: 0.4 × real time");
   const faster = tooSlow(facts({ ...playing, rate: 4, achieved_rate: 2.1 }));
-  assert.equal(faster, "this computer is too slow: 2.1 × real time, 4 × asked for");
+  assert.equal(faster, "this computer is too slow: 2.1 × real time, 4 × requested");
 });
 
 test("nothing is told while it keeps up, pauses, has ended or was not measured", () => {

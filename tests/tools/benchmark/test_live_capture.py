@@ -95,9 +95,9 @@ def test_what_is_missed_is_marked() -> None:
         (640, 480), 30.0, loop(22.0), loop(18.5), loop(50.0, 3.2), loop(50.0, 0.4), None, None, 9, 1
     )
     text = capture_markdown(figures)
-    assert "| added to the loop, ms a frame | <= 3 | 3.500 | **no** |" in text
+    assert "| added to the loop, ms per frame | <= 3 | 3.500 | **no** |" in text
     assert "| read in a loop slower than the cameras, ms | <= 3 | 3.200 | **no** |" in text
-    assert "| the same where they are tended between stages | <= 3 | 0.400 | yes |" in text
+    assert "| the same with the cameras served between stages | <= 3 | 0.400 | yes |" in text
     assert "| - | - | 9 | 1 |" in text
     assert figures.as_dict()["added_ms"] == pytest.approx(3.5)
 

@@ -38,13 +38,13 @@ def test_what_falls_short_is_told_so() -> None:
     )  # fmt: skip
     figures = RecordingFigures((640, 480), rates, (200.0, 260.0, 270.0, 210.0), 1.5)
     text = recording_markdown(figures)
-    assert "jpeg, of that without | >= 0.95 | 1.000 | yes |" in text
-    assert "lossless, of that without | >= 0.95 | 0.900 | **no** |" in text
+    assert "jpeg, relative to that without | >= 0.95 | 1.000 | yes |" in text
+    assert "lossless, relative to that without | >= 0.95 | 0.900 | **no** |" in text
     assert "| 1 x | lossless | 30.0 | 27.0 | 0.90 | 6.0 | 4 |" in text
-    assert "in the earlier half | <= 1.1 | 1.038 | yes |" in text
+    assert "relative to the first half | <= 1.1 | 1.038 | yes |" in text
     grown = RecordingFigures((640, 480), rates, (200.0, 260.0, 390.0, 210.0), 1.5)
-    assert "in the earlier half | <= 1.1 | 1.500 | **no** |" in recording_markdown(grown)
+    assert "relative to the first half | <= 1.1 | 1.500 | **no** |" in recording_markdown(grown)
     untold = RecordingFigures((640, 480), rates, (), 1.5)
-    assert "in the earlier half" in recording_markdown(untold)
+    assert "relative to the first half" in recording_markdown(untold)
     assert "200 MB first, 200 to 270 MB, 210 MB last" in text
     assert json.loads(json.dumps(figures.as_dict(), allow_nan=False))["rates"][1]["ratio"] == 0.9

@@ -100,15 +100,16 @@ def test_the_drive_loops_lateness_is_one_line_of_the_report() -> None:
     )
     assert drive_line(figures) == (
         "The drive loop's lateness with viewers, over its last 30 s: at 1 x p99 0.31 ms, "
-        "max 4.50 ms, priority realtime, with a run recorded besides p99 0.50 ms, max 6.00 ms, "
-        "priority realtime; at 2 x not told, priority normal, with a run recorded besides there "
+        "max 4.50 ms, priority realtime, while a run is recorded p99 0.50 ms, max 6.00 ms, "
+        "priority realtime; at 2 x not reported, priority normal, while a run is recorded there "
         "was no drive process."
     )
     text = served_markdown(figures)
     assert (
-        "loop's rate with 3 viewers, played at 1 x, of that alone | >= 0.9 | 0.967 | yes |" in text
+        "loop's rate with 3 viewers, played at 1 x, relative to that alone | >= 0.9 | 0.967 | yes |"
+        in text
     )
-    assert "20 viewers receive beside one that reads nothing, of that without it" in text
+    assert "20 viewers receive beside a stalled one, relative to that without it" in text
     assert "| >= 0.9 | 0.800 | **no** |" in text
     assert "| observations | 600.0 | 588.0 |" in text
     assert figures.as_dict()["loop"][0]["drive"] == {

@@ -194,7 +194,8 @@ def test_in_ci_what_failed_is_tried_once_more(
     log, script = clone / "asked", bare / "pytest"
     script.write_text(
         f'#!/bin/sh\necho "$*" >> "{log}"\n'
-        f'case "$*" in *last-failed*) exit {again};; "-s tests/faults") exit 0;; *) exit 1;; esac\n'
+        f'case "$*" in *last-failed*) exit {again};; '
+        '"-s tests/faults"|tests/observer/kernels) exit 0;; *) exit 1;; esac\n'
     )
     script.chmod(0o755)
     fake_python(bare, "python", "3.12.1", "exit 0")
@@ -204,5 +205,6 @@ def test_in_ci_what_failed_is_tried_once_more(
     assert asked[1] == "--last-failed --last-failed-no-failures none"
     if code == 0:
         assert [line.split()[-1] for line in asked] == [
-            "tests/faults", "none", "tests/faults", "tests/browser", "none",
+            "tests/faults", "none", "tests/observer/kernels", "tests/faults", "tests/browser",
+            "none",
         ]  # fmt: skip

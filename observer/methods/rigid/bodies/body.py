@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
+from observer.kernels.body_filter import velocity_at_centre
+from observer.kernels.sight import view_of
 from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.bodies.filter import (
     POSITION,
@@ -27,7 +29,7 @@ from observer.types import MotionState, TrackState
 
 # Seconds out of sight after which nothing is known of how a body moves.
 _FORGOTTEN_S = 0.4
-_LEVEL = np.diag([1.0, 0.0, 1.0])
+_NOWHERE = np.zeros(3)
 # (m/s)^2: by how much a limb's velocity differs from that of its body.
 _LIMB_COV = np.diag([0.5, 0.05, 0.5]) ** 2
 _CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
@@ -53,7 +55,8 @@ class BodyTrack:
         lasting_cov: (3, 3) (m/s)^2, world: of the velocity, by errors that time does not reduce.
         outline: at which it stands out in depth; None before one was found.
         rigid: False once its limbs were seen to move by themselves, or before any point is known
-            to move along. rigidity: recent share of its points that move along.
+            to move along. rigidity: recent share of its points that move along. loosened: points
+            that moved as one were taken for it, and may have been those of a limb.
         by_points: its points measured it in this frame.
         drive: for how long points on it have moved steadily as one.
         changes: when something on it looked another than a moment before.
@@ -61,7 +64,8 @@ class BodyTrack:
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
             is around it.
         stood_s: seconds for which it has not moved.
-        confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving.
+        confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
+            before, and once it was seen to have left that place.
     """
 
     id: int
@@ -84,6 +88,7 @@ class BodyTrack:
     outline: Outline | None = None
     rigid: bool = True
     rigidity: float = 1.0
+    loosened: bool = False
     by_points: bool = False
     drive: SteadyDrive = field(default_factory=SteadyDrive)
     changes: Changes = field(default_factory=Changes)
@@ -126,16 +131,12 @@ class BodyTrack:
 
         That of a turning body depends on where its centre is, which is not known exactly.
         """
-        mean, cov = self.mean, self.filter.covariance
-        arm = self.centre - mean[POSITION]
-        swing = turning_velocity(1.0, arm)
-        mixed = cov[VELOCITY, YAW_RATE, None] * swing
-        turning = cov[YAW_RATE, YAW_RATE] * swing[:, None] * swing
-        cov = cov[VELOCITY, VELOCITY] + mixed + mixed.T + turning + self.lasting_cov
+        arm, doubt_m = _NOWHERE, 0.0
         if self.box is not None:
-            doubt = self.shape.centre_doubt * float(self.box.size[[0, 2]].max()) * self.yaw_rate
-            cov = cov + doubt**2 * _LEVEL
-        return mean[VELOCITY] + turning_velocity(mean[YAW_RATE], arm), cov
+            arm = self.R @ self.box.centre
+            width, _, length = self.box.size.tolist()
+            doubt_m = self.shape.centre_doubt * max(width, length)
+        return velocity_at_centre(self.mean, self.filter.covariance, arm, self.lasting_cov, doubt_m)
 
     @property
     def forgotten(self) -> bool:
@@ -148,14 +149,14 @@ class BodyTrack:
         What moved as one until now may have been a limb, which is faster or slower than the body.
         That is not doubted where only legs are in view, for then nothing tells better.
         """
-        self.rigid, self.rigidity = False, 0.0
+        self.rigid, self.rigidity, self.loosened = False, 0.0, True
         self.filter = self.filter.straightened()
         if self.outline is None or not self.outline.only_legs:
             self.filter = self.filter.doubted(_LIMB_COV)
 
     def stiffen(self, motion: BodyFilter) -> None:
         """Count it as a rigid body, which moves as points on it were found to."""
-        self.rigid, self.rigidity = True, 1.0
+        self.rigid, self.rigidity, self.loosened = True, 1.0, False
         self.restart(motion)
 
     def restart(self, motion: BodyFilter) -> None:
@@ -168,8 +169,8 @@ class BodyTrack:
 
     def carry_box(self, T_camera_world: Pose, camera: StereoCamera) -> None:
         """Move the box of a body that is not seen to where it is expected in this frame."""
-        px, disparity = camera.project(T_camera_world.apply(self.centre[None]))
-        now, before = np.array([*px[0], disparity[0]]), self._centre_px
+        pose, before = T_camera_world, self._centre_px
+        now = np.array(view_of(self.centre, pose.rotation, pose.translation, camera.numbers))
         if not np.isfinite(now).all():
             return
         if self.missed_s > 0 and before is not None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
+from observer.kernels.body_filter import mixed, predict, update
 
 # State: position (3) m, velocity (3) m/s, yaw rad, yaw rate rad/s; world frame.
 POSITION, VELOCITY = slice(0, 3), slice(3, 6)
@@ -17,10 +18,9 @@ YAW, YAW_RATE = 6, 7
 STATE_SIZE = 8
 # What is measured: position and yaw.
 MEASURED = np.array([0, 1, 2, YAW])
-# Probability per second of changing from steady to manoeuvring, and back.
-_CHANGES_PER_S = (1.0, 2.0)
-# Share of its acceleration that a body may have across its axis.
-_SIDEWAYS = 0.5
+_PLACE, _PACE = np.arange(3), np.arange(3, 6)
+# An axis along which nothing more is known.
+_UNKNOWN = np.zeros(3)
 # rad/s: the yaw rate of a body whose yaw nothing shows, so small that it stays what it is.
 _STRAIGHT = 1e-3
 
@@ -57,17 +57,19 @@ class BodyFilter:
         cov[YAW, YAW], cov[YAW_RATE, YAW_RATE] = 1e-8, yaw_rate_sigma**2
         return BodyFilter(np.stack([mean, mean]), np.stack([cov, cov]), np.array([0.5, 0.5]))
 
-    @cached_property
+    @property
     def mean(self) -> Float64Array:
         """State (8,), mixed over both modes."""
-        return self.probabilities @ self.means
+        return self._mixed[0]
 
-    @cached_property
+    @property
     def covariance(self) -> Float64Array:
         """Covariance (8, 8), mixed over both modes."""
-        gap = self.means - self.mean
-        inner = (self.probabilities @ self.covariances.reshape(2, -1)).reshape(STATE_SIZE, -1)
-        return np.asarray(inner + gap.T @ (gap * self.probabilities[:, None]), np.float64)
+        return self._mixed[1]
+
+    @cached_property
+    def _mixed(self) -> tuple[Float64Array, Float64Array]:
+        return mixed(self.means, self.covariances, self.probabilities)
 
     @cached_property
     def rotation(self) -> Float64Array:
@@ -105,19 +107,13 @@ class BodyFilter:
                 make it; None where unknown. What is seen well across the line of sight then also
                 tells what happens along it.
         """
-        stay = np.exp(-dt * np.array(_CHANGES_PER_S))
-        change = np.array([[stay[0], 1 - stay[0]], [1 - stay[1], stay[1]]])
-        joint = change * self.probabilities[:, None]
-        probabilities = joint.sum(axis=0)
-        weights = joint / probabilities
-        mixed = weights.T @ self.means
-        gap = self.means[None] - mixed[:, None]
-        covs = (weights.T @ self.covariances.reshape(2, -1)).reshape(self.covariances.shape)
-        covs += np.swapaxes(gap * weights.T[:, :, None], 1, 2) @ gap
-        means, F = _turned(mixed, dt)
-        covs = F @ covs @ np.swapaxes(F, 1, 2)
-        _add_noise(covs, dt, acceleration, yaw_acceleration, axis)
-        return BodyFilter(means, covs, probabilities)
+        along = _UNKNOWN if axis is None else axis
+        return BodyFilter(
+            *predict(
+                self.means, self.covariances, self.probabilities, dt, acceleration,
+                yaw_acceleration, along,
+            )
+        )  # fmt: skip
 
     def updated(self, measured: Float64Array, noise: Float64Array) -> BodyFilter:
         """Update by a measurement of position and yaw (4,) with covariance (4, 4)."""
@@ -125,11 +121,11 @@ class BodyFilter:
 
     def with_position(self, position: Float64Array, noise: Float64Array) -> BodyFilter:
         """Update by a measurement of the position (3,) alone, with covariance (3, 3)."""
-        return self._updated(np.arange(3), position, noise)
+        return self._updated(_PLACE, position, noise)
 
     def with_velocity(self, velocity: Float64Array, noise: Float64Array) -> BodyFilter:
         """Update by a measurement of the velocity (3,) alone, with covariance (3, 3)."""
-        return self._updated(np.arange(3, 6), velocity, noise)
+        return self._updated(_PACE, velocity, noise)
 
     def straightened(self) -> BodyFilter:
         """The same motion of a body that turns no more than its velocity tells."""
@@ -149,21 +145,9 @@ class BodyFilter:
         self, which: NDArray[np.intp], measured: Float64Array, noise: Float64Array
     ) -> BodyFilter:
         """Update by a measurement (K,) of components ``which`` (K,), with covariance (K, K)."""
-        P = self.covariances
-        rows = P[:, which]
-        S = rows[:, :, which] + noise
-        inverse = np.linalg.inv(S)
-        innovation = measured - self.means[:, which]
-        gain = np.swapaxes(rows, 1, 2) @ inverse
-        means = self.means + (gain @ innovation[:, :, None])[:, :, 0]
-        left = np.tile(np.eye(STATE_SIZE), (2, 1, 1))
-        left[:, :, which] -= gain
-        covs = left @ P @ np.swapaxes(left, 1, 2) + gain @ noise @ np.swapaxes(gain, 1, 2)
-        squared = np.einsum("mi,mij,mj->m", innovation, inverse, innovation)
-        likelihood = -0.5 * (squared + np.linalg.slogdet(S)[1])
-        weight = self.probabilities * np.exp(likelihood - likelihood.max())
-        weight = np.maximum(weight / weight.sum(), 1e-3)
-        return BodyFilter(means, covs, weight / weight.sum())
+        return BodyFilter(
+            *update(self.means, self.covariances, self.probabilities, which, measured, noise)
+        )
 
     def rebased(self, offset: Float64Array) -> BodyFilter:
         """The same motion, told of another point of the body as its origin.
@@ -206,46 +190,3 @@ def yaw_matrices(yaw: Float64Array) -> Float64Array:
     out[:, 2, 0] = -out[:, 0, 2]
     out[:, 1, 1] = 1.0
     return out
-
-
-def _turned(means: Float64Array, dt: float) -> tuple[Float64Array, Float64Array]:
-    """The states (M, 8) after ``dt`` on circles, and the derivatives (M, 8, 8) by those before."""
-    rate = means[:, YAW_RATE]
-    R, half = yaw_matrices(rate * dt), yaw_matrices(rate * (dt / 2))
-    v = means[:, VELOCITY, None]
-    ahead, after = (half @ v)[:, :, 0], (R @ v)[:, :, 0]
-    out = means.copy()
-    out[:, POSITION] += dt * ahead
-    out[:, VELOCITY] = after
-    out[:, YAW] += dt * rate
-    F = np.tile(np.eye(STATE_SIZE), (len(means), 1, 1))
-    F[:, POSITION, VELOCITY] = dt * half
-    F[:, POSITION, YAW_RATE] = turning_velocity(dt * dt / 2, ahead)
-    F[:, VELOCITY, VELOCITY] = R
-    F[:, VELOCITY, YAW_RATE] = turning_velocity(dt, after)
-    F[:, YAW, YAW_RATE] = dt
-    return out, F
-
-
-def _add_noise(
-    covs: Float64Array,
-    dt: float,
-    acceleration: tuple[float, float],
-    yaw_acceleration: tuple[float, float],
-    axis: Float64Array | None,
-) -> None:
-    spread = np.eye(3)
-    if axis is not None:
-        along = axis[:, None] * axis
-        spread = along + _SIDEWAYS**2 * (spread - along)
-    spread = np.square(acceleration)[:, None, None] * spread
-    yaw = np.square(yaw_acceleration)
-    far, cross, fast = dt**4 / 4, dt**3 / 2, dt**2
-    covs[:, POSITION, POSITION] += far * spread
-    covs[:, POSITION, VELOCITY] += cross * spread
-    covs[:, VELOCITY, POSITION] += cross * spread
-    covs[:, VELOCITY, VELOCITY] += fast * spread
-    covs[:, YAW, YAW] += far * yaw
-    covs[:, YAW, YAW_RATE] += cross * yaw
-    covs[:, YAW_RATE, YAW] += cross * yaw
-    covs[:, YAW_RATE, YAW_RATE] += fast * yaw

@@ -12,8 +12,11 @@ from observer.parameters import ObstacleParameters
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import expired, next_state
 
-# Below this the velocity is no more than noise.
-_MOVING_SIGMAS = 3.0
+# Below this the velocity is no more than noise. What is known to move, and does more than creep,
+# is not said to stand before it may well do so: that its speed became uncertain tells nothing.
+_MOVING_SIGMAS, _STILL_SIGMAS = 3.0, 2.0
+# m/s, of a person who walks: while that would not be significant, nothing tells that one stopped.
+_WALKS_MPS = 1.0
 # The members that moved, beyond the first two, summed over the frames, before there is an
 # obstacle: two or three on one edge err alike.
 _CONFIRM_SIGHTINGS = 16
@@ -64,14 +67,7 @@ def judge(
     speed = float(np.linalg.norm(velocity))
     direction = velocity / max(speed, 1e-9)
     sigma = float(np.sqrt(direction @ cov @ direction))
-    limit = parameters.stopped_below_mps
-    # Between the two conditions the answer stays what it was.
-    if speed < limit or track.significance < _MOVING_SIGMAS:
-        # Out of sight only the certainty fades.
-        if track.missed_s == 0 or track.state is TrackState.TENTATIVE:
-            track.motion = MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
-    elif speed - sigma > limit:
-        track.motion = MotionState.MOVING
+    track.motion = _motion(track, speed, sigma, parameters.stopped_below_mps)
     track.stood_s = track.stood_s + dt if track.motion is MotionState.STOPPED else 0.0
     if track.significance >= parameters.confirm_sigmas:
         track.part_moves = False
@@ -80,7 +76,29 @@ def judge(
     confirmed = seen and tentative and _confirmed(track, camera_position, parameters, light)
     if confirmed and track.motion is MotionState.MOVING:
         track.confirmed_at = track.centre
+    elif seen and track.confirmed_at is not None and _is_away(track, track.confirmed_at):
+        # Who went away and came back did move.
+        track.confirmed_at = None
     track.state = next_state(track.state, seen=seen, confirmed=confirmed)
+
+
+def _motion(track: BodyTrack, speed: float, sigma: float, limit: float) -> MotionState:
+    """Return how a track moves now: as before, unless the velocity says otherwise.
+
+    Args:
+        speed, sigma: m/s, and one standard deviation along the velocity. limit: m/s, below which
+            it has stopped.
+    """
+    reported = track.state is not TrackState.TENTATIVE
+    moved = reported and track.motion is MotionState.MOVING
+    least = _STILL_SIGMAS if moved and speed > _CREEPING * limit else _MOVING_SIGMAS
+    if speed >= limit and track.significance >= least:
+        return MotionState.MOVING if speed - sigma > limit else track.motion
+    # Out of sight only the certainty fades, and likewise where limbs were taken for the body.
+    unknown = track.missed_s > 0 or sigma > _WALKS_MPS / _MOVING_SIGMAS
+    if reported and unknown:
+        return track.motion
+    return MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
 
 
 def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
@@ -114,8 +132,9 @@ def _confirmed(
 
     The fewer points there are, the longer they must keep moving alike.
     """
-    # Of a person an arm or a leg of whom moves, less is enough.
-    least_sigmas = _MOVING_SIGMAS if track.part_moves else parameters.confirm_sigmas
+    # Of a person an arm or a leg of whom moves, or points on whom did, less is enough.
+    person = track.part_moves or track.loosened
+    least_sigmas = _MOVING_SIGMAS if person else parameters.confirm_sigmas
     moves = track.significance >= least_sigmas
     if moves and track.motion is MotionState.MOVING:
         track.hits += 1
@@ -138,10 +157,15 @@ def _never_left(track: BodyTrack) -> bool:
     """
     if track.confirmed_at is None or track.outline is None or track.box is None:
         return False
-    if _shown_by_many(track):
+    return not _shown_by_many(track) and not _is_away(track, track.confirmed_at)
+
+
+def _is_away(track: BodyTrack, place: Float64Array) -> bool:
+    """Return whether a body is farther from a place (3,) m, world, than it is wide."""
+    if track.box is None:
         return False
-    way = float(np.linalg.norm(track.centre - track.confirmed_at))
-    return way < float(track.box.size[[0, 2]].max())
+    way = float(np.linalg.norm(track.centre - place))
+    return way >= float(track.box.size[[0, 2]].max())
 
 
 def _shown_by_many(track: BodyTrack) -> bool:

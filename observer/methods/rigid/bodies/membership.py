@@ -7,9 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from observer.geometry import Float64Array, inverse_3x3
+from observer.chi_square import quantile
+from observer.geometry import Float64Array
+from observer.kernels.inverses import inverse_3x3
+from observer.kernels.membership import against_rest, moves_along, place_on_body
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, turning_velocity
+from observer.methods.rigid.bodies.filter import POSITION
 from observer.methods.rigid.bodies.shape import Box
 from observer.methods.rigid.dense.segments import TRUNK_SHARE
 from observer.methods.rigid.point_motion import PooledMotion
@@ -18,7 +21,6 @@ from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.parameters import ObstacleParameters
 from observer.robust import MAD_TO_SIGMA
 from observer.types import MotionState, TrackState
-from observer.vision.chi_square import quantile
 
 # A point joins if its velocity fits the body's and it is this much likelier than at rest (twice
 # the logarithm of the likelihoods' ratio: e^4 = 55 times); and leaves if it is so much less.
@@ -26,12 +28,6 @@ _JOIN_CHI2 = quantile(0.99, df=3)
 _SURE_RATIO = 8.0
 # Two velocities in space that differ by no more than this belong to one body.
 _SAME_CHI2 = quantile(0.999, df=3)
-# Share of a body's speed at which a point beside it may seem to creep, and still rests.
-_AT_REST = 0.03
-# Share of its speed that a body may gain or lose in a second.
-_BRAKING_PER_S = 0.5
-# Share of a body's yaw rate that it may not have had yet when a point was first seen.
-_TURN_DOUBT = 0.5
 # A member of a group further from its middle than this many standard deviations is none.
 _STRAY = 4.0
 # Share of the speed by which a body's velocity may differ from that of points seen again: it
@@ -48,6 +44,8 @@ _STRIDE_M = 0.35
 _LIMB_APART_M = 0.3
 # (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
 _LEAST_VELOCITY_VARIANCE = 1e-6
+# No instants before now.
+_NEVER, _NO_MOTION = np.zeros(0), np.zeros((0, 4))
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +105,7 @@ def joining(
     room = track.room(parameters.margin)
     inside = track.contains(now, room + np.minimum(2 * sigma, room))
     inner = free[inside]
-    apart, ratio = _against_rest(
-        motion.own_velocity[inner], _gap(track, inner, motion), *_spread(track, inner, motion)
-    )
+    apart, ratio, _ = _against_rest(track, inner, motion, recently=False)
     inside[inside] = (apart <= _JOIN_CHI2) & (ratio >= _SURE_RATIO)
     return inside
 
@@ -123,38 +119,32 @@ def resting(track: BodyTrack, members: NDArray[np.intp], motion: PooledMotion) -
     """
     if track.motion is not MotionState.MOVING:
         return np.zeros(len(members), np.bool_)
-    own = motion.own_velocity[members]
-    body_cov, rest_cov = _spread(track, members, motion)
-    _, now = _against_rest(own, _gap(track, members, motion), body_cov, rest_cov)
     # Their own velocities are means over their windows, and a body that gains speed, brakes or
     # turns to and fro moved otherwise in the middle of them. Whatever it did meanwhile explains
     # them: until it has been fast for that long, its points cannot be told from resting ones.
-    ago, moved = track.recent.instants()
-    swing = turning_velocity(1.0, motion.position[members] - track.mean[POSITION])
-    did = moved[:, None, :3] + moved[:, None, 3:] * swing
-    _, then = _against_rest(own, own - did, rest_cov, rest_cov)
-    then = np.where(ago[:, None] <= motion.window_s[members], then, -np.inf)
-    likeliest = np.maximum(now, then.max(axis=0, initial=-np.inf))
+    _, now, then = _against_rest(track, members, motion, recently=True)
+    likeliest = np.maximum(now, then)
     return np.asarray(motion.judged[members] & (likeliest <= -_SURE_RATIO))
 
 
-def _gap(track: BodyTrack, which: NDArray[np.intp], motion: PooledMotion) -> Float64Array:
-    """(K, 3) m/s by which points (K,) move otherwise than the body does there now."""
-    return motion.own_velocity[which] - track.velocity_at(motion.position[which])
+def _against_rest(
+    track: BodyTrack, which: NDArray[np.intp], motion: PooledMotion, *, recently: bool
+) -> tuple[Float64Array, Float64Array, Float64Array]:
+    """Compare "moves with the body" with "rests" for points (K,), see the kernel ``against_rest``.
 
-
-def _spread(
-    track: BodyTrack, which: NDArray[np.intp], motion: PooledMotion
-) -> tuple[Float64Array, Float64Array]:
-    """(K, 3, 3) (m/s)^2 each: of a point's velocity about the body's, and about rest."""
-    noise = inverse_3x3(motion.own_information[which] + 1e-6 * np.eye(3))
-    # A point's velocity is the mean over its window; a body that turns or brakes has moved on.
-    speed = float(np.linalg.norm(track.mean[VELOCITY]))
-    lag = speed * (abs(track.yaw_rate) + _BRAKING_PER_S) * motion.window_s[which] / 2
-    slow = (_AT_REST * speed) ** 2 * np.eye(3)
-    return (
-        noise + lag[:, None, None] ** 2 * np.eye(3),
-        noise + motion.shared_cov[which] + slow,
+    Args:
+        recently: also with what it did in the last seconds.
+    """
+    ago, moved = track.recent.instants() if recently else (_NEVER, _NO_MOTION)
+    return against_rest(
+        motion.own_velocity.take(which, axis=0),
+        motion.own_information.take(which, axis=0),
+        motion.shared_cov.take(which, axis=0),
+        motion.window_s.take(which),
+        motion.position.take(which, axis=0),
+        track.mean,
+        ago,
+        moved,
     )
 
 
@@ -201,8 +191,15 @@ def are_one(
 
 
 def _stand_apart(a: BodyTrack, a_box: Box, b: BodyTrack, b_box: Box) -> bool:
-    """Return whether two bodies are seen as two things, too far beside each other to be one."""
-    if not (a.outline and a.outline.seen and b.outline and b.outline.seen):
+    """Return whether two bodies are two things, too far beside each other to be one.
+
+    They are seen as two now, or were both reported: one that is out of sight by now may not take
+    the name of another.
+    """
+    if a.outline is None or b.outline is None:
+        return False
+    reported = TrackState.TENTATIVE not in (a.state, b.state)
+    if not (reported or (a.outline.seen and b.outline.seen)):
         return False
     across, _, along = (a.centre - b.centre).tolist()
     return bool(np.hypot(across, along) > (a_box.size[0] + b_box.size[0]) / 4 + _LIMB_APART_M)
@@ -228,20 +225,11 @@ def placed(track: BodyTrack, sums: PositionVelocityFilter) -> tuple[Float64Array
     turning body has there. The turn may have been another one over that time, and a body that
     gained speed or braked was slower or faster then, which makes the place less certain.
     """
-    cov = inverse_3x3(sums.a0)
-    velocity = np.broadcast_to(track.mean[VELOCITY], sums.origin.shape)
-    rate = track.yaw_rate
-    # Once where the velocity is that of the body's origin, then where it is the points' own.
-    for _ in range(2):
-        bend = turning_velocity(rate, velocity)
-        inner = sums.b0 - np.einsum("nij,nj->ni", sums.a1, velocity)
-        inner -= np.einsum("nij,nj->ni", sums.a2, bend) / 2
-        place = sums.origin + np.einsum("nij,nj->ni", cov, inner)
-        velocity = track.velocity_at(place)
     age, squared_age = sums.ages()
-    bent = _TURN_DOUBT * abs(rate) * np.linalg.norm(velocity, axis=1)
-    doubt = (bent + track.recent.acceleration(age)) * squared_age / 2
-    return place, inverse_3x3(cov + (doubt**2)[:, None, None] * np.eye(3))
+    gained = track.recent.acceleration(age)
+    return place_on_body(
+        sums.origin, sums.a0, sums.a1, sums.a2, sums.b0, track.mean, gained, squared_age
+    )
 
 
 def shape_position(points: TrackedPoints, which: NDArray[np.intp]) -> Float64Array:
@@ -249,35 +237,6 @@ def shape_position(points: TrackedPoints, which: NDArray[np.intp]) -> Float64Arr
     cov = inverse_3x3(points.shape_information.take(which, axis=0))
     vector = points.shape_vector.take(which, axis=0)
     return np.asarray(np.einsum("nij,nj->ni", cov, vector), np.float64)
-
-
-def _against_rest(
-    velocity: Float64Array, gap: Float64Array, body_cov: Float64Array, rest_cov: Float64Array
-) -> tuple[Float64Array, Float64Array]:
-    """Compare "moves with a body" with "rests" for what is seen to move.
-
-    Both are likelihoods, with all that makes the one or the other uncertain: the more freedom a
-    body takes to explain what is seen, the less likely it made just this velocity.
-
-    Args:
-        velocity: (N, 3) m/s, with covariance ``rest_cov`` (N, 3, 3) about 0 if it rests. gap:
-            (..., N, 3) m/s, to what the body does there, with covariance ``body_cov`` (N, 3, 3).
-
-    Returns:
-        (..., N) squared Mahalanobis length, and twice the logarithm of the likelihoods' ratio.
-    """
-    as_body, body_spread = _unlikely(gap, body_cov)
-    at_rest, rest_spread = _unlikely(velocity, rest_cov)
-    return as_body, at_rest + rest_spread - as_body - body_spread
-
-
-def _unlikely(gap: Float64Array, cov: Float64Array) -> tuple[Float64Array, Float64Array]:
-    """(..., N) squared Mahalanobis length of gaps (..., N, 3), and (N,) the log determinant of cov.
-
-    Their sum is twice the negative logarithm of a normal density, but for a constant.
-    """
-    squared = np.einsum("...ni,nij,...nj->...n", gap, inverse_3x3(cov), gap)
-    return squared, np.log(np.linalg.det(cov))
 
 
 def _moves_with(
@@ -294,10 +253,8 @@ def _moves_with(
     """
     real = share * max(float(np.linalg.norm(velocity)), float(np.linalg.norm(expected)))
     spread = cov + expected_cov + np.eye(3) * real**2
-    apart, ratio = _against_rest(
-        velocity[None], (velocity - expected)[None], spread[None], cov[None]
-    )
-    return bool(apart[0] <= _SAME_CHI2 and ratio[0] > -_SURE_RATIO)
+    apart, ratio = moves_along(velocity, velocity - expected, spread, cov)
+    return bool(apart <= _SAME_CHI2 and ratio > -_SURE_RATIO)
 
 
 def _together(position: Float64Array, reach: float) -> NDArray[np.bool_]:

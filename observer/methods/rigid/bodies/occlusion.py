@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.cells_around import cells_around
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.tracked_points import BANISHED_FRAMES, NO_OBSTACLE, TrackedPoints
@@ -40,6 +40,7 @@ def without_hidden(
 
 def _nearest_beside(scene: DenseScene, px: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N,) largest disparity of what stands at or next to the cells of pixels (N, 2); 0 if none."""
-    known = np.where(scene.standing & np.isfinite(scene.disparity), scene.disparity, 0)
-    nearest = cv2.dilate(known.astype(np.float32), np.ones((3, 3), np.uint8))
-    return np.asarray(nearest[scene.grid.at(px)], np.float32)
+    cells = cells_around(scene.grid, px, 1)
+    disparity = scene.disparity[cells]
+    known = np.where(scene.standing[cells] & np.isfinite(disparity), disparity, 0)
+    return np.asarray(known.max(axis=1), np.float32)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -9,6 +10,8 @@ import cv2
 import numpy as np
 
 from observer.geometry import Float64Array, Pose
+from observer.kernels.sight import sighting, view_of
+from observer.methods.rigid.bodies.legs import is_other_leg
 from observer.methods.rigid.bodies.trunk_depth import TrunkDepths
 from observer.methods.rigid.bodies.trunk_view import TrunkView
 from observer.methods.rigid.dense.grid import Grid
@@ -111,7 +114,7 @@ class Outline:
     @staticmethod
     def of(segment: Segment, scene: DenseScene) -> Outline:
         """Return the outline of a body that is first seen as a segment."""
-        outline = Outline(segment, scene.grid, segment.area / segment.disparity**2)
+        outline = Outline(segment, scene.grid, _shown(segment))
         outline.width, outline.height = extent_m(segment, scene.grid)
         outline.box_px = box_px(scene.grid, segment)
         return outline
@@ -145,12 +148,14 @@ class Outline:
         """
         assert self._silhouette is not None
         before = self._silhouette
-        then, now = before.T_camera_world.apply(before.origin), T_camera_world.apply(origin)
-        px, d = grid.camera.project(np.stack([then, now]))
-        scale = float(d[1] / d[0])
-        if not (np.isfinite(px).all() and _SCALES[0] < scale < _SCALES[1]):
+        then, now, camera = before.T_camera_world, T_camera_world, grid.camera.numbers
+        was = view_of(before.origin, then.rotation, then.translation, camera)
+        seen = view_of(origin, now.rotation, now.translation, camera)
+        scale = seen[2] / was[2]
+        # Neither is true of what is not before the camera.
+        if not _SCALES[0] < scale < _SCALES[1]:
             return None
-        (u0, v0), (u1, v1) = grid.to_cells(px)
+        (u0, v0), (u1, v1) = grid.to_cells(np.array([was[:2], seen[:2]]))
         move = np.array([[scale, 0.0, u1 - scale * u0], [0.0, scale, v1 - scale * v0]])
         mask = before.segment.mask.view(np.uint8)
         moved = cv2.warpAffine(mask, move, (grid.width, grid.height), flags=cv2.INTER_NEAREST)
@@ -163,7 +168,7 @@ class Outline:
         self.segment, self.seen, self.carried_s = segment, True, 0.0
         self.box_px = box_px(scene.grid, segment)
         if not self.stands:
-            self.moving_area = max(self.moving_area, segment.area / segment.disparity**2)
+            self.moving_area = max(self.moving_area, _shown(segment))
             self.arrived_frames += segment.arrived > _MOVED_SHARE
             self.hidden_frames += segment.arrived <= _MOVED_SHARE < segment.hidden
         width, height = extent_m(segment, scene.grid)
@@ -196,7 +201,8 @@ class Outline:
 
     def take(self, limb: Segment, scene: DenseScene) -> bool:
         """Take a segment as a limb of the body, if it is one; returns whether it is."""
-        if not is_limb(scene, limb, self.segment):
+        leg = self.only_legs and is_other_leg(scene, limb, self.segment)
+        if not leg and not is_limb(scene, limb, self.segment):
             return False
         self.segment = with_limb(scene, self.segment, limb)
         self.box_px = box_px(scene.grid, self.segment)
@@ -218,25 +224,26 @@ class Outline:
         """
         s = self.segment
         merged = s.apart < _LEAST_APART or s.clear < _LEAST_CLEAR
-        grown = s.area / s.disparity**2 > _SWALLOWING * self.moving_area
+        grown = _shown(s) > _SWALLOWING * self.moving_area
         stands = self.stands and not (tentative and may_stand)
         idle = self.seen and (merged or stands) and (tentative or grown)
         self.idle_frames = self.idle_frames + 1 if idle else 0
         return self.idle_frames
 
-    def _lost_parts(self) -> bool:
-        """Return whether it stands, and less of it is seen than before, however near it is."""
-        if self._silhouette is None or not self.stands:
-            return False
-        now, before = self.segment, self._silhouette.segment
-        return now.area / now.disparity**2 < _LOST_SHARE * before.area / before.disparity**2
-
     def _keep_silhouette(self, origin: Float64Array, scene: DenseScene, age_s: float) -> None:
-        """A body that is cut off is expected whole for a while: it will come out again."""
-        whole = anchor_of(self.segment) == "middle" and not self._lost_parts()
-        if self._silhouette is None or whole or age_s - self._silhouette_s > _WHOLE_S:
-            self._silhouette = _Silhouette(self.segment, origin, scene.T_camera_world)
-            self._silhouette_s = age_s
+        """A body that is cut off is expected as most of it was seen: it will come out again."""
+        if self._silhouette is not None and age_s - self._silhouette_s <= _WHOLE_S:
+            share = _shown(self.segment) / _shown(self._silhouette.segment)
+            lost = self.stands and share < _LOST_SHARE
+            if share < 1 and (lost or anchor_of(self.segment) != "middle"):
+                return
+        self._silhouette = _Silhouette(self.segment, origin, scene.T_camera_world)
+        self._silhouette_s = age_s
+
+
+def _shown(segment: Segment) -> float:
+    """Return how much of a body is seen, cells per px^2 of disparity: however near it is."""
+    return segment.area / segment.disparity**2
 
 
 def anchor_of(segment: Segment) -> Anchor:
@@ -256,31 +263,21 @@ def measured_anchor(
     segment: Segment, anchor: Anchor, scene: DenseScene
 ) -> tuple[Float64Array, Float64Array]:
     """(3,) metres, world: where an anchor is seen; and the covariance (3, 3) of that."""
-    camera = scene.grid.camera
+    camera, pose = scene.grid.camera, scene.T_world_camera
     left, middle, right = segment.columns
     column = {"left": left, "right": right}.get(anchor, middle)
     row = (segment.box[1] + segment.box[3] - 1) / 2
-    px = scene.grid.to_px(np.array([[column, row]]))
-    place = camera.triangulate(px, np.array([segment.disparity]))[0]
+    u, v = scene.grid.to_px(np.array([column, row])).tolist()
     noise_px = _ALONG_CELLS * scene.grid.reduction
-    noise_m = noise_px * place[2] ** 2 / (camera.fx * camera.baseline)
-    along_m = _narrowness(segment) * float(np.hypot(noise_m, _ALONG_M))
-    sigmas = np.array(
-        [
-            _ACROSS_M[anchor],
-            _CUT_M if segment.cut[2] or segment.cut[3] else _VERTICAL_M,
-            max(along_m, _CUT_ALONG_M) if any(segment.cut[:2]) else along_m,
-        ]
-    )
-    spread = scene.T_world_camera.rotation @ sight_axes(place) * sigmas
-    return scene.T_world_camera.apply(place), spread @ spread.T
-
-
-def sight_axes(place: Float64Array) -> Float64Array:
-    """(3, 3) columns, unit length: across the line of sight to a place (3,), level, down, along."""
-    ray = place / np.linalg.norm(place)
-    across = np.array([ray[2], 0.0, -ray[0]]) / np.hypot(ray[0], ray[2])
-    return np.stack([across, np.cross(ray, across), ray], axis=1)
+    noise_m = noise_px * camera.fx * camera.baseline / segment.disparity**2
+    along_m = _narrowness(segment) * math.hypot(noise_m, _ALONG_M)
+    down_m = _CUT_M if segment.cut[2] or segment.cut[3] else _VERTICAL_M
+    if any(segment.cut[:2]):
+        along_m = max(along_m, _CUT_ALONG_M)
+    return sighting(
+        u, v, segment.disparity, _ACROSS_M[anchor], down_m, along_m,
+        pose.rotation, pose.translation, camera.numbers,
+    )  # fmt: skip
 
 
 def _narrowness(segment: Segment) -> float:

@@ -20,25 +20,28 @@ class RecentMotion:
     """Velocities and yaw rates of one body, oldest first."""
 
     def __init__(self) -> None:
-        self._noted: deque[tuple[float, Float64Array]] = deque()
+        # Time, velocity and yaw rate; and the instants of them once somebody has asked.
+        self._noted: deque[tuple[float, float, float, float, float]] = deque()
+        self._instants: tuple[Float64Array, Float64Array] | None = None
 
     def note(self, time: float, velocity: Float64Array, yaw_rate: float) -> None:
         """It moves at (3,) m/s and rad/s at ``time``, seconds, later than all noted before."""
-        self._noted.append((time, np.array([*velocity, yaw_rate])))
+        x, y, z = velocity.tolist()
+        self._noted.append((time, x, y, z, yaw_rate))
+        self._instants = None
         while self._noted[0][0] < time - _KEPT_S:
             self._noted.popleft()
 
     def forget(self) -> None:
         """Forget everything."""
         self._noted.clear()
+        self._instants = None
 
     def instants(self) -> tuple[Float64Array, Float64Array]:
         """(T,) seconds before the newest, which is the last of them; (T, 4) m/s and rad/s then."""
-        if not self._noted:
-            return np.zeros(0), np.zeros((0, 4))
-        chosen = np.unique(np.linspace(0, len(self._noted) - 1, _INSTANTS).astype(np.intp))
-        times, motions = zip(*(self._noted[k] for k in chosen), strict=True)
-        return times[-1] - np.array(times), np.array(motions)
+        if self._instants is None:
+            self._instants = self._chosen()
+        return self._instants
 
     def acceleration(self, seconds: Float64Array) -> Float64Array:
         """(N,) m/s^2: by how much the velocity changed within (N,) seconds up to now, over them.
@@ -51,3 +54,12 @@ class RecentMotion:
         change = np.linalg.norm(moved[:, :3] - moved[-1, :3], axis=1)
         changed = np.interp(seconds, ago[::-1], change[::-1])
         return np.asarray(changed / np.maximum(seconds, _LEAST_S), dtype=np.float64)
+
+    def _chosen(self) -> tuple[Float64Array, Float64Array]:
+        last = len(self._noted) - 1
+        if last < 0:
+            return np.zeros(0), np.zeros((0, 4))
+        step = last / (_INSTANTS - 1)
+        chosen = sorted({*(int(k * step) for k in range(_INSTANTS - 1)), last})
+        rows = np.array([self._noted[k] for k in chosen])
+        return rows[-1, 0] - rows[:, 0], np.ascontiguousarray(rows[:, 1:])

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.cells_around import cells_around
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
+from observer.methods.rigid.bodies.legs import at_hips, shows_only_legs, swing_cov
 from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whole
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
+from observer.methods.rigid.bodies.segment_gate import has_left, leaps, returns_as
 from observer.methods.rigid.bodies.shape import BodyShape, Box
-from observer.methods.rigid.bodies.trunk_motion import measure_trunk, shows_only_legs
+from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
@@ -42,16 +44,8 @@ _KNOWN_SHARE = 0.5
 _LYING_SHARE = 0.5
 # m/s, one standard deviation of how fast a body that was just found may be, and may rise.
 _FIRST_MPS, _FIRST_UP_MPS = 1.0, 0.1
-# A segment is a body out of sight within this squared length of its place, which may have changed
-# by so many metres against expectation.
-_FOUND_CHI2, _CHANGED_M = 9.0, 0.25
-# It is no segment beyond this squared length, with a velocity that changed by so much out of sight.
-_LEAP_CHI2, _CHANGED_MPS = 25.0, 0.5
 # Frames since a body was seen, below which it is followed rather than found again.
 _SEEN_BEFORE = 1.5
-# And what left the image comes back from where it could have gone, within so many metres.
-_TURNED_M = 0.5
-_LEVEL = np.array([1.0, 0.0, 1.0])
 # Cells at the border of an outline that may be of what is behind, for edges in depth are not sharp.
 _BORDER_CELLS = 2
 # Share of the newest frame in where a body's middle is.
@@ -141,7 +135,7 @@ def measure_limbs(
             track.outline.lose_trunk()
             continue
         on_body = _surely_on(track.outline, track.id, points, scene)
-        track.outline.only_legs = shows_only_legs(track.outline, scene)
+        track.outline.only_legs = shows_only_legs(track.outline.segment, scene)
         judge_rigidity(track, obstacle[on_body[motion.judged[on_body]]] == track.id)
         if not track.rigid:
             obstacle[obstacle == track.id] = NO_OBSTACLE
@@ -200,7 +194,7 @@ def _follow(
         found = track.outline is None or track.missed_s > _SEEN_BEFORE * now.dt
         if found and not segment.stands_apart:
             continue
-        if track.outline is not None and _leaps(track, segment, scene):
+        if track.outline is not None and leaps(track, segment, scene):
             continue
         if track.outline is None:
             segment = _first_seen(track, segment, scene, free)
@@ -261,10 +255,14 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         if track.outline.upright and not points_show_whole(track, track.outline):
             track.loosen()
     outline, anchor = track.outline, anchor_of(segment)
+    if outline.only_legs:
+        segment = at_hips(segment, scene)
     place, cov = measured_anchor(segment, anchor, scene)
+    if outline.only_legs and anchor != "middle":
+        cov = cov + swing_cov(_along(place, scene))
     if track.forgotten and not track.rigid:
         outline.offsets.clear()
-        before = np.zeros(3) if _has_left(track, scene) else track.mean[VELOCITY]
+        before = np.zeros(3) if has_left(track, scene) else track.mean[VELOCITY]
         track.filter = _motion_at(place, before, cov)
     # Where another part shows where it is, it is where it was thought to be.
     offset = outline.offsets.setdefault(anchor, place - track.mean[POSITION])
@@ -281,7 +279,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
 def _along(place: Float64Array, scene: DenseScene) -> Float64Array:
     """(3, 3) the projection onto the line of sight to a place (3,) m, world."""
     ahead = place - scene.T_world_camera.translation
-    return np.outer(ahead, ahead) / float(ahead @ ahead)
+    return np.asarray(ahead[:, None] * ahead / float(ahead @ ahead))
 
 
 # --- beginning -------------------------------------------------------------------------------
@@ -336,55 +334,11 @@ def _bodies_of(
         members = obstacle == track.id
         count = np.count_nonzero(members)
         on_it = count >= min_points and inside[members].mean() >= _OWN_SHARE
-        on_it = on_it and not (track.outline is not None and _leaps(track, segment, scene))
-        if on_it or (track.missed_s > 0 and _returns_as(track, segment, scene)):
+        on_it = on_it and not (track.outline is not None and leaps(track, segment, scene))
+        if on_it or (track.missed_s > 0 and returns_as(track, segment, scene)):
             found.append(track)
     found.sort(key=lambda t: (t.state is TrackState.TENTATIVE, -t.points, -t.age_s))
     return found
-
-
-def _returns_as(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
-    """Return whether a body that is out of sight may be this segment, heights left out."""
-    place, cov = measured_anchor(segment, "middle", scene)
-    if _has_left(track, scene):
-        # Beyond the border it may have turned in any way.
-        way = track.missed_s * track.mean[VELOCITY]
-        gap = (place - (track.centre - way)) * _LEVEL
-        return bool(np.linalg.norm(gap) < np.linalg.norm(way) + _TURNED_M)
-    return _chi2(track, place - track.centre, cov, _CHANGED_M) < _FOUND_CHI2
-
-
-def _leaps(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
-    """Return whether a segment is much farther from a body than that can have come.
-
-    Beside and behind a body are cells that it covered a moment ago, which seem to have arrived.
-    """
-    anchor = anchor_of(segment)
-    assert track.outline is not None
-    place, cov = measured_anchor(segment, anchor, scene)
-    offset = track.outline.offsets.get(anchor)
-    at = track.mean[POSITION] + offset if offset is not None else track.centre
-    changed = _CHANGED_M + track.missed_s * _CHANGED_MPS
-    return _chi2(track, place - at, cov, changed) > _LEAP_CHI2
-
-
-def _chi2(track: BodyTrack, gap: Float64Array, cov: Float64Array, changed_m: float) -> float:
-    """Return the squared length of a gap to a body's place, heights left out.
-
-    Args:
-        gap: (3,) metres, world. cov: (3, 3) of what was measured. changed_m: one standard deviation
-            of how the body moved against expectation.
-    """
-    level = gap * _LEVEL
-    spread = track.filter.covariance[POSITION, POSITION] + cov + np.eye(3) * changed_m**2
-    return float(level @ np.linalg.solve(spread, level))
-
-
-def _has_left(track: BodyTrack, scene: DenseScene) -> bool:
-    """Return whether a body should be beyond the left or right border of the image by now."""
-    px, _ = scene.grid.camera.project(scene.T_camera_world.apply(track.centre[None]))
-    u = float(px[0, 0])
-    return not 0 <= u <= scene.grid.camera.width - 1
 
 
 # --- points ----------------------------------------------------------------------------------
@@ -420,9 +374,9 @@ def _surely_on(
     outline: Outline, number: int, points: TrackedPoints, scene: DenseScene
 ) -> NDArray[np.intp]:
     """(K,) the points that lie well inside an outline, at its depth."""
-    segment, grid = outline.segment, scene.grid
-    square = np.ones((2 * _BORDER_CELLS + 1,) * 2, np.uint8)
-    inner = cv2.erode(segment.mask.view(np.uint8), square).view(np.bool_)
+    segment = outline.segment
     off = np.abs(points.disparity - segment.disparity)
     near = off < scene.tolerance(segment.disparity)
-    return np.flatnonzero((points.within == number) & near & inner[grid.at(points.px)])
+    on_it = np.flatnonzero((points.within == number) & near)
+    around = cells_around(scene.grid, points.px.take(on_it, axis=0), _BORDER_CELLS)
+    return on_it[segment.mask[around].all(axis=1)]

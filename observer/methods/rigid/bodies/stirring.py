@@ -8,6 +8,8 @@ import cv2
 import numpy as np
 
 from observer.geometry import Float64Array
+from observer.kernels.patches import describe_patches
+from observer.kernels.sight import place_of
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.bodies.segment_tracking import begun
@@ -20,7 +22,6 @@ from observer.methods.rigid.dense.segments import (
     standing_segment,
     widened,
 )
-from observer.robust import median
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 
@@ -93,24 +94,26 @@ class Stirring:
 
 def _changes(scene: DenseScene) -> list[tuple[tuple[int, int], Float64Array]]:
     """Where something changed: row and column of a cell, and the place (3,) m, world."""
-    camera, changed = scene.grid.camera, opened(scene.changed).view(np.uint8)
-    _, labels, stats, middles = cv2.connectedComponentsWithStats(changed, connectivity=8)
+    grid, camera, pose = scene.grid, scene.grid.camera, scene.T_world_camera
+    changed = opened(scene.changed).view(np.uint8)
+    _, labels, statistics, centroids = cv2.connectedComponentsWithStats(changed, connectivity=8)
+    stats, middles = np.asarray(statistics, np.int32), np.asarray(centroids, np.float64)
+    disparity, nearest = describe_patches(
+        np.asarray(labels, np.int32), stats, middles, scene.disparity
+    )
+    area = stats[:, cv2.CC_STAT_AREA]
+    counts = (area >= _LEAST_CELLS) & (area >= _LEAST_M2 * grid.per_metre(1.0) ** 2 * disparity**2)
+    counts &= disparity >= camera.fx * camera.baseline / _FARTHEST_M
+    # The first one is what did not change.
+    counts[0] = False
     found = []
-    for label in (1 + np.flatnonzero(stats[1:, cv2.CC_STAT_AREA] >= _LEAST_CELLS)).tolist():
-        left, top, width, height, area = stats[label].tolist()
-        window = (slice(top, top + height), slice(left, left + width))
-        mine = labels[window] == label
-        d = median(scene.disparity[window][mine])
-        if area < _LEAST_M2 * scene.grid.per_metre(d) ** 2:
-            continue
-        place = camera.triangulate(scene.grid.to_px(middles[label][None]), np.array([d]))[0]
-        if place[2] > _FARTHEST_M:
-            continue
-        rows, columns = np.nonzero(mine)
-        middle = middles[label] - (left, top)
-        nearest = int(np.argmin(np.hypot(columns - middle[0], rows - middle[1])))
-        cell = (top + int(rows[nearest]), left + int(columns[nearest]))
-        found.append((cell, scene.T_world_camera.apply(place)))
+    for label in np.flatnonzero(counts).tolist():
+        u, v = grid.to_px(middles[label]).tolist()
+        place = place_of(
+            u, v, float(disparity[label]), pose.rotation, pose.translation, camera.numbers
+        )
+        row, column = nearest[label].tolist()
+        found.append(((row, column), place))
     return found
 
 

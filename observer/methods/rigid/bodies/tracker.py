@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.expectation import note_lasting_errors, predict
 from observer.methods.rigid.bodies.filter import (
     POSITION,
     VELOCITY,
@@ -52,28 +53,16 @@ from observer.methods.rigid.tracked_points import (
     TrackedPoints,
     WorldSightings,
 )
-from observer.parameters import EvidenceParameters, ObstacleParameters, Parameters
+from observer.parameters import ObstacleParameters, Parameters
 from observer.types import TrackState
 from observer.vision.lifecycle import TrackIds, is_provisional
 
-# Share of the acceleration that a steadily driving body may still have.
-_STEADY = 0.1
-# And that a walking person has.
-_WALKING = 0.6
-# m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
-_GAIT_MPS = 0.06
-# And what legs add, where nothing else is in view.
-_LEGS_MPS = 0.1
 # rad/s, one standard deviation of how fast a body that was just found may turn.
 _YAW_RATE_SIGMA = 0.6
-# rad/s^2, of a steady and of a manoeuvring body.
-_YAW_ACCELERATION = (0.3, 5.0)
 # Old places of points on the body are forgotten at this rate: the patch that is followed slides.
 _SHAPE_MEMORY_S = 2.0
 # A member must have been seen this often before its place may stretch the box for good.
 _SETTLED = 6
-# A point seen more often than this knows its own motion, and needs no guess.
-_YOUNG = 4
 # Seconds after a body manoeuvred for which its members' own velocities may still be those before.
 _STEADY_S = 0.3
 # A group slower than this share of what counts as moving creeps: the edge of something, whose
@@ -110,7 +99,7 @@ class BodyTracker:
                 around them; None unknown.
         """
         p = parameters.obstacles
-        self.predict(now, p)
+        predict(self.tracks, now, p)
         if scene is not None:
             points = without_hidden(self.tracks, points, scene, now)
         points = self.measure(points, sightings, now, p)
@@ -121,7 +110,7 @@ class BodyTracker:
             points = measure_limbs(self.tracks, points, sightings, motion, scene, now.dt)
             self._stirring.note(self.tracks, scene, self._numbers)
             self._light = scene.light
-        self.note_lasting_errors(now, parameters.evidence)
+        note_lasting_errors(self.tracks, now, parameters.evidence)
         points = self.associate(points, motion, p)
         reach = partial(now.metres_of, parameters.evidence.radius_px)
         points = self.spawn(points, motion, reach, p)
@@ -130,78 +119,17 @@ class BodyTracker:
             track.carry_box(now.T_camera_world, now.camera)
         return points
 
-    def predict(self, now: CameraStep, parameters: ObstacleParameters) -> None:
-        """Move all bodies on by one frame."""
-        position, dt = now.position, now.dt
-        for track in self.tracks:
-            depth = float(np.linalg.norm(track.mean[POSITION] - position))
-            agile = parameters.acceleration_px * depth / now.camera.fx
-            steady = _STEADY if track.rigid else _WALKING
-            yaw_acceleration = _YAW_ACCELERATION if track.rigid else (0.0, 0.0)
-            track.filter = track.filter.predicted(
-                dt, (steady * agile, agile), yaw_acceleration, track.shape.axis(track.yaw)
-            )
-            track.by_points = False
-            track.age_s += dt
-            track.frames += 1
-            track.steady_s += dt
-
     def correct_disparities(self, bias_px: float, now: CameraStep) -> None:
         """Place all bodies as if all disparities had been larger by a bias, pixels."""
         for mean, track in [(track.mean[None], track) for track in self.tracks]:
             shift, drift, _ = shift_by_bias(mean[:, POSITION], mean[:, VELOCITY], bias_px, now)
             track.filter = track.filter.shifted(shift[0], drift[0])
 
-    def note_lasting_errors(self, now: CameraStep, parameters: EvidenceParameters) -> None:
-        """Note how sure velocities can be at best, seen from this pose.
-
-        What is out of sight is known as it was when it was last seen.
-        """
-        stretch = parameters.distortion_sigma
-        for track in [t for t in self.tracks if t.missed_s == 0]:
-            bias_px = parameters.disparity_bias_px
-            outline = track.outline
-            if outline is not None and not (track.rigid or outline.depths.tell):
-                bias_px = max(bias_px, outline.bias_px)
-            place = now.T_camera_world.apply(track.mean[None, POSITION])
-            velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])
-            errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]
-            drift = errors @ now.T_camera_world.rotation
-            gait = 0.0 if track.rigid else _GAIT_MPS
-            if outline is not None and outline.only_legs and not track.rigid:
-                gait = _LEGS_MPS
-            track.lasting_cov = drift.T @ drift + gait**2 * np.eye(3)
-
     def known(self, points: TrackedPoints) -> NDArray[np.bool_]:
         """(N,) which points belong to obstacles that are known to move, or are seen on them."""
         sure = np.array([t.id for t in self.tracks if t.state is not TrackState.TENTATIVE])
         member = (points.obstacle[:, None] == sure).any(axis=1)
         return np.asarray(member | (points.within[:, None] == sure).any(axis=1))
-
-    def expected_at(
-        self,
-        points: TrackedPoints,
-        place: Float64Array,
-        dt: float,
-        parameters: ObstacleParameters,
-    ) -> Float64Array:
-        """(N, 3) where points on bodies should be ``dt`` seconds on, m, world; NaN for others.
-
-        Points that are not members yet, but lie in a body's box, are expected to move with it.
-
-        Args:
-            place: (N, 3) metres, world, where points are now if they do not move.
-        """
-        out = np.full((len(points), 3), np.nan)
-        young = np.flatnonzero((points.obstacle == NO_OBSTACLE) & (points.sightings < _YOUNG))
-        for track in self.tracks:
-            guests = young[track.contains(place[young], track.room(parameters.margin))]
-            out[guests] = place[guests] + dt * track.velocity_at(place[guests])
-            mine = np.flatnonzero(points.obstacle == track.id)
-            R = yaw_matrix(track.yaw + dt * track.yaw_rate)
-            origin = track.mean[POSITION] + dt * track.mean[VELOCITY]
-            out[mine] = origin + shape_position(points, mine) @ R.T
-        return out
 
     def boxes_px(self, T_camera_world: Pose, camera: StereoCamera) -> Float64Array:
         """(B, 4) u0 v0 u1 v1 around the obstacles' boxes in the left image."""

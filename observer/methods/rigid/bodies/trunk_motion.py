@@ -2,25 +2,27 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
+from observer.kernels.body_filter import squared_gap
+from observer.kernels.sight import place_of, sighting, view_of
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import VELOCITY
-from observer.methods.rigid.bodies.outline import Outline, sight_axes
 from observer.methods.rigid.bodies.trunk_view import TrunkView
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import TRUNK_SHARE
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 
+_EYE = np.eye(3)
 # m/s, one standard deviation: the trunk's sway about its mean, across and upwards; and what a
 # measurement does not tell.
 _SWAY_MPS, _BOB_MPS, _UNKNOWN_MPS = 0.035, 0.2, 30.0
 # m/s, one standard deviation of how fast a body rises or sinks.
 _LEVEL_MPS = 0.05
-# Metres above the ground up to which legs reach.
-_LEGS_M = 0.85
 # A trunk is looked for as many deviations of the velocity away, and at most so many cells; and
 # while it is no more than this much nearer or farther than in the frame before.
 _REACH_SIGMAS, _MOST_REACH = 2.0, 10
@@ -60,58 +62,48 @@ def measure_trunk(
     track.filter = depths.measure(track.filter, chosen, points, sightings, scene, dt)
 
 
-def shows_only_legs(outline: Outline, scene: DenseScene) -> bool:
-    """Return whether the image ends below the trunk: legs do not move as the body does."""
-    segment = outline.segment
-    if not segment.cut[2] or scene.ground is None:
-        return False
-    px = scene.grid.to_px(np.array([[segment.columns[1], segment.box[1]]]))
-    top = scene.grid.camera.triangulate(px, np.array([segment.disparity]))[0]
-    return scene.ground.height(scene.T_world_camera.apply(top)) < _LEGS_M
-
-
 def _keep_level(track: BodyTrack, scene: DenseScene) -> None:
     """Let a body neither rise nor sink: it walks on the ground."""
     if scene.ground is None:
         return
-    down = np.outer(scene.ground.down, scene.ground.down)
+    down = scene.ground.down[:, None] * scene.ground.down
     velocity = track.mean[VELOCITY]
-    noise = down * _LEVEL_MPS**2 + (np.eye(3) - down) * _UNKNOWN_MPS**2
+    noise = down * _LEVEL_MPS**2 + (_EYE - down) * _UNKNOWN_MPS**2
     track.filter = track.filter.with_velocity(velocity - down @ velocity, noise)
 
 
 def _measure_across(track: BodyTrack, before: TrunkView, scene: DenseScene, dt: float) -> None:
     """Measure the velocity across the line of sight, by a view of ``dt`` seconds before."""
-    grid, camera, velocity = scene.grid, scene.grid.camera, track.mean[VELOCITY]
-    px = grid.to_px(before.middle[None])
-    begin = camera.triangulate(px, np.array([before.disparity]))
-    begin = before.T_world_camera.apply(begin)
-    places = scene.T_camera_world.apply(begin + np.outer([dt, 0.0], velocity))
-    px, disparities = camera.project(places)
-    disparity = disparities[:1]
-    scale = float(disparity[0]) / before.disparity
-    if not (np.isfinite(px).all() and 1 / _MOST_SCALE < scale < _MOST_SCALE):
+    grid, camera, velocity = scene.grid, scene.grid.camera.numbers, track.mean[VELOCITY]
+    then, pose, back = before.T_world_camera, scene.T_world_camera, scene.T_camera_world
+    u, v = grid.to_px(before.middle).tolist()
+    begin = place_of(u, v, before.disparity, then.rotation, then.translation, camera)
+    goes = view_of(begin + dt * velocity, back.rotation, back.translation, camera)
+    stays = view_of(begin, back.rotation, back.translation, camera)
+    disparity = goes[2]
+    scale = disparity / before.disparity
+    if not (math.isfinite(stays[2]) and 1 / _MOST_SCALE < scale < _MOST_SCALE):
         return
-    per_cell = 1 / (grid.per_metre(float(disparity[0])) * dt)
-    cov = track.filter.covariance[VELOCITY, VELOCITY]
-    sigma = float(np.sqrt(np.trace(cov) / 3))
+    per_cell = 1 / (grid.per_metre(disparity) * dt)
+    variances = track.filter.covariance.diagonal()[VELOCITY]
+    sigma = math.sqrt(float(variances.sum()) / 3)
     reach = min(_MOST_REACH, int(_REACH_SIGMAS * sigma / per_cell))
-    expected, standing = grid.to_cells(px)
+    expected, standing = grid.to_cells(np.array([goes[:2], stays[:2]]))
     found = before.found_in(scene.left, expected, standing, scale, reach)
     if found is None:
         return
     cells, noise = found
-    end = camera.triangulate(grid.to_px(cells[None]), disparity)
-    sigmas = np.hypot(np.sqrt(np.diag(noise)) * per_cell, [_SWAY_MPS, _BOB_MPS])
-    axes = scene.T_world_camera.rotation @ sight_axes(end[0])
-    spread = axes * [*sigmas, _UNKNOWN_MPS]
-    moved = (scene.T_world_camera.apply(end) - begin)[0]
-    _update(track, moved / dt, spread @ spread.T)
+    u, v = grid.to_px(cells).tolist()
+    across = math.hypot(math.sqrt(noise[0, 0]) * per_cell, _SWAY_MPS)
+    down = math.hypot(math.sqrt(noise[1, 1]) * per_cell, _BOB_MPS)
+    end, spread = sighting(
+        u, v, disparity, across, down, _UNKNOWN_MPS, pose.rotation, pose.translation, camera
+    )
+    _update(track, (end - begin) / dt, spread)
 
 
 def _update(track: BodyTrack, velocity: Float64Array, noise: Float64Array) -> None:
     """Update by a velocity (3,) m/s with covariance (3, 3); one that is far off counts less."""
     gap = velocity - track.mean[VELOCITY]
-    expected = track.filter.covariance[VELOCITY, VELOCITY] + noise
-    squared = float(gap @ np.linalg.solve(expected, gap))
+    squared = squared_gap(gap, track.filter.covariance, VELOCITY.start, noise)
     track.filter = track.filter.with_velocity(velocity, noise * max(1.0, squared / _FAR_CHI2))

@@ -5,21 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.kernels import corrections
 from observer.methods.rigid.dense.grid import Grid
 from observer.vision.camera_rate import CameraRate
-from observer.vision.disparity_bias import bias_profile
 
 
 def with_bias(disparity: NDArray[np.float32], bias_px: float, grid: Grid) -> NDArray[np.float32]:
     """(h, w) px: disparities to which a bias, told at the image's centre, is added."""
     if not bias_px:
         return disparity
-    height, width = grid.shape
-    columns = np.broadcast_to(np.arange(width), grid.shape)
-    rows = np.broadcast_to(np.arange(height)[:, None], grid.shape)
-    px = grid.to_px(np.stack([columns, rows], axis=-1)).reshape(-1, 2)
-    profile = bias_profile(px, disparity.ravel().astype(np.float64), grid.camera)
-    return (disparity + bias_px * profile.reshape(grid.shape)).astype(np.float32)
+    c = grid.camera
+    lens = (c.fx, c.fy, c.cx, c.cy, c.baseline)
+    return corrections.with_bias(disparity, bias_px, lens, grid.reduction)
 
 
 def at_one_time(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +29,27 @@ _SUPPORT_CELLS = 10
 _SOBEL_STEP, _SOBEL_NOISE = 4.0, 12.0**0.5
 
 
+@dataclass(frozen=True, eq=False)
+class RowTexture:
+    """Texture of an image along its rows.
+
+    Attributes:
+        step: grey levels, least that stands out of the noise.
+        near: (h, w) which pixels have near them, on their row, a larger one.
+    """
+
+    step: float
+    near: NDArray[np.bool_]
+
+    @staticmethod
+    def of(image: Image) -> RowTexture:
+        """Return the texture of an image (h, w)."""
+        step = least_step(image)
+        return RowTexture(step, textured(image, step))
+
+
 def depth_image(
-    left: Image, right: Image, grid: Grid, parameters: StereoParameters
+    left: Image, right: Image, texture: RowTexture, grid: Grid, parameters: StereoParameters
 ) -> NDArray[np.float32]:
     """Return the disparity (h, w) of the cells, pixels of the full image; NaN unknown.
 
@@ -37,6 +58,7 @@ def depth_image(
 
     Args:
         left, right: (h, w) grey, rectified, as ``Grid.reduced`` gives them.
+        texture: of the left one.
     """
     count = -(-parameters.max_disparity_px // (16 * grid.reduction)) * 16
     # The matcher leaves out as many columns at the left as it searches disparities.
@@ -58,10 +80,10 @@ def depth_image(
     )
     fixed = np.asarray(matcher.compute(*wide))[:, count:]
     # A match beyond the right image's left edge was made in the added columns.
-    inside = fixed <= _FIXED_POINT * np.arange(grid.width)
-    known = (fixed > 0) & inside & textured(left, least_step(left))
-    disparity = fixed * np.float32(grid.reduction / _FIXED_POINT)
-    return np.where(known, disparity, np.float32(np.nan))
+    inside = fixed <= _FIXED_POINT * np.arange(grid.width, dtype=np.int16)
+    disparity = np.asarray(fixed * np.float32(grid.reduction / _FIXED_POINT), np.float32)
+    disparity[~((fixed > 0) & inside & texture.near)] = np.nan
+    return disparity
 
 
 def least_step(image: Image) -> float:
@@ -71,7 +93,8 @@ def least_step(image: Image) -> float:
 
 def textured(image: Image, step: float) -> NDArray[np.bool_]:
     """(h, w) which pixels have near them, on their row, a step of more than so many grey levels."""
-    steep = np.abs(cv2.Sobel(image, cv2.CV_16S, 1, 0)) > _SOBEL_STEP * step
+    # Whole numbers are compared in a tenth of the time.
+    steep = np.abs(cv2.Sobel(image, cv2.CV_16S, 1, 0)) > int(_SOBEL_STEP * step)
     row = np.ones((1, 2 * _SUPPORT_CELLS + 1), np.uint8)
     return np.asarray(cv2.dilate(steep.view(np.uint8), row), np.uint8).view(np.bool_)
 

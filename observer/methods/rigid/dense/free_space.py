@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Pose
+from observer.kernels.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN, evidence_against
 from observer.methods.rigid.dense.corrections import with_bias
 from observer.methods.rigid.dense.grid import Grid
-from observer.methods.rigid.dense.reprojection import reproject
+from observer.methods.rigid.dense.reprojection import reprojection
 
-# Evidence of a cell.
-UNKNOWN, STATIC, ARRIVED, HIDDEN = 0, 1, 2, 3
+__all__ = ["ARRIVED", "HIDDEN", "STATIC", "UNKNOWN", "DepthFrame", "FreeSpace", "slack_px"]
+
 # Seconds back of the frames that are compared, oldest first: the oldest that saw a place decides.
 _LAGS_S = (3.2, 1.6, 0.8, 0.4, 0.2)
 # A frame stands for a lag that differs from its own by no more than this share.
@@ -41,22 +42,16 @@ class DepthFrame:
     T_camera_world: Pose
 
     @cached_property
-    def known(self) -> NDArray[np.float32]:
-        """(h, w) px; -1 unknown."""
-        return np.where(np.isfinite(self.disparity), self.disparity, _NOTHING)
-
-    @cached_property
     def nearest(self) -> NDArray[np.float32]:
         """(h, w) px, largest around each cell; -1 where nothing is known."""
         around = np.ones((_NEAREST_CELLS, _NEAREST_CELLS), np.uint8)
-        return np.asarray(cv2.dilate(self.known, around), np.float32)
+        return np.asarray(cv2.dilate(np.fmax(self.disparity, _NOTHING), around), np.float32)
 
     @cached_property
     def farthest(self) -> NDArray[np.float32]:
         """(h, w) px, least around each cell; very large where nothing is known."""
         around = np.ones((_FARTHEST_CELLS, _FARTHEST_CELLS), np.uint8)
-        known = np.where(np.isfinite(self.disparity), self.disparity, _FARTHER)
-        return np.asarray(cv2.erode(known, around), np.float32)
+        return np.asarray(cv2.erode(np.fmin(self.disparity, _FARTHER), around), np.float32)
 
 
 class FreeSpace:
@@ -88,40 +83,33 @@ class FreeSpace:
         """
         out = np.full(frame.disparity.size, UNKNOWN, np.uint8)
         asked = np.flatnonzero(cells)
+        T_world_camera = frame.T_camera_world.inverse()
         for reference in self._references(frame.time):
             if len(asked) == 0:
                 break
-            found = self._against(frame, reference, asked)
-            out[asked] = found
-            asked = asked[found == UNKNOWN]
+            out[asked], asked = evidence_against(
+                asked,
+                frame.disparity.ravel(),
+                *reprojection(self._grid, reference.T_camera_world @ T_world_camera),
+                reference.disparity.ravel(),
+                reference.nearest.ravel(),
+                reference.farthest.ravel(),
+                *slack_px(self._grid),
+            )
         return out.reshape(frame.disparity.shape)
 
     def _references(self, time: float) -> list[DepthFrame]:
         """List the frames to compare with, oldest first."""
         chosen: list[DepthFrame] = []
-        for lag in _LAGS_S:
-            nearest = min(self._frames, key=lambda f: abs(time - f.time - lag), default=None)
-            if nearest is None or nearest in chosen:
-                continue
-            if abs(time - nearest.time - lag) <= _LAG_SLACK * lag:
+        ages = time - np.array([frame.time for frame in self._frames])
+        for lag in _LAGS_S if self._frames else ():
+            off = np.abs(ages - lag)
+            nearest = self._frames[int(off.argmin())]
+            if nearest not in chosen and off.min() <= _LAG_SLACK * lag:
                 chosen.append(nearest)
         return chosen
 
-    def _against(
-        self, frame: DepthFrame, reference: DepthFrame, asked: NDArray[np.intp]
-    ) -> NDArray[np.uint8]:
-        """(N,) evidence of cells (N,), by one earlier frame."""
-        T = reference.T_camera_world @ frame.T_camera_world.inverse()
-        there = reproject(self._grid, T, frame.disparity.ravel()[asked], asked)
-        seen = there.inside & (reference.known.ravel()[there.at] > 0)
-        slack = slack_px(there.disparity, self._grid)
-        out = np.full(len(asked), STATIC, np.uint8)
-        out[there.disparity - reference.nearest.ravel()[there.at] > slack] = ARRIVED
-        out[there.disparity - reference.farthest.ravel()[there.at] < -slack] = HIDDEN
-        out[~seen] = UNKNOWN
-        return out
 
-
-def slack_px(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.float32]:
-    """(N,) px: up to which disparities (N,) px that should be equal may differ."""
-    return np.asarray(_LEAST_CELLS * grid.reduction + _LEAST_SHARE * disparity, np.float32)
+def slack_px(grid: Grid) -> tuple[np.float32, np.float32]:
+    """Return pixels, and a share of the disparity, up to which equal disparities may differ."""
+    return np.float32(_LEAST_CELLS * grid.reduction), _LEAST_SHARE

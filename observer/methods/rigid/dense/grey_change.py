@@ -10,9 +10,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from observer.kernels.grey_change import BLACK, differs, seen_again
 from observer.methods.rigid.dense.free_space import DepthFrame, slack_px
 from observer.methods.rigid.dense.grid import Grid
-from observer.methods.rigid.dense.reprojection import reproject
+from observer.methods.rigid.dense.reprojection import reprojection
 from observer.robust import MAD_TO_SIGMA, median
 from observer.types import Image
 
@@ -22,8 +23,6 @@ _LAG_S, _LAG_SLACK_S = 0.13, 0.07
 # A difference that is no noise: standard deviations, and grey values at least.
 _SIGMAS, _LEAST_GREY = 4.0, 4.0
 _LEAST_CELLS = 100
-# From and down to these grey values a camera may have cut off what is brighter or darker.
-_SATURATED, _BLACK = 250, 2
 # Light flickers, as below leaves, where a quarter of what is seen again looks by this share
 # brighter or darker than a moment ago; in steady light noise and texture make it half of that.
 _FLICKER_SHARE = 0.06
@@ -88,8 +87,7 @@ class GreyChange:
         out = np.zeros(frame.disparity.size, np.bool_)
         earlier = self._earlier(frame.time)
         if earlier is not None:
-            asked = np.flatnonzero(cells)
-            out[asked] = self._against(frame, grey, earlier, asked)
+            out[self._against(frame, grey, earlier, np.flatnonzero(cells))] = True
         self._looks.append(_Look(frame, grey, darkest, brightest))
         return out.reshape(frame.disparity.shape)
 
@@ -103,34 +101,36 @@ class GreyChange:
 
     def _against(
         self, frame: DepthFrame, grey: Image, before: _Look, asked: NDArray[np.intp]
-    ) -> NDArray[np.bool_]:
-        """(N,) which cells (N,) look another than in one earlier frame."""
+    ) -> NDArray[np.intp]:
+        """Return which of the cells (N,), by index, look another than in one earlier frame."""
         T = before.frame.T_camera_world @ frame.T_camera_world.inverse()
-        there = reproject(self._grid, T, frame.disparity.ravel()[asked], asked)
-        covered = before.frame.nearest.ravel()[there.at] - there.disparity
-        visible = there.inside & (covered <= slack_px(there.disparity, self._grid))
-        if np.count_nonzero(visible) < _LEAST_CELLS:
-            return np.zeros(len(asked), np.bool_)
-        now = grey.ravel()[asked].astype(np.float32)
-        then, low, high = (
-            image.ravel()[there.at].astype(np.float32)
-            for image in (before.grey, before.darkest, before.brightest)
+        now, then, alike = seen_again(
+            asked,
+            frame.disparity.ravel(),
+            *reprojection(self._grid, T),
+            before.frame.nearest.ravel(),
+            *slack_px(self._grid),
         )
-        usual, before_usual = (median(values[visible]) for values in (now, then))
-        gain = np.float32(max(1.0, usual) / max(1.0, before_usual))
+        if np.count_nonzero(alike) < _LEAST_CELLS:
+            return now[:0]
+        # Whoever enters the view is no change of the light.
+        here = grey.ravel()[now[alike]].astype(np.float32)
+        there = before.grey.ravel()[then[alike]].astype(np.float32)
+        gain = median(np.maximum(here, 1) / np.maximum(there, 1))
+        usual = np.float32(gain) * there
+        difference = np.abs(here - usual)
         self._swing = _gusts(self._swing, abs(math.log(gain)))
-        difference = now - gain * then
-        noise = MAD_TO_SIGMA * median(np.abs(difference[visible]))
-        self._note_flicker(difference[visible] / np.maximum(gain * then[visible], _BLACK))
-        limit = max(_SIGMAS * noise, _LEAST_GREY)
-        # What was cut off at either end then or is now may be as it was.
-        visible &= (np.maximum(now, high) < _SATURATED) & (np.minimum(now, low) > _BLACK)
-        return visible & ((now - gain * high > limit) | (gain * low - now > limit))
+        self._note_flicker(difference / np.maximum(usual, np.float32(BLACK)))
+        limit = max(_SIGMAS * MAD_TO_SIGMA * median(difference), _LEAST_GREY)
+        looks = (grey.ravel(), before.darkest.ravel(), before.brightest.ravel())
+        changed: NDArray[np.intp] = now[
+            differs(now, then, *looks, np.float32(gain), np.float32(limit))
+        ]
+        return changed
 
     def _note_flicker(self, share: NDArray[np.float32]) -> None:
-        """Note by which share (N,) each cell is brighter than a moment ago."""
-        size = np.abs(share)
-        now = median(size[size >= median(size)])
+        """Note by which share (N,) each cell is brighter or darker than a moment ago."""
+        now = median(share[share >= median(share)])
         self._flicker = now if self._flicker is None else _gusts(self._flicker, now)
 
 

@@ -2,53 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Pose
 from observer.methods.rigid.dense.grid import Grid
 
-# Depths of less, relative to those of the cell itself, are behind the other camera.
-_LEAST_DEPTH = np.float32(0.05)
+Singles = NDArray[np.float32]
 
 
-@dataclass(frozen=True, eq=False)
-class Reprojected:
-    """Places in another frame.
+def reprojection(
+    grid: Grid, T_other_camera: Pose
+) -> tuple[Singles, Singles, Singles, Singles, Singles, int, int]:
+    """Return what the kernels need to find them, in the order in which they take it.
 
-    Attributes:
-        disparity: (N,) px, that they should have there. at: (N,) index of the cell of each.
-        inside: (N,) True in the image; elsewhere the others are undefined.
-    """
-
-    disparity: NDArray[np.float32]
-    at: NDArray[np.intp]
-    inside: NDArray[np.bool_]
-
-
-def reproject(
-    grid: Grid, T_other_camera: Pose, disparity: NDArray[np.float32], asked: NDArray[np.intp]
-) -> Reprojected:
-    """Return where the places that cells show are in another frame of the same camera.
+    That is rays x and y, rotation, scaled translation, lens, height and width, see
+    ``observer.kernels.reprojection``.
 
     Args:
-        T_other_camera: from this frame's camera to the other's. disparity: (N,) px, of the cells
-            ``asked``, indices (N,).
+        T_other_camera: from this frame's camera to that of the other frame.
     """
-    c, r = grid.camera, grid.reduction
-    R = T_other_camera.rotation.astype(np.float32)
+    c = grid.camera
+    rotation = T_other_camera.rotation.astype(np.float32)
     # Places over their depth f B / d: the ray, and the translation times d / (f B).
-    t = (T_other_camera.translation / (c.fx * c.baseline)).astype(np.float32)
-    x, y = (values[asked] for values in grid.cell_rays)
-    X, Y, Z = (R[k, 0] * x + R[k, 1] * y + (R[k, 2] + t[k] * disparity) for k in range(3))
-    ahead = Z > _LEAST_DEPTH
-    Z = np.maximum(Z, _LEAST_DEPTH)
-    # Rounded to the cell that holds the pixel.
-    column = np.floor((np.float32(c.fx) * X / Z + np.float32(c.cx + 0.5)) / r)
-    row = np.floor((np.float32(c.fy) * Y / Z + np.float32(c.cy + 0.5)) / r)
-    h, w = grid.shape
-    inside = ahead & (column >= 0) & (column < w) & (row >= 0) & (row < h)
-    at = np.where(inside, row * w + column, np.float32(0)).astype(np.intp)
-    return Reprojected(disparity / Z, at, inside)
+    translation = (T_other_camera.translation / (c.fx * c.baseline)).astype(np.float32)
+    lens = np.array([c.fx, c.fy, c.cx + 0.5, c.cy + 0.5, grid.reduction], np.float32)
+    return (*grid.cell_rays, rotation, translation, lens, *grid.shape)

@@ -12,7 +12,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.corrections import at_one_time, with_bias
-from observer.methods.rigid.dense.depth_image import depth_image
+from observer.methods.rigid.dense.depth_image import RowTexture, depth_image
 from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grey_change import GreyChange, Light
 from observer.methods.rigid.dense.grid import Grid
@@ -35,7 +35,7 @@ class DenseScene:
 
     Attributes:
         time: seconds. grid: its cells. T_world_camera: the pose. left: (h, w) the left image, grey.
-        disparity: (h, w) px, NaN unknown.
+        texture: of that one. disparity: (h, w) px, NaN unknown.
         standing: (h, w) which cells stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
         changed: (h, w) which cells look another than a moment ago.
@@ -47,6 +47,7 @@ class DenseScene:
     grid: Grid
     T_world_camera: Pose
     left: Image
+    texture: RowTexture
     disparity: NDArray[np.float32]
     standing: NDArray[np.bool_]
     evidence: NDArray[np.uint8]
@@ -59,11 +60,17 @@ class DenseScene:
         """The pose, from the world's frame to the camera's."""
         return self.T_world_camera.inverse()
 
+    @cached_property
+    def tolerances(self) -> tuple[float, float]:
+        """``tolerance`` of disparity at least, px, and over its square, 1/px."""
+        camera = self.grid.camera
+        thickness = _THICKNESS_M / (camera.fx * camera.baseline)
+        return _LEAST_TOLERANCE_CELLS * self.grid.reduction, thickness
+
     def tolerance(self, disparity: float) -> float:
         """Return by how many px of disparity parts of one body may differ."""
-        camera = self.grid.camera
-        thickness = disparity**2 * _THICKNESS_M / (camera.fx * camera.baseline)
-        return max(_LEAST_TOLERANCE_CELLS * self.grid.reduction, thickness)
+        least, thickness = self.tolerances
+        return max(least, disparity * disparity * thickness)
 
 
 class DenseVision:
@@ -100,7 +107,8 @@ class DenseVision:
         if np.linalg.norm(now.rate.shift) > _FASTEST_MPS:
             return None
         left, right = (self._grid.reduced(image) for image in (view.left, view.right))
-        seen = depth_image(left, right, self._grid, parameters)
+        texture = RowTexture.of(left)
+        seen = depth_image(left, right, texture, self._grid, parameters)
         delay_s = 0.0 if view.right_time is None else view.right_time - view.time
         disparity = with_bias(at_one_time(seen, now.rate, delay_s, self._grid), bias_px, self._grid)
         self._ground.update(disparity, now.T_camera_world, view.index)
@@ -115,6 +123,7 @@ class DenseVision:
             grid=self._grid,
             T_world_camera=now.T_world_camera,
             left=left,
+            texture=texture,
             disparity=disparity,
             standing=stands,
             evidence=evidence,

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
+from observer.kernels.segments import described, grown
 from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC, UNKNOWN
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.scene import DenseScene
@@ -31,18 +32,11 @@ _BESIDE_M, _BODY_M = 0.75, 1.8
 _LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
 # An arm is a smaller part of a person than this, who stands while so much of him is static.
 _ARM_SHARE, _STANDS_SHARE = 0.35, 0.6
-# Of a mask's connected parts, those this much smaller than its largest are left out.
-_PART_SHARE = 0.1
-# Cells around a segment that tell what it stands before, and how near to it they begin.
-_RING_CELLS, _RIM_CELLS = 4, 1
 # A step of the disparity that is no noise, cells.
 _STEP_CELLS = 0.5
 # A body's border shows something farther on this share of what is comparable, and of all of it;
 # what only seems to have appeared behind something else, on more.
 _APART, _CLEAR, _CLEAR_HIDDEN = 0.6, 0.2, 0.35
-# Share of the trunk's rows beside which something nearer, or the image's border, cuts it off.
-_CUT_SHARE = 0.25
-_BESIDE_CELLS = 3
 # A cell is of an expected body up to so many tolerances of its disparity.
 _OWN_TOLERANCES = 1.5
 # A limb is this near to its body, metres; above or below it, or else smaller by this share.
@@ -99,36 +93,31 @@ class Expected:
 
 def segment_of(scene: DenseScene, mask: Mask) -> Segment:
     """Describe the cells of a mask (h, w), which must not be empty."""
-    window = window_of(mask)
-    part, disparity = mask[window], scene.disparity[window]
-    top, left = window[0].start, window[1].start
-    bottom, right = window[0].stop, window[1].stop
-    trunk = part[: max(1, round(TRUNK_SHARE * len(part)))]
-    d = median(disparity[: len(trunk)][trunk])
-    rows = np.flatnonzero(trunk.any(axis=1))
-    width = part.shape[1]
-    first = trunk[rows].argmax(axis=1) + left
-    last = width - 1 - trunk[rows, ::-1].argmax(axis=1) + left
-    middle = trunk[rows] @ np.arange(width) / trunk[rows].sum(axis=1) + left
-    evidence = np.bincount(scene.evidence[window][part], minlength=4)
+    box = _box_of(mask)
+    (d, left, middle, right), evidence, (farther, same, around), cut = described(
+        mask,
+        np.array(box),
+        scene.disparity,
+        scene.evidence,
+        scene.standing,
+        scene.grid.reduction,
+        TRUNK_SHARE,
+        _STEP_CELLS * scene.grid.reduction,
+        *scene.tolerances,
+    )
     tested = max(1, int(evidence.sum() - evidence[UNKNOWN]))
-    apart, clear = _apart(scene, mask, d)
-    # Left of a column the right camera sees nothing at this depth.
-    unseen = int(d / scene.grid.reduction) + 2
-    cut_left = _cut(scene, rows + top, first - _BESIDE_CELLS, d, unseen)
-    cut_right = _cut(scene, rows + top, last + _BESIDE_CELLS, d, 0)
     return Segment(
         mask=mask,
-        box=(left, top, right, bottom),
-        disparity=d,
-        area=int(np.count_nonzero(part)),
+        box=box,
+        disparity=float(d),
+        area=int(evidence.sum()),
         arrived=float(evidence[ARRIVED] / tested),
         hidden=float(evidence[HIDDEN] / tested),
         static=float(evidence[STATIC] / tested),
-        apart=apart,
-        clear=clear,
-        columns=(median(first), median(middle), median(last)),
-        cut=(cut_left, cut_right, top <= 1, bottom >= scene.grid.height - 1),
+        apart=float(farther / max(1, farther + same)),
+        clear=float(farther / max(1, around)),
+        columns=(float(left), float(middle), float(right)),
+        cut=(bool(cut[0]), bool(cut[1]), box[1] <= 1, box[3] >= scene.grid.height - 1),
     )
 
 
@@ -254,7 +243,7 @@ def owners(scene: DenseScene, bodies: list[Expected]) -> NDArray[np.int16]:
 
 
 def is_limb(scene: DenseScene, part: Segment, body: Segment) -> bool:
-    """Return whether a segment is a limb of a body, or what is seen between its limbs."""
+    """Return whether a segment is a limb of a body, the rest of it, or seen between its limbs."""
     if _gap(scene, part, body) > _GAP_TOLERANCES:
         return False
     reach = _LIMB_M * scene.grid.per_metre(body.disparity)
@@ -262,7 +251,9 @@ def is_limb(scene: DenseScene, part: Segment, body: Segment) -> bool:
     if a[0] > b[2] + reach or a[2] < b[0] - reach or a[1] > b[3] + reach or a[3] < b[1] - reach:
         return False
     shared = min(a[2], b[2] + reach / 2) - max(a[0], b[0] - reach / 2)
-    return shared >= _STACKED_SHARE * (a[2] - a[0]) or part.area < _LIMB_SHARE * body.area
+    # Of a body that was seen in part the rest may be the larger one.
+    stacked = shared >= _STACKED_SHARE * min(a[2] - a[0], b[2] - b[0])
+    return stacked or part.area < _LIMB_SHARE * body.area
 
 
 def with_limb(scene: DenseScene, body: Segment, limb: Segment) -> Segment:
@@ -274,12 +265,18 @@ def with_limb(scene: DenseScene, body: Segment, limb: Segment) -> Segment:
 
 def window_of(mask: Mask, more: int = 0) -> Window:
     """Rows and columns of a mask (h, w), and so many around them; empty for an empty one."""
-    column, row, width, height = cv2.boundingRect(mask.view(np.uint8))
+    left, top, right, bottom = _box_of(mask)
     h, w = mask.shape
     return (
-        slice(max(0, row - more), min(h, row + height + more)),
-        slice(max(0, column - more), min(w, column + width + more)),
+        slice(max(0, top - more), min(h, bottom + more)),
+        slice(max(0, left - more), min(w, right + more)),
     )
+
+
+def _box_of(mask: Mask) -> tuple[int, int, int, int]:
+    """First column and row of a mask (h, w), and those after the last."""
+    column, row, width, height = cv2.boundingRect(mask.view(np.uint8))
+    return column, row, column + width, row + height
 
 
 def widened(mask: Mask, reach: int) -> Mask:
@@ -318,60 +315,16 @@ def _grown(
 
     What was there before is left out, but for the cells that may be static.
     """
-    off = np.abs(scene.disparity - np.float32(disparity))
-    alike = free & (off < np.float32(scene.tolerance(disparity)))
-    alike &= (scene.evidence != STATIC) | may_be_static
-    if not alike.any():
-        return None
-    window = window_of(alike)
-    _, labels = cv2.connectedComponents(opened(alike[window]).view(np.uint8), connectivity=4)
-    hits = np.bincount(labels[seed[window]], minlength=2)
-    hits[0] = 0
-    if hits.max() == 0:
-        return None
-    mask = np.zeros(free.shape, np.bool_)
-    kept = np.zeros(int(labels.max()) + 1, np.bool_)
-    kept[: len(hits)] = hits >= max(3, _PART_SHARE * hits.max())
-    mask[window] = kept[labels]
-    return mask if mask.any() else None
-
-
-def _apart(scene: DenseScene, mask: Mask, disparity: float) -> tuple[float, float]:
-    """Share of a mask's border beyond which the scene is farther: of what can be compared, of all.
-
-    Where the scene goes on at about the same depth it cannot be told apart; the ground below it
-    and what is nearer say nothing.
-    """
-    wide = window_of(mask, _RING_CELLS)
-    part, d = mask[wide].astype(np.uint8), scene.disparity[wide]
-    rim = cv2.dilate(part, np.ones((2 * _RIM_CELLS + 1,) * 2, np.uint8))
-    around = np.ones((2 * _RING_CELLS + 1,) * 2, np.uint8)
-    ring = (cv2.dilate(part, around) > 0) & (rim == 0)
-    beside = cv2.dilate(np.where(part > 0, d, np.float32(0)), around)
-    limit = np.float32(max(_STEP_CELLS * scene.grid.reduction, scene.tolerance(disparity) / 2))
-    step = beside - d
-    farther = int(np.count_nonzero(ring & (step > limit)))
-    same = int(np.count_nonzero(ring & scene.standing[wide] & (np.abs(step) <= limit)))
-    return farther / max(1, farther + same), farther / max(1, int(np.count_nonzero(ring)))
-
-
-def _cut(
-    scene: DenseScene,
-    rows: NDArray[np.intp],
-    columns: NDArray[np.intp],
-    disparity: float,
-    border: int,
-) -> bool:
-    """True if what lies at cells (N,) beside a segment hides how far it goes on."""
-    width = scene.grid.width
-    outside = (columns < border) | (columns >= width - 1)
-    inside = np.clip(columns, 0, width - 1)
-    beside, tolerance = scene.disparity[rows, inside], scene.tolerance(disparity)
-    nearer = beside > disparity + tolerance
-    # What moves at the same depth may be more of it.
-    goes_on = scene.standing[rows, inside] & (beside > disparity - tolerance / 2)
-    goes_on &= scene.evidence[rows, inside] == ARRIVED
-    return bool((outside | nearer | goes_on).mean() > _CUT_SHARE)
+    mask, count = grown(
+        scene.disparity,
+        scene.evidence,
+        free,
+        seed,
+        may_be_static,
+        np.float32(disparity),
+        np.float32(scene.tolerance(disparity)),
+    )
+    return mask if count else None
 
 
 def extent_m(segment: Segment, grid: Grid) -> tuple[float, float]:

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from app.server import Conflict, FieldError, Server
+from app.server.runs import manager
 from app.storage import RunState, Storage
 from observer.errors import ParameterError
 
@@ -54,3 +55,14 @@ async def test_bad_parameters_start_no_run_and_stay_out(peer: Any, server: Serve
         await begin(server, preset="none")
     assert server.parameters.current.revision == 0
     assert len(opens(peer)) == 1
+
+
+async def test_a_run_that_has_ended_gives_back_its_memory(
+    server: Server, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    returned: list[bool] = []
+    monkeypatch.setattr(manager, "return_freed_memory", lambda: returned.append(True))
+    run = await begin(server)
+    assert returned == []
+    await server.runs.stop(run.id)
+    await until(lambda: returned == [True])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from app.server.errors import FieldError
-from app.server.source.hints import source_entries
+from app.server.source.hints import source_entries, source_title
 from app.server.source.opening import check_spec
 from observer.errors import SourceError
 from observer.opening import open_source
@@ -71,3 +71,16 @@ def test_what_was_opened_lately_is_told_in_its_group() -> None:
     assert entries["run:a1"].title == "Morning"
     assert entries["simulated:lab?seed=3"].title == "The lab, seed 3"
     assert entries["simulated:lab"].recent is None
+
+
+@pytest.mark.parametrize(
+    ("spec", "title"),
+    [
+        ("simulated:lab", "The lab"),
+        ("simulated:lab?seed=5", "The lab, seed 5"),
+        ("/data/corridor", "corridor"),
+        ("rtsp://user:secret@host/left,rtsp://host/right", "Network cameras"),
+    ],
+)
+def test_a_source_has_a_title(spec: str, title: str) -> None:
+    assert source_title(spec) == title

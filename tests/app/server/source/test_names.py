@@ -39,7 +39,7 @@ async def test_a_recording_bears_its_runs_name_and_there_is_a_way_back(
     await server.source.open(str(server.storage.folder.run(id).absolute() / "ring-1.mcap"), None)
     await until(lambda: told(server) == ("Saved clip of Evening", "simulated:lab"))
     run = await begin(server)
-    assert (run.source_name, run.name) == ("Saved clip of Evening", "Run of Saved clip of Evening")
+    assert (run.source_name, run.name) == ("Saved clip of Evening", "Saved clip of Evening")
     with pytest.raises(Conflict, match="stop it"):
         await server.source.go_back()
     await server.runs.stop(run.id)

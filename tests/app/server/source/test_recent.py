@@ -48,4 +48,5 @@ async def test_damaged_ones_are_left_out(peer: Any, storage: Storage) -> None:
     storage.open()
     storage.set_setting("recent_sources", ["simulated:people", 7, None])
     async with started(peer, storage) as server:
+        await until(lambda: len(server.source.recent.specs) > 1)
         assert server.source.recent.specs == ("simulated:lab", "simulated:people")

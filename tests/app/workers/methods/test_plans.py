@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from app.contract.robots import GoalNow
 from app.workers.methods.plans import Plans
 from observer.geometry import Pose
-from observer.mount import CameraMount
+from observer.mount import CameraMount, level_pose
 from observer.recording.payloads import RecordedFrame
 from observer.recording.reader import Recording
 
@@ -64,6 +66,37 @@ def test_a_tilted_camera_gives_a_level_plan() -> None:
     assert found.velocity == pytest.approx([0.0, -0.5], abs=1e-3)
     assert found.ellipse is None
     assert plan.camera == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)
+
+
+_GOAL = GoalNow(
+    state="driving",
+    sentence="Driving to the goal.",
+    place=(2.0, 1.0),
+    distance_m=2.2,
+    elapsed_s=1.0,
+    path=[(0.5, 0.0), (1.0, 0.3)],
+    risk_per_metre=0.001,
+    planned_risk_per_metre=None,
+    waits_for=None,
+    meets_s=None,
+)
+
+
+def test_goal_and_path_lie_where_the_robot_is_that_drives_to_them() -> None:
+    """The camera is 0.2 m before the axle, looks down and has gone 3 m and turned left by 90°."""
+    mount = CameraMount(1.0, math.radians(20), forward_m=0.2)
+    T_level_base = Pose.from_rotvec([0.0, 0.0, math.pi / 2], [3.0, 0.5, 0.0])
+    T_level_camera = T_level_base @ mount.T_base_camera
+    pose = level_pose(mount).inverse() @ T_level_camera
+    plans = Plans(_Recording(mount), None)  # type: ignore[arg-type]
+    seen = line(pose, [0, 0, 2], None)
+    plan = plans.of(frame(0, 0.0), seen, _GOAL)
+    assert plan.goal == pytest.approx([2.0, 2.5], abs=2e-3)
+    np.testing.assert_allclose(plan.path, [[3.0, 1.0], [2.7, 1.5]], atol=2e-3)
+    reached = plans.of(frame(1, 0.1), seen, replace(_GOAL, state="reached"))
+    assert (reached.goal, list(reached.path)) == (None, [])
+    lost = plans.of(frame(2, 0.2), None, _GOAL)
+    assert (lost.goal, list(lost.path)) == (None, [])
 
 
 def test_an_ellipse_holds_95_per_cent() -> None:

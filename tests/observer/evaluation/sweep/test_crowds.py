@@ -147,14 +147,14 @@ def test_figures_are_those_of_the_benchmark() -> None:
 def test_a_sweep_over_crowds_is_kept_and_gone_on_with(tmp_path: Path) -> None:
     pytest.importorskip("jupedsim", reason="needs the extra crowd, which brings jupedsim")
     grid = grid_from_text("guard.speed_max_mps: [0.5, 1.0]", "grid.yaml", driving=True)
-    plan = Plan(grid, grid.chosen(), (sweep_crowd("crowd:hard:0.01", 1),), 0.5)
+    plan = Plan(grid, grid.chosen(), (sweep_crowd("crowd:hard:0.01", 3),), 0.5)
     made = SweepRun(plan, TaskStore(tmp_path))
     made.run(ClusterChoice(processes=False))
     assert not made.result.failed
     slow, fast = (row.figures["time_ratio"] for row in made.result.rows)
     assert slow is not None
     assert fast is not None
-    # Measured by the same clock: twice the speed is no worse for its own free time.
+    # Measured by the same clock. Of a single run the luck of meeting somebody decides.
     assert fast < 0.8 * slow
     again = SweepRun(plan, TaskStore(tmp_path))
     assert again.kept == 2

@@ -15,6 +15,7 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.depth_image import RowTexture
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.grid import Grid
@@ -135,7 +136,17 @@ def seen(
     unchanged = np.zeros(GRID.shape, np.bool_)
     ground = GroundPlane(np.array([0.0, 1.0, 0.0]), HEIGHT_M)
     return DenseScene(
-        0.0, GRID, T_world_camera, dark, disparity, stands, evidence, unchanged, Light(), ground
+        time=0.0,
+        grid=GRID,
+        T_world_camera=T_world_camera,
+        left=dark,
+        texture=RowTexture.of(dark),
+        disparity=disparity,
+        standing=stands,
+        evidence=evidence,
+        changed=unchanged,
+        light=Light(),
+        ground=ground,
     )
 
 

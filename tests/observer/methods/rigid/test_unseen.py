@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 import pytest
@@ -13,10 +12,10 @@ from observer.methods.rigid.position_velocity_filter import PositionVelocityFilt
 from observer.methods.rigid.tracked_points import TrackedPoints
 from observer.methods.rigid.unseen import UnseenRegions
 from observer.parameters import StereoParameters
-from observer.types import Image, Obstacle, TrackState, Unseen
+from observer.types import Image, Unseen
 from observer.vision.view import View
 
-from ...builders import Texture, an_obstacle, as_image
+from ...builders import Texture, as_image
 from .solid_worlds import CAMERA, MOUNT, step_to
 
 P = StereoParameters()
@@ -28,6 +27,7 @@ CELL_PX = 16
 PATCH = (slice(64, 320), slice(240, 432))
 INSIDE = (slice(5, 19), slice(17, 25))
 Paint = Callable[[Image, Image], None]
+Box = tuple[float, float, float, float]
 
 
 def nothing(left: Image, right: Image) -> None:
@@ -77,14 +77,13 @@ def view(index: int, paint: Paint, disparity: float = 10.0) -> View:
     return View(index, 0.4 * index, None, left, right)
 
 
-def told(*paints: Paint, boxes: Sequence[tuple[float, float, float, float]] = ()) -> Unseen:
+def told(*paints: Paint, boxes: Sequence[Box] = ()) -> Unseen:
     """What is told of the last of some views, 0.4 s apart, by a camera that stands."""
     vision, regions = DenseVision(CAMERA, MOUNT), UnseenRegions(CAMERA)
     for index, paint in enumerate(paints):
         now = view(index, paint)
         scene = vision.look(now, step_to(dt=0.4), P, 0.0)
-    obstacles = [an_obstacle(box_px=box) for box in boxes]
-    return regions.look(now, scene, TrackedPoints.none(), obstacles, P)
+    return regions.look(now, scene, TrackedPoints.none(), boxes, (), P)
 
 
 def letters(unseen: Unseen) -> np.ndarray:
@@ -165,43 +164,36 @@ def test_what_is_nearer_than_stereo_searches_is_told_as_near(disparity: int) -> 
     assert "too close" in unseen.reasons[0]
 
 
-@pytest.mark.parametrize(
-    ("seeming", "told"),
-    [
-        ({"points": 6, "significance": 2.5}, True),
-        ({"points": 3, "significance": 2.5, "silhouette": (np.zeros((3, 2)),)}, True),
-        ({"points": 3, "significance": 2.5}, False),
-        ({"points": 6, "significance": 1.5}, False),
-        ({"points": 6, "significance": 2.5, "state": TrackState.COASTING}, False),
-    ],
-)
-def test_what_seems_to_move_but_is_not_reported_yet_is_told(
-    seeming: dict[str, Any], told: bool
-) -> None:
-    beside = {"state": TrackState.TENTATIVE, "box_px": (64.0, 64.0, 95.0, 95.0), **seeming}
-    unseen = seen_with(an_obstacle(**beside))
-    assert (unseen.cause_at((70.0, 70.0)) == "tentative") == told
-    assert any("started to move" in reason for reason in unseen.reasons) == told
+def test_what_seems_to_move_but_is_not_reported_yet_is_told() -> None:
+    unseen = seen_with(seeming=[(64.0, 64.0, 95.0, 95.0)])
+    assert unseen.cause_at((70.0, 70.0)) == "tentative"
+    assert unseen.cause_at((130.0, 70.0)) != "tentative"
+    assert any("started to move" in reason for reason in unseen.reasons)
     assert unseen.share < 0.03
 
 
 def test_what_is_reported_is_not_told_to_seem_to_move() -> None:
     box = (320.0, 180.0, 351.0, 243.0)
-    seeming = an_obstacle(state=TrackState.TENTATIVE, box_px=box)
-    assert seen_with(an_obstacle(box_px=box), seeming).cause_at((330.0, 200.0)) != "tentative"
+    assert seen_with(seeming=[box], reported=[box]).reasons == ()
 
 
-def seen_with(*obstacles: Obstacle) -> Unseen:
-    """What is told of the textured wall, all of which is seen, and these obstacles."""
+def test_boxes_may_reach_beyond_the_image() -> None:
+    unseen = seen_with(seeming=[(-50.0, -50.0, 20.0, 2000.0)])
+    assert unseen.cause_at((0.0, 0.0)) == unseen.cause_at((0.0, 399.0)) == "tentative"
+    assert not seen_with(seeming=[(-50.0, 20.0, -10.0, 80.0)]).reasons
+
+
+def seen_with(*, seeming: Sequence[Box] = (), reported: Sequence[Box] = ()) -> Unseen:
+    """What is told of the textured wall, all of which is seen, and of what is in these boxes."""
     now = view(0, nothing)
     scene = DenseVision(CAMERA, MOUNT).look(now, step_to(dt=0.4), P, 0.0)
-    return UnseenRegions(CAMERA).look(now, scene, TrackedPoints.none(), obstacles, P)
+    return UnseenRegions(CAMERA).look(now, scene, TrackedPoints.none(), reported, seeming, P)
 
 
 def test_at_speed_only_points_tell() -> None:
     regions = UnseenRegions(CAMERA)
     now = view(0, nothing)
-    unseen = regions.look(now, None, TrackedPoints.none(), (), P)
+    unseen = regions.look(now, None, TrackedPoints.none(), (), (), P)
     assert unseen.causes["fast"] > 0.97
     assert unseen.hides_person
 
@@ -217,7 +209,7 @@ def test_a_cell_is_seen_by_a_point_with_depth_that_was_followed(
     sums = PositionVelocityFilter.begin(place, np.broadcast_to(np.eye(3), (2, 3, 3)).copy())
     points = TrackedPoints.begin(0, px, px - np.float32(10), disparity, sums)
     points = points.but(sightings=np.full(2, sightings), cornered=np.ones(2, np.bool_))
-    unseen = UnseenRegions(CAMERA).look(view(0, nothing), None, points, (), P)
+    unseen = UnseenRegions(CAMERA).look(view(0, nothing), None, points, (), (), P)
     seen_at = [unseen.cause_at((float(u), float(v))) is None for u, v in px]
     assert seen_at == [sees, sees]
     assert unseen.cause_at((200.0, 50.0)) == "fast"

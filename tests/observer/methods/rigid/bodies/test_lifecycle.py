@@ -119,10 +119,27 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
 
 def test_out_of_sight_a_body_moves_on_as_it_did_however_uncertain(make_track: MakeTrack) -> None:
     for missed_s, motion in ((0.0, MotionState.STOPPED), (1.0, MotionState.MOVING)):
-        track = make_track(velocity=(0.5, 0.0, 0.0), sigma=0.4)
+        track = make_track(velocity=(0.5, 0.0, 0.0), sigma=0.3)
         track.state, track.missed_s = TrackState.CONFIRMED, missed_s
         judged(track)
         assert track.motion is motion
+
+
+def test_whose_velocity_is_not_known_any_more_has_not_stopped_for_that(guest: MakeTrack) -> None:
+    """Points of limbs were taken for the body, so that it may be slower or faster than they are."""
+    track = guest(arrived=3)
+    judged(track)
+    assert (track.state, track.motion) == (TrackState.CONFIRMED, MotionState.MOVING)
+    for sigma, motion in ((0.5, MotionState.MOVING), (0.1, MotionState.STOPPED)):
+        track.filter = guest((0.2, 0.0, 0.0), sigma=sigma).filter
+        judged(track)
+        assert track.motion is motion
+
+
+def test_what_was_not_reported_yet_and_is_hardly_known_does_not_move(guest: MakeTrack) -> None:
+    track = guest((0.5, 0.0, 0.0), sigma=0.5)
+    judged(track)
+    assert track.motion is MotionState.STOPPED
 
 
 def test_points_that_creep_where_something_was_before_confirm_nothing(guest: MakeTrack) -> None:
@@ -173,17 +190,19 @@ def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(guest: Make
 # --- the end -------------------------------------------------------------------------------
 
 
-def test_a_person_of_whom_a_part_moved_is_confirmed_by_a_less_sure_velocity(
-    guest: MakeTrack,
+@pytest.mark.parametrize("why", ["part_moves", "loosened"])
+def test_a_person_of_whom_a_part_or_points_moved_is_confirmed_by_a_less_sure_velocity(
+    guest: MakeTrack, why: str
 ) -> None:
     """Of 4 standard deviations; of 2.5, which is hardly more than who waves may show, nobody is."""
-    for speed, part_moves, state in (
+    for speed, known, state in (
         (0.8, True, TrackState.CONFIRMED),
         (0.8, False, TrackState.TENTATIVE),
         (0.5, True, TrackState.TENTATIVE),
     ):
         track = guest((0.0, 0.0, -speed), sigma=0.2, evidence=STATIC)
-        track.part_moves, track.points = part_moves, 12
+        setattr(track, why, known)
+        track.points = 12
         assert judged(track, 5) is state
 
 
@@ -246,6 +265,22 @@ def test_one_that_stands_where_it_was_confirmed_ends_and_one_that_walked_stays(
         over = stands(track, at, 12)
         assert not any(over[:6])
         assert any(over) is ends
+
+
+def test_one_that_walked_and_came_back_does_not_end_where_it_began(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    assert not any(stands(track, (0.9, 0.0, 4.0), 2))
+    assert not any(stands(track, (0.0, 0.0, 4.0), 20))
+
+
+def test_where_it_would_be_out_of_sight_it_was_not_seen_to_walk(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    track.missed_s = 0.1
+    stands(track, (0.9, 0.0, 4.0), 2)
+    track.missed_s = 0.0
+    assert any(stands(track, (0.0, 0.0, 4.0), 20))
 
 
 def test_a_short_stop_and_points_that_show_it_end_nothing(guest: MakeTrack) -> None:
@@ -319,3 +354,28 @@ def test_who_is_out_of_sight_coasts_and_then_ends(guest: MakeTrack) -> None:
     assert not is_over(track, P)
     track.missed_s = P.coast_s + 0.01
     assert is_over(track, P)
+
+
+@pytest.mark.parametrize(
+    ("speed", "sigmas", "motion"),
+    [
+        (0.4, 2.4, MotionState.MOVING),
+        (0.4, 1.6, MotionState.STOPPED),
+        (0.12, 2.4, MotionState.STOPPED),
+    ],
+)
+def test_one_that_moves_is_not_said_to_stand_because_its_speed_became_uncertain(
+    make_track: MakeTrack, speed: float, sigmas: float, motion: MotionState
+) -> None:
+    track = make_track((0.0, 0.0, 4.0), (0.0, 0.0, -speed), sigma=speed / sigmas)
+    track.state, track.motion = TrackState.CONFIRMED, MotionState.MOVING
+    judged(track)
+    assert track.motion is motion
+
+
+def test_what_was_never_sure_to_move_is_not_said_to(make_track: MakeTrack) -> None:
+    for state in (TrackState.TENTATIVE, TrackState.CONFIRMED):
+        track = make_track((0.0, 0.0, 4.0), (0.0, 0.0, -0.4), sigma=0.4 / 2.4)
+        track.state, track.motion = state, MotionState.STOPPED
+        judged(track)
+        assert track.motion is MotionState.STOPPED

@@ -18,6 +18,8 @@ from observer.methods.rigid.bodies.measurement import (
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints
 
+from ....builders import projection_jacobian
+
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 HERE = Pose.identity()
 SIGMA_PX = 0.15
@@ -48,7 +50,7 @@ def seen(
     away = rng.normal(0, 1, (strangers, 3))
     away *= rng.uniform(0.3, 1.0, (strangers, 1)) / np.linalg.norm(away, axis=1, keepdims=True)
     world[:strangers] += away
-    J = np.linalg.inv(CAMERA.projection_jacobian(world)) * SIGMA_PX
+    J = np.linalg.inv(projection_jacobian(CAMERA, world)) * SIGMA_PX
     noise = np.asarray(J @ np.swapaxes(J, 1, 2), np.float64)
     drawn = np.einsum("nij,nj->ni", J, rng.normal(0, 1, world.shape))
     place_cov = np.broadcast_to(np.eye(3) * place_sigma**2, (len(world), 3, 3)).copy()

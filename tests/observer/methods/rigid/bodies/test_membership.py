@@ -370,6 +370,23 @@ def test_two_who_stand_beside_each_other_stay_two_while_both_are_seen(
     assert are_one(older, other, REACH_M, P) is same
 
 
+@pytest.mark.parametrize(("apart_m", "same"), [(1.1, False), (0.5, True)])
+def test_who_is_out_of_sight_does_not_take_the_name_of_somebody_else_who_was_reported(
+    make_track: MakeTrack, apart_m: float, same: bool
+) -> None:
+    """However little is known of how the one moves by now."""
+    boxes = [Box(np.zeros(3), np.array([0.5, 1.8, 0.3]), 0.0) for _ in range(2)]
+    hidden = make_track(velocity=(0, 0, 0), box=boxes[0], sigma=0.5)
+    other = make_track((apart_m, 0, 3.0), (0.3, 0, 0), number=2, box=boxes[1])
+    for track, seen in ((hidden, False), (other, True)):
+        track.outline = SimpleNamespace(seen=seen)  # type: ignore[assignment]
+    hidden.state = TrackState.COASTING
+    # Who is not reported yet may be the one who was hidden.
+    assert are_one(hidden, other, REACH_M, P)
+    other.state = TrackState.CONFIRMED
+    assert are_one(hidden, other, REACH_M, P) is same
+
+
 def test_the_end_of_a_turning_body_may_move_the_other_way(make_track: MakeTrack) -> None:
     box = Box(np.zeros(3), np.array([1.0, 0.3, 1.2]), 0.0)
     turning = make_track(velocity=(0.6, 0, 0), yaw_rate=1.2, box=box)

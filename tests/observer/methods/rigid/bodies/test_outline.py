@@ -164,6 +164,19 @@ def test_who_is_seen_whole_again_is_expected_as_it_is_then() -> None:
     assert overlap(outline.expected(ORIGIN, HERE, GRID).mask, whole.mask) > 0.99
 
 
+def test_who_walks_in_is_expected_as_most_of_it_was_seen() -> None:
+    """From one frame to the next more of it comes out from behind a pillar."""
+    scene, part = view(body(0.1, 4.0), PILLAR)
+    outline = Outline.of(part, scene)
+    outline.note(part, ORIGIN, scene, 0.0)
+    aside = Solid((0.2, 0.0, 2.5), (0.3, 2.5, 0.1))
+    scene, more = view(body(0.1, 4.0), aside)
+    assert anchor_of(more) != "middle"
+    assert more.area > 1.1 * part.area
+    outline.note(more, ORIGIN, scene, 0.1)
+    assert overlap(outline.expected(ORIGIN, HERE, GRID).mask, more.mask) > 0.99
+
+
 # --- where it is measured ------------------------------------------------------------------
 
 
@@ -271,6 +284,16 @@ def test_a_limb_is_taken_and_a_stranger_is_not() -> None:
     np.testing.assert_array_equal(outline.segment.mask, segment.mask | limb.mask)
     where = outline.expected(np.array([0.0, -0.2, 4.0]), HERE, GRID)
     assert overlap(where.mask, outline.segment.mask) > 0.99
+
+
+def test_of_a_body_that_was_seen_in_part_the_rest_is_taken_though_it_is_larger() -> None:
+    trunk, leg = Solid((0.0, -0.2, 4.0), (0.5, 0.8, 0.2)), Solid((0.1, 0.5, 3.95), (0.18, 0.5, 0.1))
+    scene, whole = view(trunk, leg)
+    limb = segment_of(scene, cells_of(leg, [*ROOM, trunk, leg]))
+    outline = Outline.of(limb, scene)
+    outline.note(limb, np.array([0.1, 0.5, 4.0]), scene, 0.0)
+    assert outline.take(whole, scene)
+    np.testing.assert_array_equal(outline.segment.mask, whole.mask | limb.mask)
 
 
 def test_one_that_moves_as_a_thing_of_its_own_never_idles() -> None:

@@ -12,6 +12,7 @@ import pytest
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.expectation import expected_at, note_lasting_errors
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
@@ -164,7 +165,7 @@ def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -
     for stretch in (0.0, 0.05):
         track.filter.means[:, POSITION] = edge
         track.filter = replace(track.filter)
-        tracker.note_lasting_errors(seen_from(rate), errors(stretch))
+        note_lasting_errors(tracker.tracks, seen_from(rate), errors(stretch))
         doubt[stretch] = track.lasting_cov
     own = track.mean[None, VELOCITY]
     drift = 0.05 * rate.velocity_by_distortion(edge[None], own, CAMERA)[0]
@@ -172,7 +173,7 @@ def test_its_velocity_is_known_no_better_than_the_calibration(make_track: Any) -
     assert np.sqrt(doubt[0.05][0, 0]) > 0.005
     assert not doubt[0.0].any()
     track.missed_s = 0.1
-    tracker.note_lasting_errors(seen_from(CameraRate.still()), errors(0.05))
+    note_lasting_errors(tracker.tracks, seen_from(CameraRate.still()), errors(0.05))
     np.testing.assert_array_equal(track.lasting_cov, doubt[0.05])
 
 
@@ -399,7 +400,7 @@ def test_its_points_are_expected_where_it_will_be(watched: Any, box: Any, crate:
     run.run(1.5)
     place, _ = run.points.sums.static_position()
     dt = 0.3
-    expected = run.tracker.expected_at(run.points, place, dt, run.parameters.obstacles)
+    expected = expected_at(run.tracker.tracks, run.points, place, dt, run.parameters.obstacles)
     mine = (run.owner == 0) & (run.points.obstacle != -1)
     truth = body.places(run.time + dt)[run.which[mine]]
     assert np.median(np.linalg.norm((expected[mine] - truth)[:, [0, 2]], axis=1)) < 0.04

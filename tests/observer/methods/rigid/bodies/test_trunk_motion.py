@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.expectation import note_lasting_errors
 from observer.methods.rigid.bodies.filter import VELOCITY
+from observer.methods.rigid.bodies.legs import shows_only_legs
 from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.tracker import BodyTracker
-from observer.methods.rigid.bodies.trunk_motion import measure_trunk, shows_only_legs
+from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of
@@ -116,7 +118,7 @@ def test_what_shows_only_legs_has_no_trunk(
     ground = GroundPlane(np.array([0.0, 1.0, 0.0]), float(top[1]) + height_m)
     unknown.outline = replace(outline, segment=above)
     scene = replace(scene, ground=ground)
-    unknown.outline.only_legs = shows_only_legs(unknown.outline, scene)
+    unknown.outline.only_legs = shows_only_legs(unknown.outline.segment, scene)
     assert unknown.outline.only_legs is not trunk
     measure_trunk(unknown, np.zeros(0, np.intp), *no_points(), scene, DT)
     assert (unknown.outline.trunk is not None) is trunk
@@ -129,7 +131,7 @@ def test_legs_alone_make_the_velocity_less_sure(unknown: BodyTrack) -> None:
     tracker.tracks.append(unknown)
     for only_legs in (False, True):
         unknown.outline.only_legs = only_legs
-        tracker.note_lasting_errors(now_at(), Parameters().evidence)
+        note_lasting_errors(tracker.tracks, now_at(), Parameters().evidence)
         sigmas.append(float(np.sqrt(unknown.lasting_cov[0, 0])))
     assert sigmas[1] > 1.4 * sigmas[0]
 

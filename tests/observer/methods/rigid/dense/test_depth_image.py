@@ -8,7 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from observer.methods.rigid.dense.depth_image import depth_image, least_step, noise_of, textured
+from observer.methods.rigid.dense.depth_image import (
+    RowTexture,
+    depth_image,
+    least_step,
+    noise_of,
+    textured,
+)
 from observer.parameters import StereoParameters
 from observer.types import Image
 
@@ -29,7 +35,8 @@ def pair_at(disparity: float, noise: float = 1.0) -> tuple[Image, Image]:
 
 
 def depth_of(left: Image, right: Image) -> NDArray[np.float32]:
-    return depth_image(GRID.reduced(left), GRID.reduced(right), GRID, P)
+    small = GRID.reduced(left)
+    return depth_image(small, GRID.reduced(right), RowTexture.of(small), GRID, P)
 
 
 @pytest.mark.parametrize("disparity", [5.0, 12.5, 31.0, 50.3])

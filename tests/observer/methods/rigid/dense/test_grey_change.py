@@ -114,3 +114,16 @@ def test_the_exposure_swings_where_the_whole_image_changes_fast(swing: float, to
         gain = 1 + swing * np.sin(1.6 * k)
         change.changed(frame, (gain * 0.6 * grey).astype(np.uint8), ALL)
     assert change.light == Light(flickers=False, swings=told)
+
+
+@pytest.mark.parametrize("width", [0.5, 1.5])
+def test_who_walks_past_near_by_changes_no_light(width: float) -> None:
+    """Dark trousers that hide and uncover a large part of a bright wall."""
+    change = GreyChange(GRID)
+    for k in range(12):
+        trousers = Solid((-1.2 + 0.2 * k, 0.0, 1.5), (width, 2.0, 0.2))
+        shapes = [*ROOM, trousers]
+        frame, grey = look(k * LAG_S, shapes)
+        grey[cells_of(trousers, shapes)] = 25
+        change.changed(frame, grey, ALL)
+        assert change.light == Light()

@@ -7,7 +7,7 @@ import math
 import pytest
 from scipy.stats import chi2
 
-from observer.vision.chi_square import log_share_above, quantile, upper_quantile
+from observer.chi_square import log_share_above, quantile, upper_quantile
 
 
 @pytest.mark.parametrize("df", [1, 2, 3])

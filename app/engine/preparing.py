@@ -1,0 +1,51 @@
+"""The compiled vision made ready in a thread of its own, while the engine answers and beats."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+
+from app.runtime.heap import keep_for_good
+
+_log = logging.getLogger(__name__)
+
+# Makes ready what every observer needs; tells, in one sentence, if that takes a while.
+Preparation = Callable[[Callable[[str], None]], None]
+
+
+class Preparing:
+    """Work that must be done before a source can be observed.
+
+    Attributes:
+        note: why it takes a while, in one sentence; None if it does not, or is done.
+    """
+
+    def __init__(self, prepare: Preparation = lambda _: None) -> None:
+        self._prepare = prepare
+        self._done = threading.Event()
+        self.note: str | None = None
+
+    def start(self) -> None:
+        """Begin; whoever needs it waits by ``wait``."""
+        threading.Thread(target=self._run, name="preparing the vision", daemon=True).start()
+
+    def wait(self) -> None:
+        """Wait until it is done."""
+        self._done.wait()
+
+    def _tell(self, note: str) -> None:
+        self.note = note
+        _log.warning("%s", note)
+
+    def _run(self) -> None:
+        try:
+            self._prepare(self._tell)
+        except Exception:  # noqa: BLE001
+            # Whoever needs it tries again, and tells of it.
+            _log.exception("preparing the vision failed")
+        finally:
+            # A compiler's modules have more objects than all others.
+            keep_for_good()
+            self.note = None
+            self._done.set()

@@ -1,0 +1,108 @@
+"""Compiles all kernels beforehand, beside whatever runs, so that nothing waits at a frame."""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import inspect
+import os
+import pkgutil
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from multiprocessing import get_context
+from typing import IO, Any
+
+import observer.kernels
+from observer.kernels.compiled import Kernel
+
+# Processes that compile, for some hundred megabytes each.
+_MOST_PROCESSES = 4
+_NICENESS = 10
+
+COMPILING = (
+    "compiling the vision code for this computer's processor (once, about 20 seconds); "
+    "sources open when it is done"
+)
+
+
+@cache
+def every_kernel() -> dict[str, Kernel[..., Any]]:
+    """Return all kernels by module and name."""
+    found = {}
+    for info in pkgutil.iter_modules(observer.kernels.__path__):
+        if info.name in ("__main__", "building"):
+            continue
+        module = importlib.import_module(f"{observer.kernels.__name__}.{info.name}")
+        for name, kernel in vars(module).items():
+            if isinstance(kernel, Kernel) and kernel.function.__module__ == module.__name__:
+                found[f"{info.name}.{name}"] = kernel
+    return found
+
+
+def make_ready(tell: Callable[[str], None]) -> None:
+    """Load all kernels; where they are not compiled, have other processes do it first.
+
+    Args:
+        tell: is told in one sentence that this takes a while, if it does.
+    """
+    missing = [kernel for kernel in every_kernel().values() if not kernel.load()]
+    if not missing:
+        return
+    tell(COMPILING)
+    # A process of its own: this one may have heartbeats to send meanwhile. Its failure is none of
+    # ours, for what is missing then is compiled when it is called.
+    subprocess.run(
+        [sys.executable, "-P", "-m", observer.kernels.__name__],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        check=False,
+    )
+    for kernel in missing:
+        kernel.ready()
+
+
+def build() -> tuple[int, float]:
+    """Compile all kernels that are not in the cache, in several processes.
+
+    Returns:
+        How many were compiled, and the seconds it took.
+    """
+    began = time.monotonic()
+    with contextlib.suppress(OSError, AttributeError):
+        os.nice(_NICENESS)
+    with _alone():
+        missing = [name for name, kernel in every_kernel().items() if not kernel.load()]
+        # First those that take longest, which is about as long as their modules are.
+        missing.sort(key=lambda name: -_length(every_kernel()[name]))
+        processes = min(_MOST_PROCESSES, os.cpu_count() or 1, len(missing))
+        if processes:
+            with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+                list(pool.map(_compile, missing))
+    return len(missing), time.monotonic() - began
+
+
+def _length(kernel: Kernel[..., Any]) -> int:
+    return len(inspect.getsource(sys.modules[kernel.function.__module__]))
+
+
+def _compile(name: str) -> None:
+    every_kernel()[name].ready()
+
+
+@contextlib.contextmanager
+def _alone() -> Iterator[None]:
+    """Keep other processes from compiling the same; where that is not possible, both do."""
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(ImportError, OSError):
+            import fcntl
+
+            path = next(iter(every_kernel().values())).cache.lock_file
+            file: IO[str] = stack.enter_context(open(path, "w"))
+            fcntl.flock(file, fcntl.LOCK_EX)
+        yield

@@ -1,0 +1,92 @@
+"""What is expected of bodies a frame on, before it is seen, and how sure that can be at best."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, yaw_matrix
+from observer.methods.rigid.bodies.membership import shape_position
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
+from observer.parameters import EvidenceParameters, ObstacleParameters
+
+# Share of the acceleration that a steadily driving body may still have.
+_STEADY = 0.1
+# And that a walking person has.
+_WALKING = 0.6
+# m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
+_GAIT_MPS = 0.06
+# And what legs add, where nothing else is in view.
+_LEGS_MPS = 0.1
+# rad/s^2, of a steady and of a manoeuvring body.
+_YAW_ACCELERATION = (0.3, 5.0)
+# A point seen more often than this knows its own motion, and needs no guess.
+_YOUNG = 4
+
+
+def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParameters) -> None:
+    """Move all bodies on by one frame."""
+    position, dt = now.position, now.dt
+    for track in tracks:
+        depth = float(np.linalg.norm(track.mean[POSITION] - position))
+        agile = parameters.acceleration_px * depth / now.camera.fx
+        steady = _STEADY if track.rigid else _WALKING
+        yaw_acceleration = _YAW_ACCELERATION if track.rigid else (0.0, 0.0)
+        track.filter = track.filter.predicted(
+            dt, (steady * agile, agile), yaw_acceleration, track.shape.axis(track.yaw)
+        )
+        track.by_points = False
+        track.age_s += dt
+        track.frames += 1
+        track.steady_s += dt
+
+
+def note_lasting_errors(
+    tracks: list[BodyTrack], now: CameraStep, parameters: EvidenceParameters
+) -> None:
+    """Note how sure velocities can be at best, seen from this pose.
+
+    What is out of sight is known as it was when it was last seen.
+    """
+    stretch = parameters.distortion_sigma
+    for track in [t for t in tracks if t.missed_s == 0]:
+        bias_px = parameters.disparity_bias_px
+        outline = track.outline
+        if outline is not None and not (track.rigid or outline.depths.tell):
+            bias_px = max(bias_px, outline.bias_px)
+        place = now.T_camera_world.apply(track.mean[None, POSITION])
+        velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])
+        errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]
+        drift = errors @ now.T_camera_world.rotation
+        gait = 0.0 if track.rigid else _GAIT_MPS
+        if outline is not None and outline.only_legs and not track.rigid:
+            gait = _LEGS_MPS
+        track.lasting_cov = drift.T @ drift + gait**2 * np.eye(3)
+
+
+def expected_at(
+    tracks: list[BodyTrack],
+    points: TrackedPoints,
+    place: Float64Array,
+    dt: float,
+    parameters: ObstacleParameters,
+) -> Float64Array:
+    """(N, 3) where points on bodies should be ``dt`` seconds on, m, world; NaN for others.
+
+    Points that are not members yet, but lie in a body's box, are expected to move with it.
+
+    Args:
+        place: (N, 3) metres, world, where points are now if they do not move.
+    """
+    out = np.full((len(points), 3), np.nan)
+    young = np.flatnonzero((points.obstacle == NO_OBSTACLE) & (points.sightings < _YOUNG))
+    for track in tracks:
+        guests = young[track.contains(place[young], track.room(parameters.margin))]
+        out[guests] = place[guests] + dt * track.velocity_at(place[guests])
+        mine = np.flatnonzero(points.obstacle == track.id)
+        R = yaw_matrix(track.yaw + dt * track.yaw_rate)
+        origin = track.mean[POSITION] + dt * track.mean[VELOCITY]
+        out[mine] = origin + shape_position(points, mine) @ R.T
+    return out

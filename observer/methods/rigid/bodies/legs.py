@@ -1,0 +1,67 @@
+"""A person so near that the image ends below the trunk: two legs, which swing past each other.
+
+Of legs that stride alike the middle between them is where the hips are, across the view and in
+depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.kernels.sight import place_of
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment
+
+# Metres above the ground up to which legs reach.
+_LEGS_M = 0.85
+# Metres between the outer edges of two legs that stride, feet included; and in depth, at most.
+_STRIDE_M, _AHEAD_M = 1.3, 0.7
+# Shares of the cells that are farther than the farther leg, and than the nearer one.
+_DEPTHS = (0.15, 0.85)
+# Metres, one standard deviation: how far a foremost or rearmost leg swings against the hips.
+_SWING_M = 0.2
+_EYE = np.eye(3)
+
+
+def shows_only_legs(segment: Segment, scene: DenseScene) -> bool:
+    """Return whether the image ends below the trunk: legs do not move as the body does."""
+    if not segment.cut[2] or scene.ground is None:
+        return False
+    pose = scene.T_world_camera
+    u, v = scene.grid.to_px(np.array([segment.columns[1], segment.box[1]])).tolist()
+    top = place_of(
+        u, v, segment.disparity, pose.rotation, pose.translation, scene.grid.camera.numbers
+    )
+    return scene.ground.height(top) < _LEGS_M
+
+
+def is_other_leg(scene: DenseScene, part: Segment, leg: Segment) -> bool:
+    """Return whether a segment is the other leg of a person of whom a leg is known."""
+    camera = scene.grid.camera
+    one, other = (camera.fx * camera.baseline / each.disparity for each in (part, leg))
+    if not (part.cut[2] and leg.cut[2]) or abs(one - other) > _AHEAD_M:
+        return False
+    left, right = min(part.box[0], leg.box[0]), max(part.box[2], leg.box[2])
+    return right - left < _STRIDE_M * scene.grid.per_metre(leg.disparity)
+
+
+def at_hips(segment: Segment, scene: DenseScene) -> Segment:
+    """Return a segment of legs at the disparity midway between them.
+
+    The median would leap from one leg to the other.
+    """
+    disparity = scene.disparity[segment.mask]
+    far, near = np.quantile(disparity[np.isfinite(disparity)], _DEPTHS)
+    return replace(segment, disparity=float(far + near) / 2)
+
+
+def swing_cov(along: Float64Array) -> Float64Array:
+    """(3, 3) m^2, of a leg against the hips, across the line of sight.
+
+    Args:
+        along: (3, 3) the projection onto that.
+    """
+    return np.asarray((_EYE - along) * _SWING_M**2)

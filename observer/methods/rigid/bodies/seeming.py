@@ -1,0 +1,96 @@
+"""Tracks that may move but are not sure enough to be reported, and where their bodies may be."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.camera import StereoCamera
+from observer.geometry import Pose
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.outline import Outline
+from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.ground import GroundPlane
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import extent_m
+from observer.types import TrackState
+
+BoxPx = tuple[float, float, float, float]
+
+# Standard deviations of its velocity and number of points from which on something seems to move.
+_SEEMING_SIGMAS, _SEEMING_POINTS = 2.0, 6
+# Share of a segment that has entered free space where it must have come from elsewhere.
+_CAME_SHARE = 0.5
+# What is as high as a part of a person, metres, or as this share of the view, is no patch of noise.
+_PERSON_PART_M, _VIEW_SHARE = 0.8, 0.6
+# Metres: the width and height of a person.
+_WIDTH_M, _HEIGHT_M = 0.5, 1.8
+
+
+def told_px(
+    tracks: list[BodyTrack], scene: DenseScene | None, now: CameraStep
+) -> tuple[list[BoxPx], list[BoxPx]]:
+    """Return the boxes, px, of what is reported to be seen, and of what seems to move."""
+    ground = None if scene is None else scene.ground
+    reported = [t.box_px for t in tracks if t.state is TrackState.CONFIRMED]
+    seeming = []
+    for track in [t for t in tracks if seems_to_move(t)]:
+        # What moves on somebody who is reported is an arm or a shadow, and nobody beside him.
+        alone = not any(_middle_within(track.box_px, box) for box in reported)
+        seeming.append(
+            may_fill(track, ground, now.T_camera_world, now.camera) if alone else track.box_px
+        )
+    return reported, seeming
+
+
+def seems_to_move(track: BodyTrack) -> bool:
+    """Return whether a track that is not reported yet may be of something that moves.
+
+    The velocity of an outline is hardly known at first, and again once its points turned out to
+    be those of limbs. Then it seems to move by having come where it was free, or by its points.
+    """
+    if track.state is not TrackState.TENTATIVE:
+        return False
+    outline = track.outline
+    seen = outline is not None and outline.seen
+    if track.significance >= _SEEMING_SIGMAS:
+        return seen or track.points >= _SEEMING_POINTS
+    if outline is None or not seen or not _is_high(outline):
+        return False
+    return track.loosened or outline.segment.arrived > _CAME_SHARE
+
+
+def may_fill(
+    track: BodyTrack, ground: GroundPlane | None, T_camera_world: Pose, camera: StereoCamera
+) -> BoxPx:
+    """Return u0, v0, u1, v1 around where a body may be, pixels of the left image.
+
+    Points may be those of a leg or of a head, and an outline that of a trunk: around them a person
+    may stand.
+
+    Args:
+        ground: None unknown.
+    """
+    if ground is None:
+        return track.box_px
+    height = ground.height(track.centre)
+    ends = track.centre + np.array([[height], [height - _HEIGHT_M]]) * ground.down
+    px, disparity = camera.project(T_camera_world.apply(ends))
+    if not np.isfinite(px).all():
+        return track.box_px
+    half = _WIDTH_M / 2 * float(disparity.mean()) / camera.baseline
+    (left, top), (right, bottom) = px.min(axis=0).tolist(), px.max(axis=0).tolist()
+    u0, v0, u1, v1 = track.box_px
+    return min(u0, left - half), min(v0, top), max(u1, right + half), max(v1, bottom)
+
+
+def _is_high(outline: Outline) -> bool:
+    """Return whether an outline is as high as a part of a person, or as the view at its place."""
+    grid = outline.grid
+    view_m = grid.height / grid.per_metre(outline.segment.disparity)
+    _, height_m = extent_m(outline.segment, grid)
+    return height_m >= min(_PERSON_PART_M, _VIEW_SHARE * view_m)
+
+
+def _middle_within(box: BoxPx, other: BoxPx) -> bool:
+    u, v = (box[0] + box[2]) / 2, (box[1] + box[3]) / 2
+    return other[0] <= u <= other[2] and other[1] <= v <= other[3]

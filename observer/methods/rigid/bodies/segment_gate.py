@@ -1,0 +1,66 @@
+"""Whether a segment may be of a body, by where that can have gone; heights are left out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from observer.geometry import Float64Array
+from observer.kernels.body_filter import squared_gap
+from observer.kernels.sight import view_of
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
+from observer.methods.rigid.bodies.outline import anchor_of, measured_anchor
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment
+
+# A segment is a body out of sight within this squared length of its place, which may have changed
+# by so many metres against expectation.
+_FOUND_CHI2, _CHANGED_M = 9.0, 0.25
+# It is no segment beyond this squared length, with a velocity that changed by so much out of sight.
+_LEAP_CHI2, _CHANGED_MPS = 25.0, 0.5
+# And what left the image comes back from where it could have gone, within so many metres.
+_TURNED_M = 0.5
+_LEVEL, _EYE = np.array([1.0, 0.0, 1.0]), np.eye(3)
+
+
+def returns_as(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a body that is out of sight may be this segment, heights left out."""
+    place, cov = measured_anchor(segment, "middle", scene)
+    if has_left(track, scene):
+        # Beyond the border it may have turned in any way.
+        way = track.missed_s * track.mean[VELOCITY]
+        gap = (place - (track.centre - way)) * _LEVEL
+        return bool(np.linalg.norm(gap) < np.linalg.norm(way) + _TURNED_M)
+    return _chi2(track, place - track.centre, cov, _CHANGED_M) < _FOUND_CHI2
+
+
+def leaps(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
+    """Return whether a segment is much farther from a body than that can have come.
+
+    Beside and behind a body are cells that it covered a moment ago, which seem to have arrived.
+    """
+    anchor = anchor_of(segment)
+    assert track.outline is not None
+    place, cov = measured_anchor(segment, anchor, scene)
+    offset = track.outline.offsets.get(anchor)
+    at = track.mean[POSITION] + offset if offset is not None else track.centre
+    changed = _CHANGED_M + track.missed_s * _CHANGED_MPS
+    return _chi2(track, place - at, cov, changed) > _LEAP_CHI2
+
+
+def _chi2(track: BodyTrack, gap: Float64Array, cov: Float64Array, changed_m: float) -> float:
+    """Return the squared length of a gap to a body's place, heights left out.
+
+    Args:
+        gap: (3,) metres, world. cov: (3, 3) of what was measured. changed_m: one standard deviation
+            of how the body moved against expectation.
+    """
+    noise = cov + _EYE * changed_m**2
+    return squared_gap(gap * _LEVEL, track.filter.covariance, POSITION.start, noise)
+
+
+def has_left(track: BodyTrack, scene: DenseScene) -> bool:
+    """Return whether a body should be beyond the left or right border of the image by now."""
+    pose, camera = scene.T_camera_world, scene.grid.camera
+    u, _, _ = view_of(track.centre, pose.rotation, pose.translation, camera.numbers)
+    return not 0 <= u <= camera.width - 1

@@ -1,0 +1,152 @@
+"""Compilation beforehand, and the cache: what is fresh, what is stale, where nothing is written."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+from observer.kernels import cache
+from observer.kernels.building import every_kernel, make_ready
+from observer.kernels.compiled import REALS1, Kernel
+from observer.kernels.neighbourhoods import linked
+
+COMPILED = pytest.mark.skipif(
+    bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="NUMBA_DISABLE_JIT is set"
+)
+
+
+def doubled(values: np.ndarray) -> np.ndarray:
+    out = np.empty(len(values))
+    for i in range(len(values)):
+        out[i] = 2 * values[i]
+    return out
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The folder in which kernels are kept."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def files(folder: Path) -> set[Path]:
+    return set(folder.rglob("*.nbc"))
+
+
+@COMPILED
+def test_what_was_compiled_is_loaded_next_time(folder: Path) -> None:
+    first = Kernel(doubled, (REALS1,))
+    assert not first.load()
+    np.testing.assert_array_equal(first(np.arange(3.0)), [0, 2, 4])
+    kept = files(folder)
+    assert len(kept) == 1
+    second = Kernel(doubled, (REALS1,))
+    assert second.load()
+    np.testing.assert_array_equal(second(np.arange(3.0)), [0, 2, 4])
+    assert files(folder) == kept
+
+
+@COMPILED
+@pytest.mark.usefixtures("folder")
+def test_another_processor_compiles_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    Kernel(doubled, (REALS1,)).ready()
+    assert Kernel(doubled, (REALS1,)).load()
+    monkeypatch.setattr(cache.KernelCache, "_index_key", lambda *_: ("another processor",))
+    assert not Kernel(doubled, (REALS1,)).load()
+
+
+@COMPILED
+@pytest.mark.usefixtures("folder")
+def test_a_changed_source_is_stale(monkeypatch: pytest.MonkeyPatch) -> None:
+    Kernel(doubled, (REALS1,)).ready()
+    monkeypatch.setattr(cache, "_sources", lambda _: "another text")
+    assert not Kernel(doubled, (REALS1,)).load()
+
+
+def test_a_kernel_is_stale_when_what_it_imports_from_changes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cache, "_ROOT", tmp_path)
+    digest = cache._sources.__wrapped__
+    kernels = tmp_path / "observer" / "kernels"
+    kernels.mkdir(parents=True)
+    texts = {
+        "stage": "from observer.kernels.parts import (\n    part,\n)\n",
+        "parts": "from observer.robust import FACTOR\n",
+        "other": "FACTOR = 2\n",
+    }
+    for name, text in texts.items():
+        (kernels / f"{name}.py").write_text(text, encoding="utf-8")
+    factor = tmp_path / "observer" / "robust.py"
+    factor.write_text("FACTOR = 1\n", encoding="utf-8")
+    before = digest(kernels / "stage.py")
+    (kernels / "other.py").write_text("FACTOR = 3\n", encoding="utf-8")
+    assert digest(kernels / "stage.py") == before
+    factor.write_text("FACTOR = 4\n", encoding="utf-8")
+    assert digest(kernels / "stage.py") != before
+
+
+@COMPILED
+def test_where_nothing_can_be_written_it_works_all_the_same(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(**_: object) -> None:
+        raise PermissionError("read-only file system")
+
+    monkeypatch.setattr("tempfile.TemporaryFile", refuse)
+    kernel = Kernel(doubled, (REALS1,))
+    assert not kernel.load()
+    np.testing.assert_array_equal(kernel(np.arange(3.0)), [0, 2, 4])
+    assert not files(folder)
+
+
+@COMPILED
+def test_other_types_are_refused_rather_than_compiled() -> None:
+    with pytest.raises(TypeError, match="No matching definition"):
+        linked(np.zeros((1, 2)), np.ones(2, np.bool_))  # type: ignore[arg-type]
+
+
+def test_all_kernels_are_found_and_made_ready() -> None:
+    assert {"pose_fit.fit_pose", "motion_test.pooled", "neighbourhoods.linked"} <= set(
+        every_kernel()
+    )
+    told: list[str] = []
+    make_ready(told.append)
+    told.clear()
+    make_ready(told.append)
+    assert told == []
+    assert all(kernel.load() for kernel in every_kernel().values())
+
+
+@COMPILED
+@pytest.mark.slow
+@pytest.mark.timeout(600)
+def test_a_processor_without_a_cache_is_told_and_compiles_once(tmp_path: Path) -> None:
+    program = (
+        "from observer.kernels.building import make_ready, every_kernel\n"
+        "told = []\n"
+        "make_ready(told.append)\n"
+        "assert all(kernel.load() for kernel in every_kernel().values())\n"
+        "print(len(told))\n"
+    )
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    told = [
+        subprocess.run(
+            [sys.executable, "-c", program], env=environment, check=True, capture_output=True,
+            text=True, timeout=300,
+        ).stdout.strip()
+        for _ in range(2)
+    ]  # fmt: skip
+    assert told == ["1", "0"]
+    assert len(files(tmp_path)) >= len(every_kernel())
+    ended = subprocess.run(
+        [sys.executable, "-m", "observer.kernels"], env=environment, check=True,
+        capture_output=True, text=True, timeout=300,
+    )  # fmt: skip
+    assert ended.stdout.strip() == "all kernels are compiled"

@@ -1,0 +1,53 @@
+"""The kernel that searches rows for single points against the same formulas by numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from observer.kernels.row_search import search_rows
+
+from .oracles import row_search as oracle
+
+HEIGHT, WIDTH, SIDE, REDUCTION = 40, 60, 9, 2
+UNIQUENESS, LEAST_GAP = np.float32(0.1), np.float32(40.5)
+
+
+def pair(seed: int, count: int, levels: int, period: int) -> tuple[np.ndarray, np.ndarray]:
+    """Two images, the second shifted; few levels and repetitions make ties."""
+    rng = np.random.default_rng(seed)
+    wide = rng.integers(0, levels, (HEIGHT + SIDE - 1, period)) * (62 // (levels - 1))
+    wide = np.tile(wide, (1, 400 // period + 1)).astype(np.uint8)
+    wide[::5] = rng.integers(0, 63, wide[::5].shape)
+    shift = int(rng.integers(0, count + 1))
+    first = wide[:, 100 : 100 + WIDTH + SIDE - 1]
+    second = wide[:, 100 + shift - count : 100 + shift + WIDTH + SIDE - 1].astype(np.int64)
+    second = np.clip(second + rng.integers(-3, 4, second.shape), 0, 62).astype(np.uint8)
+    return np.ascontiguousarray(first), second
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize(
+    ("count", "levels", "period"),
+    [(24, 63, 400), (24, 2, 400), (48, 63, 7), (1, 63, 400), (0, 9, 9)],
+)
+def test_it_finds_what_numpy_finds(seed: int, count: int, levels: int, period: int) -> None:
+    first, second = pair(seed, count, levels, period)
+    rng = np.random.default_rng(seed)
+    px = rng.uniform((0, 0), (2 * WIDTH - 1, 2 * HEIGHT - 1), (60, 2)).astype(np.float32)
+    # Half pixels of the smaller image are rounded to even ones; the last are beyond it.
+    px[:20] = np.rint(px[:20])
+    px[-3:] = [[0, 0], [2 * WIDTH - 1, 2 * HEIGHT - 1], [2 * WIDTH + 5, 2 * HEIGHT + 5]]
+    arguments = first, second, px, REDUCTION, SIDE, count, UNIQUENESS, LEAST_GAP
+    np.testing.assert_array_equal(search_rows(*arguments), oracle.search_rows(*arguments))
+
+
+def test_equal_images_have_no_disparity_and_no_points_none() -> None:
+    flat = np.full((HEIGHT + SIDE - 1, WIDTH + SIDE - 1), 31, np.uint8)
+    wide = np.full((HEIGHT + SIDE - 1, WIDTH + SIDE - 1 + 24), 31, np.uint8)
+    px = np.array([[50.0, 20.0], [119.0, 79.0]], np.float32)
+    for some in (px, px[:0]):
+        found = search_rows(flat, wide, some, REDUCTION, SIDE, 24, UNIQUENESS, LEAST_GAP)
+        assert found.dtype == np.float32
+        assert found.shape == (len(some),)
+        assert np.isnan(found).all()

@@ -1,0 +1,108 @@
+"""Persons of whom only the legs are in view, as boxes whose places are known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from observer.geometry import Pose
+from observer.methods.rigid.bodies.legs import at_hips, is_other_leg, shows_only_legs, swing_cov
+from observer.methods.rigid.bodies.outline import Outline
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment, segment_of
+from observer.types import TrackState
+
+from ..solid_worlds import DT, ROOM, Solid, SolidView, cells_of, on_floor, seen
+
+quick = settings(deadline=None, max_examples=10)
+# The camera of a small robot, metres above the floor of a world whose y axis points down.
+LOW_M = 0.3
+LOW = Pose(np.eye(3), np.array([0.0, 1.0 - LOW_M, 0.0]))
+
+
+def leg(x: float, z: float) -> Solid:
+    """A leg that reaches out of the image."""
+    return on_floor(x, z, (0.16, 1.2, 0.16))
+
+
+def legs(*places: tuple[float, float]) -> tuple[DenseScene, list[Segment]]:
+    """Legs at x, z metres in a room that was empty before, and the segment of each."""
+    solids = [leg(*place) for place in places]
+    shapes = [*ROOM, *solids]
+    masks = [cells_of(solid, shapes, LOW) for solid in solids]
+    evidence = np.where(np.any(masks, axis=0), ARRIVED, STATIC).astype(np.uint8)
+    scene = seen(shapes, LOW, evidence)
+    return scene, [segment_of(scene, mask & scene.standing) for mask in masks]
+
+
+def outlined(segment: Segment, scene: DenseScene) -> Outline:
+    outline = Outline.of(segment, scene)
+    outline.note(segment, np.zeros(3), scene, 0.0)
+    outline.only_legs = shows_only_legs(segment, scene)
+    return outline
+
+
+@pytest.mark.parametrize(("z", "only"), [(0.9, True), (1.2, True), (1.6, False), (4.0, False)])
+def test_only_legs_are_seen_of_who_is_near(z: float, only: bool) -> None:
+    """The image ends 0.4 m per metre above the camera."""
+    scene, (segment,) = legs((0.0, z))
+    assert shows_only_legs(segment, scene) is only
+
+
+def test_the_other_leg_is_taken_however_large_it_is() -> None:
+    scene, (one, other) = legs((-0.25, 1.2), (0.2, 1.3))
+    outline = outlined(one, scene)
+    assert outline.only_legs
+    assert outline.take(other, scene)
+    np.testing.assert_array_equal(outline.segment.mask, one.mask | other.mask)
+
+
+def test_what_stands_beside_a_person_seen_whole_is_no_leg() -> None:
+    scene, (one, other) = legs((-0.25, 3.0), (0.2, 3.0))
+    outline = outlined(one, scene)
+    assert not outline.take(other, scene)
+
+
+@pytest.mark.parametrize("place", [(0.35, 2.2), (0.75, 1.35)], ids=["behind", "aside"])
+def test_the_leg_of_somebody_else_is_not_taken(place: tuple[float, float]) -> None:
+    scene, (one, other) = legs((-0.7, 1.35), place)
+    assert not is_other_leg(scene, other, one)
+    assert not outlined(one, scene).take(other, scene)
+
+
+@quick
+@given(near=st.floats(1.0, 1.2), apart=st.floats(0.0, 0.3))
+def test_the_hips_are_midway_between_the_legs(near: float, apart: float) -> None:
+    scene, (one, other) = legs((-0.2, near), (0.2, near + apart))
+    both = segment_of(scene, one.mask | other.mask)
+    middle = (one.disparity + other.disparity) / 2
+    assert at_hips(both, scene).disparity == pytest.approx(middle, rel=0.02)
+
+
+def test_a_leg_swings_across_the_line_of_sight() -> None:
+    along = np.diag([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(np.sqrt(np.diag(swing_cov(along))), [0.2, 0.2, 0.0])
+
+
+def test_who_walks_past_near_by_is_one_that_moves_as_the_hips_do() -> None:
+    """Each leg stands while the other one goes twice as fast."""
+    view, speed = SolidView(), 0.9
+    omega = 2 * math.pi
+    for _ in range(5):
+        view.step(ROOM, LOW)
+    velocities = []
+    for k in range(13):
+        t = k * DT
+        hips, swing = -0.55 + speed * t, speed / omega * math.sin(omega * t)
+        view.step([*ROOM, leg(hips - swing, 1.15), leg(hips + swing, 1.35)], LOW)
+        shown = [t for t in view.tracks if t.state is TrackState.CONFIRMED]
+        assert len(shown) <= 1
+        velocities += [track.centre_velocity()[0] for track in shown]
+    assert len(velocities) >= 6
+    np.testing.assert_allclose(np.mean(velocities, axis=0), [speed, 0.0, 0.0], atol=0.15)
+    assert abs(velocities[-1][2]) < 0.15

@@ -1,0 +1,50 @@
+"""New points of images that were not exposed at the same time."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from observer.camera import StereoCamera
+from observer.geometry import Pose
+from observer.methods.rigid.point_renewal import PointRenewal
+from observer.methods.rigid.tracked_points import TrackedPoints
+from observer.parameters import Parameters
+from observer.vision.camera_rate import CameraRate
+from observer.vision.view import View
+
+from ...builders import Texture, as_image
+
+CAMERA = StereoCamera(320, 160, 250.0, 250.0, 160.0, 80.0, 0.12)
+WALL = Texture(5, (160, 320))
+DISPARITY_PX = 20.0
+SKEW_S = 0.016
+# The camera slides along the wall, so that all of it moves through the image alike.
+RATE = CameraRate(np.zeros(3), np.array([0.6, 0.0, 0.0]))
+FLOW_PX_S = 0.6 * DISPARITY_PX / CAMERA.baseline
+
+
+def new_points(right_time: float | None, rate: CameraRate | None) -> TrackedPoints:
+    """Points of a wall that moves on before the right camera exposes."""
+    seen_px = DISPARITY_PX - SKEW_S * FLOW_PX_S
+    left, right = as_image(WALL.moved()), as_image(WALL.moved(-seen_px))
+    view = View(0, 0.0, right_time, left, right)
+    nothing, nowhere = TrackedPoints.none(), np.zeros((0, 4))
+    renewal = PointRenewal(CAMERA)
+    return renewal.renewed(nothing, view, nowhere, Pose.identity(), rate, Parameters(), 0.0)
+
+
+def test_new_points_have_the_disparity_of_the_left_exposure() -> None:
+    points = new_points(SKEW_S, RATE)
+    assert len(points) > 30
+    # The flow follows from the disparity as it was seen, so that a tenth of the skew remains.
+    assert np.median(points.disparity) == pytest.approx(DISPARITY_PX, abs=0.2)
+
+
+@pytest.mark.parametrize(("right_time", "rate"), [(None, RATE), (0.0, RATE), (SKEW_S, None)])
+def test_where_no_skew_or_no_motion_is_known_it_stays_as_seen(
+    right_time: float | None, rate: CameraRate | None
+) -> None:
+    points = new_points(right_time, rate)
+    expected = DISPARITY_PX - SKEW_S * FLOW_PX_S
+    assert np.median(points.disparity) == pytest.approx(expected, abs=0.1)
