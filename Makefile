@@ -80,7 +80,7 @@ ifeq ($(strip $(ARGS)),)
 	$(BIN)/python tools/packaging/frontend.py test
 	$(BIN)/pytest -n 3 --dist loadfile --ignore tests/browser --ignore tests/faults $(once_more)
 	NUMBA_DISABLE_JIT=1 $(BIN)/pytest tests/observer/kernels
-	$(BIN)/pytest -s tests/faults
+	$(BIN)/pytest -s tests/faults $(once_more)
 	$(BIN)/pytest tests/browser $(once_more)
 else
 	$(BIN)/pytest $(ARGS)
@@ -199,8 +199,8 @@ clean:
 
 # --- pieces of shell -----------------------------------------------------------------------------
 
-# In CI, whose machine does much else: what failed is tried once more, with nothing beside it, and
-# stays in the output for whoever looks. Not so for tests/faults, whose promises hold every time.
+# In CI, whose machine does much else and may be paused as a whole: what failed is tried once more,
+# with nothing beside it, and stays in the output. Not so in make faults, where every trial counts.
 ifneq ($(CI),)
 once_more = || { echo "Once more, with nothing beside it:"; \
   $(BIN)/pytest --last-failed --last-failed-no-failures none; }
