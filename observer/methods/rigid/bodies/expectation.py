@@ -11,11 +11,15 @@ from observer.methods.rigid.bodies.membership import shape_position
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.parameters import EvidenceParameters, ObstacleParameters
+from observer.types import TrackState
 
 # Share of the acceleration that a steadily driving body may still have.
 _STEADY = 0.1
 # And that a walking person has.
 _WALKING = 0.6
+# By how much more a person may accelerate along the line of sight while no points on the trunk tell
+# how far away it is: who turns round then is noticed late, and by a depth that errs for long.
+_UNSEEN_TURNS = 2.0
 # m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
 _GAIT_MPS = 0.06
 # And what legs add, where nothing else is in view.
@@ -34,13 +38,22 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
         agile = parameters.acceleration_px * depth / now.camera.fx
         steady = _STEADY if track.rigid else _WALKING
         yaw_acceleration = _YAW_ACCELERATION if track.rigid else (0.0, 0.0)
-        track.filter = track.filter.predicted(
-            dt, (steady * agile, agile), yaw_acceleration, track.shape.axis(track.yaw)
-        )
+        axis = track.shape.axis(track.yaw)
+        if _turns_unseen(track):
+            agile *= _UNSEEN_TURNS
+            axis = (track.mean[POSITION] - position) / depth
+        track.filter = track.filter.predicted(dt, (steady * agile, agile), yaw_acceleration, axis)
         track.by_points = False
         track.age_s += dt
         track.frames += 1
         track.steady_s += dt
+
+
+def _turns_unseen(track: BodyTrack) -> bool:
+    """Return whether a person who is reported may turn round long before it is noticed."""
+    outline = track.outline
+    reported = track.state is not TrackState.TENTATIVE
+    return reported and not track.rigid and outline is not None and not outline.depths.tell
 
 
 def note_lasting_errors(

@@ -94,11 +94,18 @@ def _motion(track: BodyTrack, speed: float, sigma: float, limit: float) -> Motio
     least = _STILL_SIGMAS if moved and speed > _CREEPING * limit else _MOVING_SIGMAS
     if speed >= limit and track.significance >= least:
         return MotionState.MOVING if speed - sigma > limit else track.motion
-    # Out of sight only the certainty fades, and likewise where limbs were taken for the body.
+    # Out of sight only the certainty fades, and likewise where limbs were taken for the body. But
+    # what fills the cells that were filled before stands, however uncertain its velocity.
     unknown = track.missed_s > 0 or sigma > _WALKS_MPS / _MOVING_SIGMAS
-    if reported and unknown:
+    if reported and unknown and not _is_unmoved(track):
         return track.motion
     return MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
+
+
+def _is_unmoved(track: BodyTrack) -> bool:
+    """Return whether all of a body is seen where something was before."""
+    outline = track.outline
+    return outline is not None and outline.seen and outline.segment.static >= _UNMOVED_SHARE
 
 
 def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
@@ -146,7 +153,7 @@ def _confirmed(
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:
-        return True
+        return track.outline is not None and track.outline.segment.stands_apart
     return _confirmed_by_outline(track, camera_position, parameters, light)
 
 
@@ -232,6 +239,9 @@ def _confirmed_by_outline(
     """
     outline = track.outline
     if outline is None or not outline.seen or track.motion is not MotionState.MOVING:
+        return False
+    if (outline.merged or outline.stands) and not outline.is_high:
+        # A patch of noise on a wall.
         return False
     frames, sigmas = _ARRIVED_FRAMES, _ARRIVED_SIGMAS
     if light.swings:

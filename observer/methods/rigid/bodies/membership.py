@@ -159,12 +159,19 @@ def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
             size = float(np.linalg.norm(track.box.size[[0, 2]]))
         slack = 0.5 * size + _FOUND_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
         distance = float(np.linalg.norm(group.centre - track.centre))
-        velocity, own = track.centre_velocity()
-        if distance <= min(slack, best_distance) and _moves_with(
-            group.velocity, group.velocity_cov, velocity, own, _CHANGED_WHILE_HIDDEN
-        ):
+        if distance <= min(slack, best_distance) and goes_with(track, group, _CHANGED_WHILE_HIDDEN):
             best, best_distance = track, distance
     return best
+
+
+def goes_with(track: BodyTrack, group: Group, changed: float = _PARTS_DIFFER) -> bool:
+    """Return whether a group of points on a body moves as that is known to.
+
+    Args:
+        changed: share of its speed by which the two may differ beyond what is uncertain.
+    """
+    velocity, own = track.centre_velocity()
+    return _moves_with(group.velocity, group.velocity_cov, velocity, own, changed)
 
 
 def are_one(

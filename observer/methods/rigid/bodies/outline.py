@@ -51,6 +51,8 @@ _LOST_SHARE = 0.9
 _SCALES = (0.4, 2.5)
 # A walking person is higher than wide, a robot is not.
 _UPRIGHT = 1.2
+# What is as high as a part of a person, metres, or as this share of the view, is no patch of noise.
+_PERSON_PART_M, _VIEW_SHARE = 0.8, 0.6
 # Share by which a body's extent may shrink per frame, for arms and legs swing.
 _SHRINK = 0.97
 # What counts as evidence of motion in a frame, and of none.
@@ -135,6 +137,18 @@ class Outline:
         What is cut off above may be one.
         """
         return self.height > _UPRIGHT * self.width or self.segment.cut[2]
+
+    @property
+    def is_high(self) -> bool:
+        """True if it is as high as a part of a person, or as the view at its place."""
+        view_m = self.grid.height / self.grid.per_metre(self.segment.disparity)
+        _, height_m = extent_m(self.segment, self.grid)
+        return height_m >= min(_PERSON_PART_M, _VIEW_SHARE * view_m)
+
+    @property
+    def merged(self) -> bool:
+        """True while it is no thing of its own, but one with what is around it."""
+        return self.segment.apart < _LEAST_APART or self.segment.clear < _LEAST_CLEAR
 
     @property
     def stands(self) -> bool:
@@ -222,11 +236,9 @@ class Outline:
         Of a tentative one it is enough that it stands, unless it may: a person who only begins to
         walk, or comes straight on, is still mostly where he was.
         """
-        s = self.segment
-        merged = s.apart < _LEAST_APART or s.clear < _LEAST_CLEAR
-        grown = _shown(s) > _SWALLOWING * self.moving_area
+        grown = _shown(self.segment) > _SWALLOWING * self.moving_area
         stands = self.stands and not (tentative and may_stand)
-        idle = self.seen and (merged or stands) and (tentative or grown)
+        idle = self.seen and (self.merged or stands) and (tentative or grown)
         self.idle_frames = self.idle_frames + 1 if idle else 0
         return self.idle_frames
 

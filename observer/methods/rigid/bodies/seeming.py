@@ -7,11 +7,9 @@ import numpy as np
 from observer.camera import StereoCamera
 from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.dense.segments import extent_m
 from observer.types import TrackState
 
 BoxPx = tuple[float, float, float, float]
@@ -20,8 +18,6 @@ BoxPx = tuple[float, float, float, float]
 _SEEMING_SIGMAS, _SEEMING_POINTS = 2.0, 6
 # Share of a segment that has entered free space where it must have come from elsewhere.
 _CAME_SHARE = 0.5
-# What is as high as a part of a person, metres, or as this share of the view, is no patch of noise.
-_PERSON_PART_M, _VIEW_SHARE = 0.8, 0.6
 # Metres: the width and height of a person.
 _WIDTH_M, _HEIGHT_M = 0.5, 1.8
 
@@ -54,7 +50,7 @@ def seems_to_move(track: BodyTrack) -> bool:
     seen = outline is not None and outline.seen
     if track.significance >= _SEEMING_SIGMAS:
         return seen or track.points >= _SEEMING_POINTS
-    if outline is None or not seen or not _is_high(outline):
+    if outline is None or not seen or not outline.is_high:
         return False
     return track.loosened or outline.segment.arrived > _CAME_SHARE
 
@@ -81,14 +77,6 @@ def may_fill(
     (left, top), (right, bottom) = px.min(axis=0).tolist(), px.max(axis=0).tolist()
     u0, v0, u1, v1 = track.box_px
     return min(u0, left - half), min(v0, top), max(u1, right + half), max(v1, bottom)
-
-
-def _is_high(outline: Outline) -> bool:
-    """Return whether an outline is as high as a part of a person, or as the view at its place."""
-    grid = outline.grid
-    view_m = grid.height / grid.per_metre(outline.segment.disparity)
-    _, height_m = extent_m(outline.segment, grid)
-    return height_m >= min(_PERSON_PART_M, _VIEW_SHARE * view_m)
 
 
 def _middle_within(box: BoxPx, other: BoxPx) -> bool:

@@ -25,6 +25,7 @@ from observer.methods.rigid.bodies.membership import (
     Group,
     are_one,
     body_of,
+    goes_with,
     group_of,
     joining,
     placed,
@@ -241,6 +242,9 @@ class BodyTracker:
             if track is not None:
                 if not track.contains(group.centre[None], track.room(parameters.margin))[0]:
                     # At another depth than the body that they are seen on.
+                    continue
+                if not goes_with(track, group):
+                    # Points that slide off its edge onto what is behind it seem to move fast.
                     continue
                 if not moves_as_one(track, group.velocity, len(members)):
                     continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -38,8 +39,9 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
         hidden: int = 0,
         sigma: float = 0.03,
         evidence: int = ARRIVED,
+        height: float = 1.2,
     ) -> BodyTrack:
-        thing = Solid((0.0, 0.0, 4.0), (0.45, 1.2, 0.1))
+        thing = Solid((0.0, 0.0, 4.0), (0.45, height, 0.1))
         mask = cells_of(thing, [*ROOM, thing])
         scene = seen([*ROOM, thing], evidence=np.where(mask, evidence, STATIC).astype(np.uint8))
         track = make_track((0.0, 0.0, 4.0), velocity, sigma=sigma)
@@ -62,6 +64,32 @@ def test_who_enters_free_space_is_confirmed_without_any_point(guest: MakeTrack) 
 
 def test_too_few_frames_of_evidence_confirm_nobody(guest: MakeTrack) -> None:
     assert judged(guest(arrived=2, hidden=3), 20) is TrackState.TENTATIVE
+
+
+@pytest.mark.parametrize("against", ["wall", "before"])
+@pytest.mark.parametrize(
+    ("height", "state"), [(0.5, TrackState.TENTATIVE), (1.2, TrackState.CONFIRMED)]
+)
+def test_a_patch_of_noise_on_what_stands_is_nobody(
+    guest: MakeTrack, against: str, height: float, state: TrackState
+) -> None:
+    """What is as high as a part of a person may be one with a wall, or where it was before."""
+    track = guest(arrived=3, height=height)
+    segment = track.outline.segment
+    on_wall = replace(segment, clear=0.0)
+    track.outline.segment = on_wall if against == "wall" else replace(segment, static=0.9)
+    assert judged(track) is state
+
+
+def test_who_waves_is_confirmed_as_a_thing_of_its_own(guest: MakeTrack) -> None:
+    """What flickers on a wall is none."""
+    for clear, state in ((1.0, TrackState.CONFIRMED), (0.0, TrackState.TENTATIVE)):
+        track = guest(STOOD)
+        track.outline.segment = replace(track.outline.segment, apart=1.0, clear=clear)
+        for k in range(30):
+            track.changes.note(0.1 * k, changed=k % 3 < 2)
+        assert judged(track) is state
+        assert track.motion is MotionState.IN_PLACE
 
 
 def test_who_comes_out_of_hiding_needs_more_frames_and_a_surer_velocity(guest: MakeTrack) -> None:
@@ -132,6 +160,16 @@ def test_whose_velocity_is_not_known_any_more_has_not_stopped_for_that(guest: Ma
     assert (track.state, track.motion) == (TrackState.CONFIRMED, MotionState.MOVING)
     for sigma, motion in ((0.5, MotionState.MOVING), (0.1, MotionState.STOPPED)):
         track.filter = guest((0.2, 0.0, 0.0), sigma=sigma).filter
+        judged(track)
+        assert track.motion is motion
+
+
+def test_who_fills_what_was_filled_before_has_stopped_however_uncertain(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    track.filter = guest((0.2, 0.0, 0.0), sigma=0.5).filter
+    for static, motion in ((0.9, MotionState.MOVING), (1.0, MotionState.STOPPED)):
+        track.outline.segment = replace(track.outline.segment, static=static)
         judged(track)
         assert track.motion is motion
 

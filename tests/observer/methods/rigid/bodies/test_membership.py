@@ -16,6 +16,7 @@ from observer.methods.rigid.bodies.membership import (
     Group,
     are_one,
     body_of,
+    goes_with,
     group_of,
     joining,
     placed,
@@ -291,6 +292,15 @@ def test_a_group_belongs_to_the_nearest_body_that_moves_as_it_does(make_track: M
     assert body_of(grouped((0.1, 0, 3), (-0.3, 0, 0)), [near, far]) is None
     assert body_of(grouped((2.0, 0, 3), (0.3, 0, 0)), tracks) is None
     assert body_of(grouped((0.1, 0, 3), (0.3, 0, 0)), []) is None
+
+
+def test_points_on_a_body_go_with_it_only_as_fast_as_it_is_known_to_be(
+    make_track: MakeTrack,
+) -> None:
+    """Those of a limb that swings, or that slide off its edge, are faster."""
+    for sigma, speed, goes in ((0.03, 0.95, True), (0.03, 1.8, False), (0.5, 1.8, True)):
+        track = make_track((0, 0, 3), (0.9, 0, 0), sigma=sigma)
+        assert goes_with(track, grouped((0.1, 0, 3), (speed, 0, 0))) is goes
 
 
 def test_a_body_whose_place_is_uncertain_is_looked_for_farther_away(make_track: MakeTrack) -> None:

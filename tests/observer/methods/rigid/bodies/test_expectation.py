@@ -1,0 +1,65 @@
+"""What is expected of bodies a frame on, for bodies whose motion is known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from observer.geometry import Float64Array
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.expectation import predict
+from observer.methods.rigid.bodies.filter import VELOCITY
+from observer.methods.rigid.bodies.outline import Outline
+from observer.methods.rigid.dense.segments import segment_of
+from observer.parameters import Parameters
+from observer.types import TrackState
+
+from ..solid_worlds import ROOM, Solid, cells_of, seen, step_to
+
+MakeTrack = Callable[..., BodyTrack]
+# To the right of the camera's axis, so that the line of sight is no axis of the world.
+AT = np.array([1.2, 0.0, 3.6])
+SIGHT = AT / np.linalg.norm(AT)
+ACROSS = np.array([SIGHT[2], 0.0, -SIGHT[0]])
+
+
+@pytest.fixture
+def walker(make_track: MakeTrack) -> Callable[..., BodyTrack]:
+    """Gives a person seen as an outline, confirmed if left out."""
+
+    def make(*, tells: bool, state: TrackState = TrackState.CONFIRMED) -> BodyTrack:
+        thing = Solid(tuple(AT), (0.45, 1.2, 0.1))
+        scene = seen([*ROOM, thing])
+        track = make_track(tuple(AT), (0.0, 0.0, -0.9))
+        track.outline = Outline.of(segment_of(scene, cells_of(thing, [*ROOM, thing])), scene)
+        track.outline.depths.tell = tells
+        track.rigid, track.state = False, state
+        return track
+
+    return make
+
+
+def doubt(track: BodyTrack, axis: Float64Array) -> float:
+    """(m/s)^2 that a frame adds to the variance of the velocity along an axis (3,)."""
+    before = track.filter.covariance[VELOCITY, VELOCITY].copy()
+    predict([track], step_to(), Parameters().obstacles)
+    return float(axis @ (track.filter.covariance[VELOCITY, VELOCITY] - before) @ axis)
+
+
+def test_who_turns_round_where_no_points_tell_is_doubted_along_the_line_of_sight(
+    walker: MakeTrack,
+) -> None:
+    told, untold = (doubt(walker(tells=tells), SIGHT) for tells in (True, False))
+    assert untold > 2.0 * told
+    told, untold = (doubt(walker(tells=tells), ACROSS) for tells in (True, False))
+    assert untold == pytest.approx(told, rel=0.1)
+
+
+def test_who_is_not_reported_yet_is_doubted_no_more_for_that(walker: MakeTrack) -> None:
+    """Who comes straight on would never be sure to move."""
+    told, untold = (
+        doubt(walker(tells=tells, state=TrackState.TENTATIVE), SIGHT) for tells in (True, False)
+    )
+    assert untold == told

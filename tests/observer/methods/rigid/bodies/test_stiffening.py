@@ -1,0 +1,45 @@
+"""When points on a person make a rigid body of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.outline import Outline
+from observer.methods.rigid.bodies.tracker import BodyTracker
+from observer.methods.rigid.dense.segments import segment_of
+from observer.methods.rigid.tracked_points import NO_OBSTACLE
+from observer.parameters import ObstacleParameters
+
+from ..solid_worlds import ROOM, Solid, cells_of, patch, points_on, seen
+from .test_membership import motion
+
+MakeTrack = Callable[..., BodyTrack]
+
+
+@pytest.mark.parametrize(
+    ("speed", "begins"), [(0.9, True), (1.8, False)], ids=["with the body", "off its edge"]
+)
+def test_points_that_slide_off_its_edge_do_not(
+    make_track: MakeTrack, speed: float, begins: bool
+) -> None:
+    """Points that move as the outline is known to show a thing that is as rigid as it is low."""
+    thing = Solid((0.0, 0.0, 4.0), (0.6, 0.5, 0.1))
+    scene = seen([*ROOM, thing])
+    track = make_track((0.0, 0.0, 3.95), (0.9, 0.0, 0.0), sigma=0.03)
+    track.outline = Outline.of(segment_of(scene, cells_of(thing, [*ROOM, thing])), scene)
+    track.rigid = False
+    tracker = BodyTracker()
+    tracker.tracks.append(track)
+    places = patch(0.1, 0.0, 3.95)
+    points = points_on(places).but(
+        obstacle=np.full(len(places), NO_OBSTACLE), within=np.full(len(places), track.id)
+    )
+    pairs = np.array([(i, j) for i in range(len(places)) for j in range(i)])
+    moving = replace(motion(places, np.array([speed, 0.0, 0.0])), pairs=pairs)
+    tracker.spawn(points, moving, lambda _: 0.5, ObstacleParameters())
+    assert track.rigid is begins
