@@ -15,8 +15,8 @@ from observer.methods.rigid.dense.segments import segment_of
 from observer.methods.rigid.tracked_points import NO_OBSTACLE
 from observer.parameters import ObstacleParameters
 
+from ..moving_points import motion
 from ..solid_worlds import ROOM, Solid, cells_of, patch, points_on, seen
-from .test_membership import motion
 
 MakeTrack = Callable[..., BodyTrack]
 

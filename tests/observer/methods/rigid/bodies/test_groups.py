@@ -1,0 +1,210 @@
+"""Points that move alike, the body that they belong to, and tracks that are one body."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from observer.methods.rigid.bodies.body import BodyTrack
+from observer.methods.rigid.bodies.filter import yaw_matrix
+from observer.methods.rigid.bodies.membership import Group, are_one, body_of, goes_with, group_of
+from observer.methods.rigid.bodies.shape import Box
+from observer.parameters import ObstacleParameters
+from observer.types import TrackState
+
+from ..moving_points import SIGMA, every, motion
+
+MakeTrack = Callable[..., BodyTrack]
+P = ObstacleParameters()
+REACH_M = 0.15
+
+
+def test_a_group_moves_as_its_points_do_on_the_whole() -> None:
+    rng = np.random.default_rng(1)
+    places = np.array([0.2, 0, 3]) + rng.uniform(-0.2, 0.2, (12, 3))
+    draws = []
+    for _ in range(300):
+        seen = motion(places, np.array([0.3, 0, -0.1]) + rng.normal(0, SIGMA, (12, 3)))
+        group = group_of(every(seen), seen, P)
+        assert group is not None
+        draws.append(group.velocity)
+    assert group.members.tolist() == list(range(12))
+    np.testing.assert_allclose(group.places, places)
+    np.testing.assert_allclose(group.centre, np.median(places, axis=0))
+    np.testing.assert_allclose(np.mean(draws, axis=0), [0.3, 0, -0.1], atol=0.003)
+    # The points share errors: the mean is less certain than if each had its own.
+    stated = np.diag(group.velocity_cov)
+    assert (stated > 1.5 * np.var(draws, axis=0)).all()
+    assert (stated < SIGMA**2).all()
+
+
+def test_better_known_points_count_more() -> None:
+    places = np.array([[0.1 * k, 0, 3] for k in range(4)], float)
+    velocity = np.array([[0.4, 0, 0]] + [[0.1, 0, 0]] * 3)
+    seen = motion(places, velocity)
+    seen.own_information[0] *= 100
+    group = group_of(every(seen), seen, P)
+    assert group is not None
+    assert group.velocity[0] == pytest.approx((100 * 0.4 + 3 * 0.1) / 103)
+
+
+def test_strays_are_left_out_of_a_group() -> None:
+    rng = np.random.default_rng(2)
+    places = np.array([0.2, 0, 3]) + rng.normal(0, 0.05, (12, 3))
+    places[[3, 7]] += [[1.5, 0, 0], [0, 0, 2.0]]
+    seen = motion(places, np.array([0.3, 0, 0]))
+    group = group_of(every(seen), seen, P)
+    assert group is not None
+    assert not {3, 7} & set(group.members.tolist())
+    assert len(group.members) >= 8
+
+
+def test_too_few_are_no_group() -> None:
+    places = np.array([[0.0, 0, 3], [0.1, 0.1, 3.05], [0.05, 0.05, 3.1]])
+    seen = motion(places, np.array([0.3, 0, 0]))
+    assert group_of(every(seen), seen, P) is not None
+    assert group_of(np.array([0, 1]), seen, P) is None
+    assert group_of(every(seen), seen, ObstacleParameters(min_points=4)) is None
+
+
+def grouped(centre: tuple[float, float, float], velocity: tuple[float, float, float]) -> Group:
+    rng = np.random.default_rng(3)
+    places = np.array(centre) + rng.uniform(-0.1, 0.1, (15, 3))
+    group = group_of(np.arange(15), motion(places, np.array(velocity)), P)
+    assert group is not None
+    return group
+
+
+def test_a_group_belongs_to_the_nearest_body_that_moves_as_it_does(make_track: MakeTrack) -> None:
+    near, far = make_track((0, 0, 3), number=1), make_track((0.5, 0, 3), number=2)
+    other = make_track((0.05, 0, 3), (-0.3, 0, 0), number=3)
+    tracks = [far, near, other]
+    assert body_of(grouped((0.1, 0, 3), (0.3, 0, 0)), tracks) is near
+    assert body_of(grouped((0.45, 0, 3), (0.3, 0, 0)), tracks) is far
+    assert body_of(grouped((0.1, 0, 3), (-0.3, 0, 0)), tracks) is other
+    assert body_of(grouped((0.1, 0, 3), (-0.3, 0, 0)), [near, far]) is None
+    assert body_of(grouped((2.0, 0, 3), (0.3, 0, 0)), tracks) is None
+    assert body_of(grouped((0.1, 0, 3), (0.3, 0, 0)), []) is None
+
+
+def test_points_on_a_body_go_with_it_only_as_fast_as_it_is_known_to_be(
+    make_track: MakeTrack,
+) -> None:
+    """Those of a limb that swings, or that slide off its edge, are faster."""
+    for sigma, speed, goes in ((0.03, 0.95, True), (0.03, 1.8, False), (0.5, 1.8, True)):
+        track = make_track((0, 0, 3), (0.9, 0, 0), sigma=sigma)
+        assert goes_with(track, grouped((0.1, 0, 3), (speed, 0, 0))) is goes
+
+
+def test_a_body_whose_place_is_uncertain_is_looked_for_farther_away(make_track: MakeTrack) -> None:
+    group = grouped((1.2, 0, 3), (0.3, 0, 0))
+    assert body_of(group, [make_track()]) is None
+    hidden = make_track(sigma=0.01)
+    hidden.filter.covariances[:, :3, :3] = np.eye(3) * 0.4**2
+    assert body_of(group, [hidden]) is hidden
+
+
+def test_a_body_may_have_turned_a_little_while_it_was_hidden(make_track: MakeTrack) -> None:
+    for angle, same in ((0.0, True), (0.4, True), (np.pi, False)):
+        velocity = yaw_matrix(angle) @ [0.3, 0, 0]
+        found = body_of(grouped((0.1, 0, 3), tuple(velocity)), [make_track()])
+        assert (found is not None) == same
+
+
+def test_what_rests_is_no_part_of_a_body_however_little_is_known_of_it(
+    make_track: MakeTrack,
+) -> None:
+    """After a second out of sight a body may be nearly anywhere and drive nearly anyhow."""
+    vague = make_track(velocity=(0.4, 0, 0))
+    vague.filter.covariances[:, :3, :3] = np.eye(3) * 0.3**2
+    vague.filter.covariances[:, 3:6, 3:6] = np.eye(3) * 0.12**2
+    assert body_of(grouped((0.1, 0, 3), (0.3, 0, 0)), [vague]) is vague
+    assert body_of(grouped((0.1, 0, 3), (0.0, 0, 0)), [vague]) is None
+    resting_one = make_track((0.1, 0, 3), (0.0, 0, 0), number=2)
+    assert not are_one(vague, resting_one, REACH_M, P)
+    assert are_one(vague, make_track((0.1, 0, 3), (0.35, 0, 0), number=2), REACH_M, P)
+
+
+def test_what_steps_below_a_trunk_is_its_leg(make_track: MakeTrack) -> None:
+    """A foot at 1.9 m/s below somebody who walks at 0.6 m/s; not what is beside them or known."""
+    walker = make_track(velocity=(0.6, 0, 0), box=Box(np.zeros(3), np.array([0.5, 1.7, 0.3]), 0.0))
+    walker.rigid = False
+
+    def foot(*place: float) -> BodyTrack:
+        small = Box(np.zeros(3), np.array([0.3, 0.15, 0.1]), 0.0)
+        return make_track(place, (1.9, 0, 0), number=2, box=small)
+
+    assert are_one(walker, foot(0.3, 0.75, 3.2), REACH_M, P)
+    for elsewhere in ((1.0, 0.75, 3.0), (0.1, 0.75, 4.0), (0.3, -0.2, 3.2)):
+        assert not are_one(walker, foot(*elsewhere), REACH_M, P)
+    known = foot(0.3, 0.75, 3.2)
+    known.state = TrackState.CONFIRMED
+    assert not are_one(walker, known, REACH_M, P)
+    walker.rigid = True
+    assert not are_one(walker, foot(0.3, 0.75, 3.2), REACH_M, P)
+
+
+# --- one body or two -----------------------------------------------------------------------
+
+
+def test_two_tracks_in_one_place_that_move_alike_are_one(make_track: MakeTrack) -> None:
+    older = make_track()
+    assert are_one(older, make_track((0.15, 0, 3.1), number=2), REACH_M, P)
+    assert not are_one(older, make_track((0.15, 0, 3.1), (-0.3, 0, 0), number=2), REACH_M, P)
+    assert not are_one(older, make_track((0.15, 0, 3.1), (0, 0, 0.4), number=2), REACH_M, P)
+
+
+def test_two_that_drive_beside_each_other_are_two(make_track: MakeTrack) -> None:
+    assert not are_one(make_track(), make_track((0, 0, 4.5), number=2), REACH_M, P)
+    assert not are_one(make_track(), make_track((1.2, 0, 3), number=2), REACH_M, P)
+
+
+@pytest.mark.parametrize(("apart_m", "seen", "same"), [(1.1, True, False), (1.1, False, True),
+                                                       (0.5, True, True)])  # fmt: skip
+def test_two_who_stand_beside_each_other_stay_two_while_both_are_seen(
+    make_track: MakeTrack, apart_m: float, seen: bool, same: bool
+) -> None:
+    """Both at rest, and so tall that either lies within the room that the other may need."""
+    boxes = [Box(np.zeros(3), np.array([0.5, 1.8, 0.3]), 0.0) for _ in range(2)]
+    older = make_track(velocity=(0, 0, 0), box=boxes[0])
+    other = make_track((apart_m, 0, 3.0), (0, 0, 0), number=2, box=boxes[1])
+    for track in (older, other):
+        track.outline = SimpleNamespace(seen=seen)  # type: ignore[assignment]
+    assert are_one(older, other, REACH_M, P) is same
+
+
+@pytest.mark.parametrize(("apart_m", "same"), [(1.1, False), (0.5, True)])
+def test_who_is_out_of_sight_does_not_take_the_name_of_somebody_else_who_was_reported(
+    make_track: MakeTrack, apart_m: float, same: bool
+) -> None:
+    """However little is known of how the one moves by now."""
+    boxes = [Box(np.zeros(3), np.array([0.5, 1.8, 0.3]), 0.0) for _ in range(2)]
+    hidden = make_track(velocity=(0, 0, 0), box=boxes[0], sigma=0.5)
+    other = make_track((apart_m, 0, 3.0), (0.3, 0, 0), number=2, box=boxes[1])
+    for track, seen in ((hidden, False), (other, True)):
+        track.outline = SimpleNamespace(seen=seen)  # type: ignore[assignment]
+    hidden.state = TrackState.COASTING
+    # Who is not reported yet may be the one who was hidden.
+    assert are_one(hidden, other, REACH_M, P)
+    other.state = TrackState.CONFIRMED
+    assert are_one(hidden, other, REACH_M, P) is same
+
+
+def test_the_end_of_a_turning_body_may_move_the_other_way(make_track: MakeTrack) -> None:
+    box = Box(np.zeros(3), np.array([1.0, 0.3, 1.2]), 0.0)
+    turning = make_track(velocity=(0.6, 0, 0), yaw_rate=1.2, box=box)
+    at = np.array([0, 0, 2.0])
+    end = make_track(tuple(at), tuple(turning.velocity_at(at)), number=2)
+    assert end.mean[3] == pytest.approx(-0.6)
+    assert are_one(turning, end, REACH_M, P)
+    assert not are_one(make_track(velocity=(0.6, 0, 0), box=box), end, REACH_M, P)
+
+
+def test_what_has_no_box_yet_is_not_merged(make_track: MakeTrack) -> None:
+    older, younger = make_track(), make_track(number=2)
+    younger.box = None
+    assert not are_one(older, younger, REACH_M, P)
+    assert not are_one(younger, older, REACH_M, P)
