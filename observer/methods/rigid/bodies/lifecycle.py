@@ -65,8 +65,7 @@ def judge(
     velocity, cov = track.centre_velocity()
     track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
     speed = float(np.linalg.norm(velocity))
-    direction = velocity / max(speed, 1e-9)
-    sigma = float(np.sqrt(direction @ cov @ direction))
+    sigma = _sigma_along(velocity, cov)
     track.motion = _motion(track, speed, sigma, parameters.stopped_below_mps)
     track.stood_s = track.stood_s + dt if track.motion is MotionState.STOPPED else 0.0
     if track.significance >= parameters.confirm_sigmas:
@@ -100,6 +99,15 @@ def _motion(track: BodyTrack, speed: float, sigma: float, limit: float) -> Motio
     if reported and unknown and not _is_unmoved(track):
         return track.motion
     return MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
+
+
+def _sigma_along(velocity: Float64Array, cov: Float64Array) -> float:
+    """Return one standard deviation, m/s, along a velocity (3,); the largest, of none at all."""
+    speed = float(np.linalg.norm(velocity))
+    if speed == 0.0:
+        return float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+    direction = velocity / speed
+    return float(np.sqrt(direction @ cov @ direction))
 
 
 def _is_unmoved(track: BodyTrack) -> bool:

@@ -164,6 +164,16 @@ def test_whose_velocity_is_not_known_any_more_has_not_stopped_for_that(guest: Ma
         assert track.motion is motion
 
 
+def test_who_comes_back_and_of_whose_velocity_nothing_is_known_yet_has_not_stopped(
+    guest: MakeTrack,
+) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    track.filter = guest(STOOD, sigma=1.0).filter
+    judged(track)
+    assert track.motion is MotionState.MOVING
+
+
 def test_who_fills_what_was_filled_before_has_stopped_however_uncertain(guest: MakeTrack) -> None:
     track = guest(arrived=3)
     judged(track)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -208,6 +209,20 @@ def test_a_wall_that_seems_to_have_arrived_in_part_is_no_segment(slant: float) -
     evidence = np.where(bare.standing, STATIC, 0).astype(np.uint8)
     evidence[30:100, 140:175] = ARRIVED
     assert fresh_segments(seen([FLOOR, wall], HERE, evidence), ALL) == []
+
+
+@pytest.mark.parametrize(
+    ("share", "arrived", "apart"),
+    [(0.1, 0.9, True), (0.02, 0.9, False), (0.1, 0.5, False)],
+    ids=["near", "small", "was there"],
+)
+def test_beside_what_is_near_less_has_to_be_seen(share: float, arrived: float, apart: bool) -> None:
+    """Only one camera sees much of what is beside it, so that its depth is not known."""
+    scene = world(person(0.3, 4.0))
+    segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
+    area = int(share * segment.mask.size)
+    segment = replace(segment, area=area, arrived=arrived, hidden=0.0, apart=0.9, clear=0.15)
+    assert segment.stands_apart is apart
 
 
 def test_what_seems_to_come_out_of_hiding_must_stand_apart_more_clearly() -> None:
