@@ -267,6 +267,17 @@ def test_keys_pressed_in_the_scene_stop_too(
             page.keyboard.press(key)
 
 
+def test_until_something_is_drawn_the_scene_says_that_it_loads(
+    open_panel: OpenPanel, wait_for_scene: Callable[[Page], None], keep_picture: KeepPicture
+) -> None:
+    page = open_panel(viewer=True, viewport=_SMALL)
+    loading = page.get_by_text("Loading the 3D scene")
+    expect(loading).to_be_visible()
+    keep_picture(page, "scene-loading")
+    wait_for_scene(page)
+    expect(loading).not_to_be_visible(timeout=20_000)
+
+
 def test_a_browser_without_webgl_says_so(
     browser: Browser, server: Server, keep_picture: KeepPicture
 ) -> None:
@@ -275,6 +286,7 @@ def test_a_browser_without_webgl_says_so(
     page.add_init_script(_NO_WEBGL)
     page.goto(server.link)
     expect(page.locator(".scene-trouble")).to_contain_text("it has no WebGL 2")
+    expect(page.get_by_text("Loading the 3D scene")).not_to_be_visible()
     expect(page.locator(".scene-tools")).not_to_be_visible()
     expect(page.locator("observer-obstacles tbody tr").first).to_be_visible(timeout=20_000)
     keep_picture(page, "scene-without-webgl")

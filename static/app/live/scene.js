@@ -24,6 +24,7 @@ class Scene extends Part {
     "This browser cannot draw in 3D: it has no WebGL 2. Turn on hardware acceleration in its ",
     "settings, or use another browser. Everything else works without the 3D scene.",
   );
+  #wait = h("p.scene-wait", { role: "status" }, "Loading the 3D scene…");
   #controls = new SceneControls();
   #pickWords = h("span", { role: "status" });
   #cancel = button("Cancel", () => this.hub.floorPick.cancel());
@@ -35,7 +36,7 @@ class Scene extends Part {
     this.#trouble.hidden = true;
     // Until there is something to control.
     this.#controls.hidden = true;
-    this.append(this.#frame, this.#trouble, this.#controls, this.#pick);
+    this.append(this.#frame, this.#wait, this.#trouble, this.#controls, this.#pick);
     this.#controls.attach(this.hub);
     this.hear("message", (event) => this.#hear(/** @type {MessageEvent} */ (event)), window);
     this.hear("changed", () => this.#choose(), this.#controls.choice);
@@ -57,6 +58,7 @@ class Scene extends Part {
   #load({ again = false } = {}) {
     if (this.#frame.src && !again) return;
     this.#controls.hidden = true;
+    this.#wait.hidden = false;
     this.hub.floorPick.possible = false;
     if (again) {
       // Another frame: a second address in this one would be a step of the browser's "back".
@@ -72,6 +74,7 @@ class Scene extends Part {
     if (source !== this.#frame.contentWindow) return;
     const message = /** @type {FromFrame} */ (data);
     if (message.kind === "ready") void this.#start(message.draws);
+    else if (message.kind === "drawn") this.#wait.hidden = true;
     else if (message.kind === "taken") this.#controls.choice.camera = "free";
     else if (message.kind === "picked") this.#picked(message);
     else this.#press(message);
@@ -80,6 +83,7 @@ class Scene extends Part {
   /** @param {boolean} draws */
   async #start(draws) {
     this.#trouble.hidden = draws;
+    if (!draws) this.#wait.hidden = true;
     this.#paint();
     this.#facts ??= await request("GET", "/scene").catch(() => null);
     if (!this.#facts || !draws) return;

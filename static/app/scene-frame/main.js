@@ -21,6 +21,8 @@ const style = document.head.appendChild(document.createElement("style"));
 let choice = null;
 /** @type {SceneCamera | null} */
 let camera = null;
+/** Since the scene arrived, which may have been too late for the first of them. */
+let drawings = 0;
 /** The robot's node, while a click on the floor is waited for. @type {string | null} */
 let base = null;
 
@@ -31,11 +33,18 @@ function choose(wanted) {
   const moved = camera.choice !== wanted.camera;
   camera.choice = wanted.camera;
   if (moved && wanted.camera !== "free") camera.reset();
-  drawn();
+  follow();
+}
+
+function drawn() {
+  const layers = choice?.facts.layers ?? [];
+  const arrived = layers.some(({ node }) => client.shows(node) !== null);
+  if (arrived && ++drawings === 2) tell({ kind: "drawn" });
+  follow();
 }
 
 /** Have the viewer show what was chosen; it begins with everything, also after it lost its link. */
-function drawn() {
+function follow() {
   for (const { node } of choice?.facts.layers ?? []) {
     const shown = client.shows(node);
     const hidden = choice?.hidden.includes(node) ?? false;

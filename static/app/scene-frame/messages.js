@@ -23,12 +23,13 @@
  */
 
 /**
- * @typedef {{kind: "ready", draws: boolean} | {kind: "taken"} |
+ * @typedef {{kind: "ready", draws: boolean} | {kind: "drawn"} | {kind: "taken"} |
  *   {kind: "key", key: string, code: string} |
  *   {kind: "picked", place: FloorPlace | null, known: boolean}} FromFrame
- *   `ready`: it can be told what to show (`draws`: this browser has what it draws with); `taken`: a
- *   hand moved the camera; `key`: Space or Esc, which mean something on the whole page; `picked`: a
- *   click that was waited for (`place`: null where no floor is; `known`: whether the robot's place is)
+ *   `ready`: it can be told what to show (`draws`: this browser has what it draws with); `drawn`: the
+ *   scene is on the screen; `taken`: a hand moved the camera; `key`: Space or Esc, which mean something
+ *   on the whole page; `picked`: a click that was waited for (`place`: null where no floor is; `known`:
+ *   whether the robot's place is)
  */
 
 export {};
