@@ -83,10 +83,13 @@ class Scene extends Part {
   /** @param {boolean} draws */
   async #start(draws) {
     this.#trouble.hidden = draws;
-    if (!draws) this.#wait.hidden = true;
     this.#paint();
     this.#facts ??= await request("GET", "/scene").catch(() => null);
-    if (!this.#facts || !draws) return;
+    if (!this.#facts || !draws) {
+      // Nobody will be told that it is drawn.
+      this.#wait.hidden = true;
+      return;
+    }
     this.#controls.offer(this.#facts.layers);
     this.#controls.hidden = false;
     this.hub.floorPick.possible = true;
