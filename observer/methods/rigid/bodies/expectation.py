@@ -17,8 +17,9 @@ from observer.types import TrackState
 _STEADY = 0.1
 # And that a walking person has.
 _WALKING = 0.6
-# By how much more a person may accelerate along the line of sight while no points on the trunk tell
-# how far away it is: who turns round then is noticed late, and by a depth that errs for long.
+# By how much more a reported person may accelerate along the line of sight while no points on the
+# trunk tell how far away it is: who turns round then is noticed late, and by a depth that errs for
+# long.
 _UNSEEN_TURNS = 2.0
 # m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
 _GAIT_MPS = 0.06
@@ -39,7 +40,7 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
         steady = _STEADY if track.rigid else _WALKING
         yaw_acceleration = _YAW_ACCELERATION if track.rigid else (0.0, 0.0)
         axis = track.shape.axis(track.yaw)
-        if _turns_unseen(track):
+        if track.state is not TrackState.TENTATIVE and _at_untold_depth(track):
             agile *= _UNSEEN_TURNS
             axis = (track.mean[POSITION] - position) / depth
         track.filter = track.filter.predicted(dt, (steady * agile, agile), yaw_acceleration, axis)
@@ -49,11 +50,9 @@ def predict(tracks: list[BodyTrack], now: CameraStep, parameters: ObstacleParame
         track.steady_s += dt
 
 
-def _turns_unseen(track: BodyTrack) -> bool:
-    """Return whether a person who is reported may turn round long before it is noticed."""
-    outline = track.outline
-    reported = track.state is not TrackState.TENTATIVE
-    return reported and not track.rigid and outline is not None and not outline.depths.tell
+def _at_untold_depth(track: BodyTrack) -> bool:
+    """Return whether a person's segment alone tells how far away the person is."""
+    return not track.rigid and track.outline is not None and not track.outline.depths.tell
 
 
 def note_lasting_errors(
@@ -67,7 +66,7 @@ def note_lasting_errors(
     for track in [t for t in tracks if t.missed_s == 0]:
         bias_px = parameters.disparity_bias_px
         outline = track.outline
-        if outline is not None and not (track.rigid or outline.depths.tell):
+        if outline is not None and _at_untold_depth(track):
             bias_px = max(bias_px, outline.bias_px)
         place = now.T_camera_world.apply(track.mean[None, POSITION])
         velocity = now.T_camera_world.rotate(track.mean[None, VELOCITY])

@@ -231,7 +231,7 @@ def _has_moved(track: BodyTrack) -> bool:
     outline = track.outline
     if outline is None:
         return track.merged_s == 0
-    return outline.seen and outline.segment.static < _UNMOVED_SHARE
+    return outline.seen and not _is_unmoved(track)
 
 
 def _confirmed_by_outline(

@@ -13,6 +13,7 @@ from observer.camera import StereoCamera
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import yaw_matrix
+from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.depth_image import RowTexture
@@ -21,6 +22,7 @@ from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.grid import Grid
 from observer.methods.rigid.dense.ground import Ground, GroundPlane, standing
 from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import segment_of
 from observer.methods.rigid.motion_test import pooled_motion
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
@@ -148,6 +150,19 @@ def seen(
         light=Light(),
         ground=ground,
     )
+
+
+def outline_of(thing: Solid, evidence: int | None = None) -> Outline:
+    """The outline of a thing in a room.
+
+    Args:
+        evidence: of its cells, while the room is static; none at all if left out.
+    """
+    shapes = [*ROOM, thing]
+    mask = cells_of(thing, shapes)
+    every = None if evidence is None else np.where(mask, evidence, STATIC).astype(np.uint8)
+    scene = seen(shapes, evidence=every)
+    return Outline.of(segment_of(scene, mask), scene)
 
 
 def arrived(*things: Shape) -> DenseScene:

@@ -10,11 +10,9 @@ import pytest
 from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import YAW, YAW_RATE, BodyFilter, yaw_matrix
-from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.shape import Box
-from observer.methods.rigid.dense.segments import segment_of
 
-from ..solid_worlds import CAMERA, ROOM, Solid, cells_of, seen
+from ..solid_worlds import CAMERA, Solid, outline_of
 
 MakeTrack = Callable[..., BodyTrack]
 SIZE = np.array([0.4, 0.3, 0.6])
@@ -169,9 +167,7 @@ def test_rebasing_leaves_the_remembered_places_where_they_are(turning: BodyTrack
 
 def with_offset(track: BodyTrack) -> BodyTrack:
     """Has an outline that was noted once, and remembers points."""
-    thing = Solid((0.0, 0.0, 4.0), (0.45, 1.2, 0.1))
-    scene = seen([*ROOM, thing])
-    track.outline = Outline.of(segment_of(scene, cells_of(thing, [*ROOM, thing])), scene)
+    track.outline = outline_of(Solid((0.0, 0.0, 4.0), (0.45, 1.2, 0.1)))
     track.outline.offsets["middle"] = np.array([0.1, 0.0, 0.0])
     return track
 

@@ -11,12 +11,10 @@ from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.expectation import predict
 from observer.methods.rigid.bodies.filter import VELOCITY
-from observer.methods.rigid.bodies.outline import Outline
-from observer.methods.rigid.dense.segments import segment_of
 from observer.parameters import Parameters
 from observer.types import TrackState
 
-from ..solid_worlds import ROOM, Solid, cells_of, seen, step_to
+from ..solid_worlds import Solid, outline_of, step_to
 
 MakeTrack = Callable[..., BodyTrack]
 # To the right of the camera's axis, so that the line of sight is no axis of the world.
@@ -30,10 +28,8 @@ def walker(make_track: MakeTrack) -> Callable[..., BodyTrack]:
     """Gives a person seen as an outline, confirmed if left out."""
 
     def make(*, tells: bool, state: TrackState = TrackState.CONFIRMED) -> BodyTrack:
-        thing = Solid(tuple(AT), (0.45, 1.2, 0.1))
-        scene = seen([*ROOM, thing])
         track = make_track(tuple(AT), (0.0, 0.0, -0.9))
-        track.outline = Outline.of(segment_of(scene, cells_of(thing, [*ROOM, thing])), scene)
+        track.outline = outline_of(Solid(tuple(AT), (0.45, 1.2, 0.1)))
         track.outline.depths.tell = tells
         track.rigid, track.state = False, state
         return track

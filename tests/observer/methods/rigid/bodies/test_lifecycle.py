@@ -11,14 +11,12 @@ import pytest
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import BodyFilter
 from observer.methods.rigid.bodies.lifecycle import is_over, judge
-from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.grey_change import Light
-from observer.methods.rigid.dense.segments import segment_of
 from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 
-from ..solid_worlds import ROOM, Solid, cells_of, seen
+from ..solid_worlds import Solid, outline_of
 
 P = Parameters().obstacles
 MakeTrack = Callable[..., BodyTrack]
@@ -41,11 +39,8 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
         evidence: int = ARRIVED,
         height: float = 1.2,
     ) -> BodyTrack:
-        thing = Solid((0.0, 0.0, 4.0), (0.45, height, 0.1))
-        mask = cells_of(thing, [*ROOM, thing])
-        scene = seen([*ROOM, thing], evidence=np.where(mask, evidence, STATIC).astype(np.uint8))
         track = make_track((0.0, 0.0, 4.0), velocity, sigma=sigma)
-        track.outline = Outline.of(segment_of(scene, mask), scene)
+        track.outline = outline_of(Solid((0.0, 0.0, 4.0), (0.45, height, 0.1)), evidence)
         track.outline.arrived_frames, track.outline.hidden_frames = arrived, hidden
         return track
 

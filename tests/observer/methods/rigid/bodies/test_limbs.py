@@ -16,10 +16,8 @@ from observer.methods.rigid.bodies.limbs import (
     moves_as_one,
     points_show_whole,
 )
-from observer.methods.rigid.bodies.outline import Outline
-from observer.methods.rigid.dense.segments import segment_of
 
-from ..solid_worlds import ROOM, Solid, cells_of, seen
+from ..solid_worlds import Solid, outline_of
 
 MakeTrack = Callable[..., BodyTrack]
 
@@ -27,9 +25,7 @@ MakeTrack = Callable[..., BodyTrack]
 def with_outline(
     track: BodyTrack, size: tuple[float, float, float] = (0.45, 1.2, 0.1)
 ) -> BodyTrack:
-    thing = Solid((0.0, 0.0, 4.0), size)
-    scene = seen([*ROOM, thing])
-    track.outline = Outline.of(segment_of(scene, cells_of(thing, [*ROOM, thing])), scene)
+    track.outline = outline_of(Solid((0.0, 0.0, 4.0), size))
     return track
 
 

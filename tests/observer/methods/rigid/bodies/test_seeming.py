@@ -8,14 +8,12 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.seeming import may_fill, seems_to_move, told_px
 from observer.methods.rigid.dense.free_space import ARRIVED, HIDDEN, STATIC
 from observer.methods.rigid.dense.ground import GroundPlane
-from observer.methods.rigid.dense.segments import segment_of
 from observer.types import TrackState
 
-from ..solid_worlds import CAMERA, HEIGHT_M, HERE, ROOM, Solid, cells_of, seen, step_to
+from ..solid_worlds import CAMERA, HEIGHT_M, HERE, ROOM, Solid, outline_of, seen, step_to
 
 MakeTrack = Callable[..., BodyTrack]
 GROUND = GroundPlane(np.array([0.0, 1.0, 0.0]), HEIGHT_M)
@@ -32,11 +30,8 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
         distance: float = 4.0,
         sigma: float = 1.0,
     ) -> BodyTrack:
-        thing = Solid((0.0, 0.0, distance), size)
-        mask = cells_of(thing, [*ROOM, thing])
-        scene = seen([*ROOM, thing], evidence=np.where(mask, evidence, STATIC).astype(np.uint8))
         track = make_track((0.0, 0.0, distance), (0.5, 0.0, 0.0), sigma=sigma)
-        track.outline = Outline.of(segment_of(scene, mask), scene)
+        track.outline = outline_of(Solid((0.0, 0.0, distance), size), evidence)
         track.significance, track.rigid = 0.5 / sigma, False
         return track
 

@@ -9,14 +9,12 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.outline import Outline
 from observer.methods.rigid.bodies.tracker import BodyTracker
-from observer.methods.rigid.dense.segments import segment_of
 from observer.methods.rigid.tracked_points import NO_OBSTACLE
 from observer.parameters import ObstacleParameters
 
 from ..moving_points import motion
-from ..solid_worlds import ROOM, Solid, cells_of, patch, points_on, seen
+from ..solid_worlds import Solid, outline_of, patch, points_on
 
 MakeTrack = Callable[..., BodyTrack]
 
@@ -28,10 +26,8 @@ def test_points_that_slide_off_its_edge_do_not(
     make_track: MakeTrack, speed: float, begins: bool
 ) -> None:
     """Points that move as the outline is known to show a thing that is as rigid as it is low."""
-    thing = Solid((0.0, 0.0, 4.0), (0.6, 0.5, 0.1))
-    scene = seen([*ROOM, thing])
     track = make_track((0.0, 0.0, 3.95), (0.9, 0.0, 0.0), sigma=0.03)
-    track.outline = Outline.of(segment_of(scene, cells_of(thing, [*ROOM, thing])), scene)
+    track.outline = outline_of(Solid((0.0, 0.0, 4.0), (0.6, 0.5, 0.1)))
     track.rigid = False
     tracker = BodyTracker()
     tracker.tracks.append(track)
