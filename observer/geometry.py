@@ -232,6 +232,12 @@ def map_pixels(homography: ArrayLike, px: ArrayLike) -> Float64Array:
     return np.asarray(q[:, :2] / q[:, 2:], dtype=np.float64)
 
 
+def largest_sigma(covariance: Float64Array) -> float:
+    """Return the largest standard deviation over all directions of a finite covariance (N, N)."""
+    # Rounding may leave a largest eigenvalue just below zero.
+    return float(np.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance)[-1]))))
+
+
 def cross_matrix(vectors: ArrayLike) -> Float64Array:
     """(..., 3, 3) matrices [v]x with [v]x w = v x w."""
     v = np.asarray(vectors, dtype=np.float64)

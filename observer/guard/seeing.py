@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from observer.camera import StereoCamera
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, largest_sigma
 from observer.guard.sight import FreeScan, SeenObstacle, Sight
 from observer.mount import CameraMount
 from observer.types import Observation, Obstacle, Status, TrackState
@@ -82,8 +82,8 @@ def _seen(one: Obstacle, camera: StereoCamera, mount: CameraMount) -> SeenObstac
         vx=float(velocity[0]),
         vy=float(velocity[1]),
         radius_m=max(corner, _reach(one, camera), _LEAST_RADIUS_M),
-        position_sigma_m=_largest_sigma(one.position_cov),
-        velocity_sigma_mps=_largest_sigma(one.velocity_cov),
+        position_sigma_m=_sigma(one.position_cov),
+        velocity_sigma_mps=_sigma(one.velocity_cov),
         coasting=one.state is TrackState.COASTING,
     )
 
@@ -97,8 +97,8 @@ def _reach(one: Obstacle, camera: StereoCamera) -> float:
     return float(np.abs((u - camera.cx) / camera.fx * z - x).max())
 
 
-def _largest_sigma(covariance: Float64Array | None) -> float | None:
-    """The largest standard deviation over all directions."""
+def _sigma(covariance: Float64Array | None) -> float | None:
+    """Return the largest standard deviation over all directions; None where it is not known."""
     if covariance is None or not np.isfinite(covariance).all():
         return None
-    return float(np.sqrt(max(0.0, float(np.linalg.eigvalsh(covariance)[-1]))))
+    return largest_sigma(covariance)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from observer.geometry import Pose, is_rotation, map_pixels
+from observer.geometry import Pose, is_rotation, largest_sigma, map_pixels
 
 small = st.floats(-3, 3, allow_nan=False)
 vectors = st.tuples(small, small, small)
@@ -102,3 +102,13 @@ def test_maps_of_pixels() -> None:
     np.testing.assert_allclose(map_pixels(perspective, px), [[5, 10], [0, 0]])
     np.testing.assert_allclose(map_pixels(np.linalg.inv(affine), map_pixels(affine, px)), px)
     assert map_pixels(affine, np.empty((0, 2))).shape == (0, 2)
+
+
+@quick
+@given(poses, st.tuples(st.floats(0, 3), st.floats(0, 3), st.floats(0, 3)))
+def test_the_largest_deviation_is_that_of_the_longest_axis(
+    pose: Pose, sigmas: tuple[float, float, float]
+) -> None:
+    axes = pose.rotation.T
+    covariance = axes.T @ np.diag(np.square(sigmas)) @ axes
+    assert largest_sigma(covariance) == pytest.approx(max(sigmas), abs=1e-7)

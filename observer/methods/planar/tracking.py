@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import linear_sum_assignment
 
-from observer.geometry import Float64Array, Pose
+from observer.geometry import Float64Array, Pose, largest_sigma
 from observer.methods.planar.results import Detection, Track
 from observer.parameters import TrackingParameters
 from observer.types import TrackState
@@ -92,7 +92,7 @@ class Tracker:
         if not expected or not detections:
             return []
         places = T_track_camera.apply(np.stack([d.position for d in detections]))
-        noise = np.array([np.sqrt(np.linalg.eigvalsh(d.position_cov)[-1]) for d in detections])
+        noise = np.array([largest_sigma(d.position_cov) for d in detections])
         distance = np.linalg.norm(np.stack(expected)[:, None] - places[None], axis=2)
         distance[distance > parameters.gate + _GATE_SIGMAS * noise] = _FAR
         rows, columns = linear_sum_assignment(distance)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, largest_sigma
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import VELOCITY
 from observer.methods.rigid.dense.grey_change import Light
@@ -105,7 +105,7 @@ def _sigma_along(velocity: Float64Array, cov: Float64Array) -> float:
     """Return one standard deviation, m/s, along a velocity (3,); the largest, of none at all."""
     speed = float(np.linalg.norm(velocity))
     if speed == 0.0:
-        return float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+        return largest_sigma(cov)
     direction = velocity / speed
     return float(np.sqrt(direction @ cov @ direction))
 

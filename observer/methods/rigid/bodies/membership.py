@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from observer.chi_square import quantile
-from observer.geometry import Float64Array
+from observer.geometry import Float64Array, largest_sigma
 from observer.kernels.inverses import inverse_3x3
 from observer.kernels.membership import against_rest, moves_along, place_on_body
 from observer.methods.rigid.bodies.body import BodyTrack
@@ -157,7 +157,7 @@ def body_of(group: Group, tracks: list[BodyTrack]) -> BodyTrack | None:
         size = _FIRST_EXTENT_M
         if track.box is not None:
             size = float(np.linalg.norm(track.box.size[[0, 2]]))
-        slack = 0.5 * size + _FOUND_SIGMAS * float(np.sqrt(np.linalg.eigvalsh(cov)[-1]))
+        slack = 0.5 * size + _FOUND_SIGMAS * largest_sigma(cov)
         distance = float(np.linalg.norm(group.centre - track.centre))
         if distance <= min(slack, best_distance) and goes_with(track, group, _CHANGED_WHILE_HIDDEN):
             best, best_distance = track, distance
