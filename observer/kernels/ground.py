@@ -170,17 +170,14 @@ def fit_ground(
     return normal
 
 
-@kernel(SINGLES2, SINGLES1, SINGLE, SINGLE, SINGLE)
-def stands_out(
-    disparity: Singles, plane: Singles, near: np.float32, share: np.float32, least: np.float32
-) -> Flags:
+@kernel(SINGLES2, SINGLES1, SINGLE, SINGLE)
+def stands_out(disparity: Singles, plane: Singles, share: np.float32, least: np.float32) -> Flags:
     """(h, w) which cells are nearer than the ground.
 
     Args:
         disparity: (h, w) px, NaN unknown. plane: (3,) a, b, c of the ground's disparity
             ``a column + b row + c``.
-        near: px, that it must exceed. share: of it that must exceed that of the ground, by
-            ``least`` px.
+        share: of it that must exceed that of the ground, by ``least`` px.
     """
     h, w = disparity.shape
     out = np.empty((h, w), np.bool_)
@@ -194,5 +191,5 @@ def stands_out(
         for c in range(w):
             ground = across[c] + row
             above = d[c] * share - (ground if ground > nothing else nothing)
-            target[c] = (d[c] > near) & (above > least)
+            target[c] = above > least
     return out

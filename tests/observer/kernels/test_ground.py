@@ -108,7 +108,7 @@ def test_what_stands_out_is_that_of_numpy(seed: int, pose: tuple[float, float, f
     rng = np.random.default_rng(seed)
     plane = ground_below(*pose)
     disparity = seen_ground(rng, plane, 0.3).astype(np.float32)
-    limits = np.float32(3.0), np.float32(0.95), np.float32(0.6)
+    limits = np.float32(0.95), np.float32(0.6)
     found = stands_out(disparity, plane.astype(np.float32), *limits)
     wanted = oracle.stands_out(disparity, plane.astype(np.float32), *limits)
     np.testing.assert_array_equal(found, wanted)

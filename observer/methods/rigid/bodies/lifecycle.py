@@ -37,9 +37,11 @@ _IDLE_FRAMES = 3
 _STOOD_S = 0.7
 # A body creeps below so many times the speed of what has stopped, while so much of it is static.
 _CREEPING, _UNMOVED_SHARE = 3.0, 0.95
-# Where light flickers, what is slower than so many times that speed may stand, if less than this
-# share of its velocity leads across the view.
-_SEEMS_SLOW, _ACROSS_SHARE = 8.0, 0.5
+# What moves across the view: at least this share of its velocity leads there.
+_ACROSS_SHARE = 0.5
+# Where light flickers, what is slower than so many times that speed may stand, unless it moves
+# across the view.
+_SEEMS_SLOW = 8.0
 # Frames in which a segment must have entered free space, or come out of hiding, and standard
 # deviations of its velocity. What goes away comes out from behind itself; what others uncover
 # seems to move as they do, across the view: so much of the velocity must lead away.
@@ -158,6 +160,7 @@ def _confirmed(
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
     shown = track.merged_s == 0 or _shown_by_many(track)
+    shown &= not _slides(track, camera_position)
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:
@@ -218,12 +221,27 @@ def _seems_to_come_or_go(
 
     Light that flickers changes disparities: what it falls on seems to come or to go.
     """
-    velocity, ahead = track.mean[VELOCITY], track.centre - camera_position
-    speed = float(np.linalg.norm(velocity))
+    speed = float(np.linalg.norm(track.mean[VELOCITY]))
     if _has_moved(track) or speed > _SEEMS_SLOW * parameters.stopped_below_mps:
         return False
+    return not _crosses(track, camera_position)
+
+
+def _slides(track: BodyTrack, camera_position: Float64Array) -> bool:
+    """Return whether points taken for a person's move across the view over what stands.
+
+    Who crosses the view covers what was free and uncovers what was hidden. Who comes along the
+    line of sight may be too far away for that to show.
+    """
+    return not track.rigid and _is_unmoved(track) and _crosses(track, camera_position)
+
+
+def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
+    """Return whether a good part of a body's velocity leads across the view."""
+    velocity, ahead = track.mean[VELOCITY], track.centre - camera_position
+    speed = float(np.linalg.norm(velocity))
     along = float(velocity @ ahead) / float(np.linalg.norm(ahead))
-    return bool(np.sqrt(max(0.0, speed**2 - along**2)) < _ACROSS_SHARE * speed)
+    return bool(np.sqrt(max(0.0, speed**2 - along**2)) >= _ACROSS_SHARE * speed)
 
 
 def _has_moved(track: BodyTrack) -> bool:

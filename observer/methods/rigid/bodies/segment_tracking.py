@@ -225,7 +225,7 @@ def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt:
     rows, columns = scene.grid.at(points.px[members])
     known = widened(np.isfinite(scene.disparity), 1)[rows, columns].mean() > _KNOWN_SHARE
     track.merged_s = track.merged_s + dt if known else max(0.0, track.merged_s - dt)
-    lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.standing[rows, columns]
+    lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.above[rows, columns]
     track.stands = float(lies.mean()) <= _LYING_SHARE
 
 

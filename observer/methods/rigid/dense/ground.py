@@ -26,8 +26,10 @@ _HEIGHT_M = (0.03, 4.0)
 _GAIN = 0.1
 # What stands out of it: cells, and as a share of the disparity.
 _STANDING_CELLS, _STANDING_SHARE = 0.5, 0.05
-# Disparity, in cells, of what is near enough to be judged.
-_NEAR_CELLS = 4.0
+# What is near enough to be judged: up to these metres, or with so much disparity, in cells, that
+# noise is a small share of it; and whatever the baseline, with the least one.
+_NEAR_M = 6.6
+_PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,21 +122,30 @@ class Ground:
         self.in_world = GroundPlane(down / np.linalg.norm(down), depth)
 
 
-def standing(
+def above_ground(
     disparity: NDArray[np.float32], plane: Float64Array | None, grid: Grid
 ) -> NDArray[np.bool_]:
-    """(h, w) which cells stand out of the ground: nearer than it, by more than noise.
+    """(h, w) which cells are nearer than the ground, by more than noise.
 
-    What is so far away that noise would be a large share of its depth is left out.
-
-    Shadows lie on it and reflections below it, so neither stands. Unknown cells do not; where the
-    ground is unknown, all others do.
+    Shadows lie on it and reflections below it, so neither is. Unknown cells are not; where the
+    ground is unknown, all others are.
 
     Args:
         disparity: (h, w) px, NaN unknown. plane: as of ``Ground.plane``.
     """
-    near = np.float32(_NEAR_CELLS * grid.reduction)
     if plane is None:
-        return np.asarray(disparity > near, np.bool_)
+        return np.isfinite(disparity)
     share, least = np.float32(1 - _STANDING_SHARE), np.float32(_STANDING_CELLS * grid.reduction)
-    return stands_out(disparity, plane.astype(np.float32), near, share, least)
+    return stands_out(disparity, plane.astype(np.float32), share, least)
+
+
+def near_enough(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.bool_]:
+    """(h, w) which cells are so near that noise is a small share of their depth.
+
+    Args:
+        disparity: (h, w) px, NaN unknown.
+    """
+    camera = grid.camera
+    least, precise = _LEAST_CELLS * grid.reduction, _PRECISE_CELLS * grid.reduction
+    near = min(max(least, camera.fx * camera.baseline / _NEAR_M), precise)
+    return np.asarray(disparity > np.float32(near), np.bool_)

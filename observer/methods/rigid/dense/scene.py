@@ -16,7 +16,7 @@ from observer.methods.rigid.dense.depth_image import RowTexture, depth_image
 from observer.methods.rigid.dense.free_space import DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grey_change import GreyChange, Light
 from observer.methods.rigid.dense.grid import Grid
-from observer.methods.rigid.dense.ground import Ground, GroundPlane, standing
+from observer.methods.rigid.dense.ground import Ground, GroundPlane, above_ground, near_enough
 from observer.mount import CameraMount
 from observer.parameters import DenseParameters, StereoParameters
 from observer.types import Image
@@ -36,7 +36,8 @@ class DenseScene:
     Attributes:
         time: seconds. grid: its cells. T_world_camera: the pose. left: (h, w) the left image, grey.
         texture: of that one. disparity: (h, w) px, NaN unknown.
-        standing: (h, w) which cells stand out of the ground.
+        above: (h, w) which cells are above the ground. standing: those of them that are near enough
+            to be judged.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
         changed: (h, w) which cells look another than a moment ago.
         light: how it changes.
@@ -49,6 +50,7 @@ class DenseScene:
     left: Image
     texture: RowTexture
     disparity: NDArray[np.float32]
+    above: NDArray[np.bool_]
     standing: NDArray[np.bool_]
     evidence: NDArray[np.uint8]
     changed: NDArray[np.bool_]
@@ -113,7 +115,8 @@ class DenseVision:
         disparity = with_bias(at_one_time(seen, now.rate, delay_s, self._grid), bias_px, self._grid)
         self._ground.update(disparity, now.T_camera_world, view.index)
         plane = self._ground.plane(now.T_camera_world)
-        stands = standing(disparity, plane, self._grid)
+        above = above_ground(disparity, plane, self._grid)
+        stands = above & near_enough(disparity, self._grid)
         frame = DepthFrame(view.time, disparity, now.T_camera_world)
         evidence = self._space.evidence(frame, stands)
         self._space.keep(frame)
@@ -125,6 +128,7 @@ class DenseVision:
             left=left,
             texture=texture,
             disparity=disparity,
+            above=above,
             standing=stands,
             evidence=evidence,
             changed=changed,

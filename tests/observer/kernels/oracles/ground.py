@@ -96,7 +96,6 @@ def _refit(
 def stands_out(
     disparity: NDArray[np.float32],
     plane: NDArray[np.float32],
-    near: np.float32,
     share: np.float32,
     least: np.float32,
 ) -> NDArray[np.bool_]:
@@ -106,4 +105,4 @@ def stands_out(
     rows = b * np.arange(height, dtype=np.float32) + c
     ground = a * np.arange(width, dtype=np.float32) + rows[:, None]
     above = disparity * share - np.maximum(ground, np.float32(0))
-    return np.asarray((disparity > near) & (above > least))
+    return np.asarray(above > least)

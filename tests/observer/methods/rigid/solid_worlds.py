@@ -20,7 +20,7 @@ from observer.methods.rigid.dense.depth_image import RowTexture
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC, DepthFrame, FreeSpace
 from observer.methods.rigid.dense.grey_change import Light
 from observer.methods.rigid.dense.grid import Grid
-from observer.methods.rigid.dense.ground import Ground, GroundPlane, standing
+from observer.methods.rigid.dense.ground import Ground, GroundPlane, above_ground, near_enough
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of
 from observer.methods.rigid.motion_test import pooled_motion
@@ -131,7 +131,8 @@ def seen(
 ) -> DenseScene:
     """The scene of these shapes; without evidence nothing can be said of motion."""
     disparity = disparity_of(shapes, T_world_camera)
-    stands = standing(disparity, Ground(GRID, MOUNT).plane(T_world_camera.inverse()), GRID)
+    plane = Ground(GRID, MOUNT).plane(T_world_camera.inverse())
+    above = above_ground(disparity, plane, GRID)
     if evidence is None:
         evidence = np.zeros(GRID.shape, np.uint8)
     dark = np.zeros(GRID.shape, np.uint8)
@@ -144,7 +145,8 @@ def seen(
         left=dark,
         texture=RowTexture.of(dark),
         disparity=disparity,
-        standing=stands,
+        above=above,
+        standing=above & near_enough(disparity, GRID),
         evidence=evidence,
         changed=unchanged,
         light=Light(),

@@ -198,6 +198,28 @@ def test_points_that_creep_where_something_was_before_confirm_nothing(guest: Mak
 
 
 @pytest.mark.parametrize(
+    ("velocity", "evidence", "rigid", "state"),
+    [
+        ((0.7, 0.0, -0.7), STATIC, False, TrackState.TENTATIVE),
+        ((0.0, 0.0, -0.7), STATIC, False, TrackState.CONFIRMED),
+        ((0.7, 0.0, -0.7), ARRIVED, False, TrackState.CONFIRMED),
+        ((0.7, 0.0, -0.7), STATIC, True, TrackState.CONFIRMED),
+    ],
+)
+def test_points_of_limbs_that_cross_what_stands_confirm_nobody(
+    guest: MakeTrack,
+    velocity: tuple[float, float, float],
+    evidence: int,
+    rigid: bool,
+    state: TrackState,
+) -> None:
+    """Who comes along the line of sight may fill for a while what was filled before."""
+    track = guest(velocity, evidence=evidence)
+    track.points, track.rigid = 16, rigid
+    assert judged(track, 5) is state
+
+
+@pytest.mark.parametrize(
     ("velocity", "evidence", "state"),
     [
         ((0.0, 0.0, -0.25), STATIC, TrackState.TENTATIVE),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from observer.geometry import Pose
-from observer.methods.rigid.dense.ground import Ground, standing
+from observer.methods.rigid.dense.ground import Ground, above_ground, near_enough
 from observer.mount import CameraMount
 
 from ..solid_worlds import (
@@ -188,8 +189,11 @@ def test_the_same_seed_gives_the_same_ground_to_the_last_digit() -> None:
 # --- what stands ---------------------------------------------------------------------------
 
 
+PLANE = Ground(GRID, MOUNT).plane(HERE)
+
+
 def stands(shapes: Sequence[Shape]) -> np.ndarray:
-    return standing(disparity_of(shapes), Ground(GRID, MOUNT).plane(HERE), GRID)
+    return above_ground(disparity_of(shapes), PLANE, GRID)
 
 
 @quick
@@ -206,8 +210,7 @@ def test_things_stand_and_the_ground_does_not(x: float, z: float, yaw: float) ->
 
 
 def test_the_noise_of_the_ground_does_not_stand() -> None:
-    plane = Ground(GRID, MOUNT).plane(HERE)
-    assert standing(noisy(disparity_of([FLOOR])), plane, GRID).mean() < 1e-3
+    assert above_ground(noisy(disparity_of([FLOOR])), PLANE, GRID).mean() < 1e-3
 
 
 def test_reflections_in_the_ground_do_not_stand() -> None:
@@ -217,24 +220,34 @@ def test_reflections_in_the_ground_do_not_stand() -> None:
     image = cells_of(mirrored, [mirrored])
     disparity[image] = disparity_of([mirrored])[image]
     assert image.sum() > 200
-    assert not standing(disparity, Ground(GRID, MOUNT).plane(HERE), GRID).any()
+    assert not above_ground(disparity, PLANE, GRID).any()
 
 
-def test_above_the_horizon_everything_near_stands_but_what_is_very_far_does_not() -> None:
-    found = stands([Plane((0.0, 0.0, 1.0), 6.0)])
-    assert found[: GRID.height // 2 - 2].all()
-    # Four cells of disparity are 7.5 m here.
-    assert not stands([Plane((0.0, 0.0, 1.0), 8.0)]).any()
+def test_above_the_horizon_everything_stands_however_far() -> None:
+    for z in (6.0, 20.0):
+        assert stands([Plane((0.0, 0.0, 1.0), z)])[: GRID.height // 2 - 2].all()
 
 
 def test_the_unknown_never_stands() -> None:
     disparity = disparity_of([FLOOR, WALL])
     disparity[::2] = np.nan
-    plane = Ground(GRID, MOUNT).plane(HERE)
-    assert not standing(disparity, plane, GRID)[::2].any()
-    assert not standing(disparity, None, GRID)[::2].any()
+    assert not above_ground(disparity, PLANE, GRID)[::2].any()
+    assert not above_ground(disparity, None, GRID)[::2].any()
+    assert not near_enough(disparity, GRID)[::2].any()
 
 
-def test_where_no_ground_is_known_all_that_is_near_stands() -> None:
+def test_where_no_ground_is_known_all_stands() -> None:
     near = Plane((0.0, 0.0, 1.0), 6.0)
-    assert standing(disparity_of([FLOOR, near]), None, GRID).all()
+    assert above_ground(disparity_of([FLOOR, near]), None, GRID).all()
+
+
+@pytest.mark.parametrize(
+    ("baseline_m", "reach_m"),
+    [(0.03, 3.75), (0.06, 6.6), (0.12, 7.5), (0.4, 25.0)],
+)
+def test_what_is_near_enough_depends_on_the_baseline(baseline_m: float, reach_m: float) -> None:
+    """A person's distance, unless noise is too large a share of it or depth is known farther."""
+    grid = replace(GRID, camera=replace(GRID.camera, baseline=baseline_m))
+    for z, near in ((0.95 * reach_m, True), (1.05 * reach_m, False)):
+        disparity = np.full(grid.shape, grid.camera.fx * baseline_m / z, np.float32)
+        assert (near_enough(disparity, grid) == near).all()
