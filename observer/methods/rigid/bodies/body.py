@@ -63,6 +63,7 @@ class BodyTrack:
         part_moves: it began as the whole person of whom a part was seen to move.
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
             is around it.
+        far: it is farther away than segments are looked for, so that it cannot be seen as one.
         stood_s: seconds for which it has not moved.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
             before, and once it was seen to have left that place.
@@ -95,6 +96,7 @@ class BodyTrack:
     part_moves: bool = False
     merged_s: float = 0.0
     stands: bool = True
+    far: bool = False
     stood_s: float = 0.0
     confirmed_at: Float64Array | None = None
     # (3,) u, v and disparity of its centre in the last frame, px.

@@ -160,6 +160,9 @@ def _confirmed(
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
     shown = track.merged_s == 0 or _shown_by_many(track)
+    if track.far:
+        # Disparity is so uncertain there that points of what stands seem to come or to go.
+        shown = _crosses(track, camera_position)
     shown &= not _slides(track, camera_position)
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True

@@ -37,8 +37,8 @@ from observer.vision.lifecycle import TrackIds, is_provisional
 # segment its own.
 _LEAST_MEMBERS = 3
 _OWN_SHARE = 0.5
-# Share of a body's members at or beside whose cells the disparity must be known to tell what is
-# there.
+# Share of a body's members at or beside whose cells the disparity must be known, or near enough to
+# be judged.
 _KNOWN_SHARE = 0.5
 # And that may lie on the ground, as shadows do.
 _LYING_SHARE = 0.5
@@ -223,9 +223,16 @@ def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt:
     if len(members) < _LEAST_MEMBERS:
         return
     rows, columns = scene.grid.at(points.px[members])
-    known = widened(np.isfinite(scene.disparity), 1)[rows, columns].mean() > _KNOWN_SHARE
-    track.merged_s = track.merged_s + dt if known else max(0.0, track.merged_s - dt)
-    lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.above[rows, columns]
+    known, judged = (
+        widened(cells, 1)[rows, columns].mean() > _KNOWN_SHARE
+        for cells in (np.isfinite(scene.disparity), scene.near)
+    )
+    track.far = bool(not judged and (known or track.far))
+    if judged:
+        track.merged_s += dt
+    elif not track.far:
+        track.merged_s = max(0.0, track.merged_s - dt)
+    lies = np.isfinite(scene.disparity[rows, columns]) & ~scene.standing[rows, columns]
     track.stands = float(lies.mean()) <= _LYING_SHARE
 
 
@@ -274,6 +281,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
             track.steady_s = 0.0
     outline.note(segment, track.mean[POSITION], scene, track.age_s)
     track.missed_s = track.merged_s = 0.0
+    track.far = False
 
 
 def _along(place: Float64Array, scene: DenseScene) -> Float64Array:

@@ -36,8 +36,8 @@ class DenseScene:
     Attributes:
         time: seconds. grid: its cells. T_world_camera: the pose. left: (h, w) the left image, grey.
         texture: of that one. disparity: (h, w) px, NaN unknown.
-        above: (h, w) which cells are above the ground. standing: those of them that are near enough
-            to be judged.
+        near: (h, w) which cells are near enough to be judged.
+        standing: (h, w) those of them that stand out of the ground.
         evidence: (h, w) of motion, see ``observer.methods.rigid.dense.free_space``.
         changed: (h, w) which cells look another than a moment ago.
         light: how it changes.
@@ -50,7 +50,7 @@ class DenseScene:
     left: Image
     texture: RowTexture
     disparity: NDArray[np.float32]
-    above: NDArray[np.bool_]
+    near: NDArray[np.bool_]
     standing: NDArray[np.bool_]
     evidence: NDArray[np.uint8]
     changed: NDArray[np.bool_]
@@ -115,8 +115,8 @@ class DenseVision:
         disparity = with_bias(at_one_time(seen, now.rate, delay_s, self._grid), bias_px, self._grid)
         self._ground.update(disparity, now.T_camera_world, view.index)
         plane = self._ground.plane(now.T_camera_world)
-        above = above_ground(disparity, plane, self._grid)
-        stands = above & near_enough(disparity, self._grid)
+        near = near_enough(disparity, self._grid)
+        stands = near & above_ground(disparity, plane, self._grid)
         frame = DepthFrame(view.time, disparity, now.T_camera_world)
         evidence = self._space.evidence(frame, stands)
         self._space.keep(frame)
@@ -128,7 +128,7 @@ class DenseVision:
             left=left,
             texture=texture,
             disparity=disparity,
-            above=above,
+            near=near,
             standing=stands,
             evidence=evidence,
             changed=changed,

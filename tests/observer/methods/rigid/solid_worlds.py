@@ -132,7 +132,7 @@ def seen(
     """The scene of these shapes; without evidence nothing can be said of motion."""
     disparity = disparity_of(shapes, T_world_camera)
     plane = Ground(GRID, MOUNT).plane(T_world_camera.inverse())
-    above = above_ground(disparity, plane, GRID)
+    near = near_enough(disparity, GRID)
     if evidence is None:
         evidence = np.zeros(GRID.shape, np.uint8)
     dark = np.zeros(GRID.shape, np.uint8)
@@ -145,8 +145,8 @@ def seen(
         left=dark,
         texture=RowTexture.of(dark),
         disparity=disparity,
-        above=above,
-        standing=above & near_enough(disparity, GRID),
+        near=near,
+        standing=near & above_ground(disparity, plane, GRID),
         evidence=evidence,
         changed=unchanged,
         light=Light(),

@@ -140,6 +140,19 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
         assert judged(track, P.confirm_hits + 5) is state
 
 
+@pytest.mark.parametrize(
+    ("velocity", "state"),
+    [((0.5, 0.0, 0.1), TrackState.CONFIRMED), ((0.1, 0.0, -0.5), TrackState.TENTATIVE)],
+)
+def test_what_is_farther_than_segments_is_confirmed_by_points_only_if_it_crosses_the_view(
+    make_track: MakeTrack, velocity: tuple[float, float, float], state: TrackState
+) -> None:
+    for merged_s in (0.0, 0.1):
+        track = make_track((0.0, 0.0, 9.0), velocity)
+        track.points, track.merged_s, track.far = 20, merged_s, True
+        assert judged(track, P.confirm_hits + 5) is state
+
+
 def test_out_of_sight_a_body_moves_on_as_it_did_however_uncertain(make_track: MakeTrack) -> None:
     for missed_s, motion in ((0.0, MotionState.STOPPED), (1.0, MotionState.MOVING)):
         track = make_track(velocity=(0.5, 0.0, 0.0), sigma=0.3)

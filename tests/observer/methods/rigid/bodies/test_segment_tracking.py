@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -42,6 +43,7 @@ from ..solid_worlds import step_to as now_at
 
 MakeTrack = Callable[..., BodyTrack]
 MIN_POINTS = Parameters().obstacles.min_points
+NEAR_WALL = Solid((0.0, -0.5, 4.0), (4.0, 1.5, 0.1))
 
 
 def tracked(
@@ -308,33 +310,51 @@ def test_a_body_beside_an_outline_is_not_absorbed(make_track: MakeTrack) -> None
 
 def test_what_is_one_with_its_surroundings_is_counted_as_that(make_track: MakeTrack) -> None:
     """Points that move on a wall, of which no segment stands apart."""
-    track = make_track((0.5, -0.2, 7.9), number=1)
+    track = make_track((0.5, -0.2, 4.0), number=1)
     track.points = 9
     for k in range(3):
-        tracked([track], points_on(patch(0.5, -0.2, 7.99)), seen(ROOM))
+        tracked([track], points_on(patch(0.5, -0.2, 4.0)), seen([*ROOM, NEAR_WALL]))
         assert track.merged_s == pytest.approx((k + 1) * DT)
+    assert not track.far
     assert track.outline is None
 
 
+def test_what_is_farther_than_segments_is_not_one_with_its_surroundings(
+    make_track: MakeTrack,
+) -> None:
+    track = make_track((0.5, -0.2, 7.9), number=1)
+    track.points, track.merged_s = 9, 0.1
+    for blind in (False, True):
+        scene = seen(ROOM)
+        if blind:
+            scene = replace(scene, disparity=np.full_like(scene.disparity, np.nan))
+        tracked([track], points_on(patch(0.5, -0.2, 7.99)), scene)
+        assert track.far
+        assert track.merged_s == 0.1
+    tracked([track], points_on(patch(0.5, -0.2, 4.0)), seen([*ROOM, NEAR_WALL]))
+    assert not track.far
+
+
 def test_a_body_that_lost_its_outline_is_one_with_its_surroundings(make_track: MakeTrack) -> None:
-    """It merged with the wall behind it; its points are still followed."""
+    """No cell stands out of what is around it any more; its points are still followed."""
     tracks, host = outlined(person(0.5, 4.0), TrackIds())
-    host.filter = make_track((0.5, -0.2, 7.9), number=host.id).filter
-    points = points_on(patch(0.5, -0.2, 7.99))
+    host.filter = make_track((0.5, -0.2, 4.0), number=host.id).filter
+    points = points_on(patch(0.5, -0.2, 4.0))
+    scene = seen([*ROOM, NEAR_WALL])
+    scene = replace(scene, standing=np.zeros_like(scene.standing))
     points = points.but(obstacle=np.full(len(points), host.id))
     for _ in range(3):
-        points = tracked(tracks, points, seen(ROOM))
+        points = tracked(tracks, points, scene)
     assert host.outline is not None
     assert not host.outline.seen
     assert host.merged_s == pytest.approx(3 * DT)
 
 
 def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
-    wall = Solid((0.0, -0.5, 4.0), (4.0, 1.5, 0.1))
     for place, stands in (((0.5, -0.2, 4.0), True), ((0.5, 0.9, 3.0), False)):
         track = make_track(place, number=1)
         track.points = 9
-        tracked([track], points_on(patch(*place)), seen([*ROOM, wall]))
+        tracked([track], points_on(patch(*place)), seen([*ROOM, NEAR_WALL]))
         assert track.merged_s > 0
         assert track.stands is stands
 
