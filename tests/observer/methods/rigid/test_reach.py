@@ -40,7 +40,8 @@ def reported(clip: Clip, parameters: Parameters) -> tuple[list[float], list[floa
     """Distances ahead, metres: of moving bodies when they are reported, and when they are not."""
     assert clip.truth is not None
     observer = Observer(clip.calibration, parameters)
-    found, missed = [], []
+    found: list[float] = []
+    missed: list[float] = []
     for frame in clip.frames:
         obstacles = observer.observe(frame).obstacles or ()
         places = [o.position for o in obstacles if o.state is TrackState.CONFIRMED]
