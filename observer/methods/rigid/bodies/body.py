@@ -63,7 +63,7 @@ class BodyTrack:
         part_moves: it began as the whole person of whom a part was seen to move.
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
             is around it.
-        far: it is farther away than segments are looked for, so that it cannot be seen as one.
+        far: it is seen by points alone, and so far away that they only seem to come or go.
         stood_s: seconds for which it has not moved.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
             before, and once it was seen to have left that place.

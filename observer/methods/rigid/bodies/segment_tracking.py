@@ -16,6 +16,7 @@ from observer.methods.rigid.bodies.segment_gate import has_left, leaps, returns_
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
+from observer.methods.rigid.dense.ground import is_precise
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     Expected,
@@ -223,11 +224,8 @@ def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt:
     if len(members) < _LEAST_MEMBERS:
         return
     rows, columns = scene.grid.at(points.px[members])
-    known, judged = (
-        widened(cells, 1)[rows, columns].mean() > _KNOWN_SHARE
-        for cells in (np.isfinite(scene.disparity), scene.near)
-    )
-    track.far = bool(not judged and (known or track.far))
+    judged = widened(scene.near, 1)[rows, columns].mean() > _KNOWN_SHARE
+    track.far = not is_precise(median(points.disparity[members]), scene.grid)
     if judged:
         track.merged_s += dt
     elif not track.far:

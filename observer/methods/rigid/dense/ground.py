@@ -30,6 +30,8 @@ _STANDING_CELLS, _STANDING_SHARE = 0.5, 0.05
 # noise is a small share of it; and whatever the baseline, with the least one.
 _NEAR_M = 6.6
 _PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
+# Disparity, in cells, above which that of points alone tells what comes or goes.
+_TELLING_CELLS = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,6 +148,11 @@ def near_enough(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.bool_]
         disparity: (h, w) px, NaN unknown.
     """
     camera = grid.camera
-    least, precise = _LEAST_CELLS * grid.reduction, _PRECISE_CELLS * grid.reduction
-    near = min(max(least, camera.fx * camera.baseline / _NEAR_M), precise)
+    least, most = _LEAST_CELLS * grid.reduction, _PRECISE_CELLS * grid.reduction
+    near = min(max(least, camera.fx * camera.baseline / _NEAR_M), most)
     return np.asarray(disparity > np.float32(near), np.bool_)
+
+
+def is_precise(disparity: float, grid: Grid) -> bool:
+    """Return whether a disparity, px, is so large that it tells what comes or goes."""
+    return disparity > _TELLING_CELLS * grid.reduction
