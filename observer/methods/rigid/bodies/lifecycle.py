@@ -159,11 +159,7 @@ def _confirmed(
     else:
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
-    shown = track.merged_s == 0 or _shown_by_many(track)
-    if track.far:
-        # Disparity is so uncertain there that points of what stands seem to come or to go.
-        shown = _crosses(track, camera_position)
-    shown &= not _slides(track, camera_position)
+    shown = track.far or track.merged_s == 0 or _shown_by_many(track)
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
     if track.motion is MotionState.IN_PLACE:
@@ -200,10 +196,17 @@ def _may_stand(
     parameters: ObstacleParameters,
     light: Light,
 ) -> bool:
-    """Return whether light that changes may make a body's points move."""
-    return _creeps(track, parameters) or (
-        light.flickers and _seems_to_come_or_go(track, camera_position, parameters)
-    )
+    """Return whether a body's points may move though it stands.
+
+    Who crosses the view covers what was free and uncovers what was hidden; points taken for a
+    person's slide over what stands. Along the line of sight points seem to come or to go where
+    disparity is uncertain: far away, and in light that flickers.
+    """
+    if _creeps(track, parameters):
+        return True
+    if _crosses(track, camera_position):
+        return not track.rigid and _is_unmoved(track)
+    return track.far or (light.flickers and _is_slow(track, parameters))
 
 
 def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:
@@ -217,26 +220,10 @@ def _creeps(track: BodyTrack, parameters: ObstacleParameters) -> bool:
     return speed < _CREEPING * parameters.stopped_below_mps
 
 
-def _seems_to_come_or_go(
-    track: BodyTrack, camera_position: Float64Array, parameters: ObstacleParameters
-) -> bool:
-    """Return whether a body is slow along its line of sight alone, where something was before.
-
-    Light that flickers changes disparities: what it falls on seems to come or to go.
-    """
+def _is_slow(track: BodyTrack, parameters: ObstacleParameters) -> bool:
+    """Return whether a body is slow that is seen where something was before."""
     speed = float(np.linalg.norm(track.mean[VELOCITY]))
-    if _has_moved(track) or speed > _SEEMS_SLOW * parameters.stopped_below_mps:
-        return False
-    return not _crosses(track, camera_position)
-
-
-def _slides(track: BodyTrack, camera_position: Float64Array) -> bool:
-    """Return whether points taken for a person's move across the view over what stands.
-
-    Who crosses the view covers what was free and uncovers what was hidden. Who comes along the
-    line of sight may be too far away for that to show.
-    """
-    return not track.rigid and _is_unmoved(track) and _crosses(track, camera_position)
+    return not _has_moved(track) and speed <= _SEEMS_SLOW * parameters.stopped_below_mps
 
 
 def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:

@@ -16,7 +16,7 @@ from observer.methods.rigid.bodies.segment_gate import has_left, leaps, returns_
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
-from observer.methods.rigid.dense.ground import is_precise
+from observer.methods.rigid.dense.ground import tells_approach
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     Expected,
@@ -225,7 +225,7 @@ def _note_merged(track: BodyTrack, points: TrackedPoints, scene: DenseScene, dt:
         return
     rows, columns = scene.grid.at(points.px[members])
     judged = widened(scene.near, 1)[rows, columns].mean() > _KNOWN_SHARE
-    track.far = not is_precise(median(points.disparity[members]), scene.grid)
+    track.far = not tells_approach(median(points.disparity[members]), scene.grid)
     if judged:
         track.merged_s += dt
     elif not track.far:

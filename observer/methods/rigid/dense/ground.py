@@ -30,7 +30,7 @@ _STANDING_CELLS, _STANDING_SHARE = 0.5, 0.05
 # noise is a small share of it; and whatever the baseline, with the least one.
 _NEAR_M = 6.6
 _PRECISE_CELLS, _LEAST_CELLS = 4.0, 2.0
-# Disparity, in cells, above which that of points alone tells what comes or goes.
+# Disparity of points, in cells, above which it alone tells what comes or goes.
 _TELLING_CELLS = 5.0
 
 
@@ -153,6 +153,6 @@ def near_enough(disparity: NDArray[np.float32], grid: Grid) -> NDArray[np.bool_]
     return np.asarray(disparity > np.float32(near), np.bool_)
 
 
-def is_precise(disparity: float, grid: Grid) -> bool:
-    """Return whether a disparity, px, is so large that it tells what comes or goes."""
+def tells_approach(disparity: float, grid: Grid) -> bool:
+    """Return whether points of this disparity, px, tell alone whether they come or go."""
     return disparity > _TELLING_CELLS * grid.reduction
