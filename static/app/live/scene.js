@@ -84,8 +84,8 @@ class Scene extends Part {
   async #start(draws) {
     this.#trouble.hidden = draws;
     this.#paint();
-    this.#facts ??= await request("GET", "/scene").catch(() => null);
-    if (!this.#facts || !draws) {
+    if (draws) this.#facts ??= await request("GET", "/scene").catch(() => null);
+    if (!draws || !this.#facts) {
       // Nobody will be told that it is drawn.
       this.#wait.hidden = true;
       return;
