@@ -7,7 +7,7 @@ import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, closing, suppress
 from functools import partial
 
 import numpy as np
@@ -129,11 +129,19 @@ class Lab:
         self.robots.close()
 
 
+MakeLab = Callable[..., Lab]
+
+
 @pytest.fixture
-def lab() -> Iterator[Lab]:
-    made = Lab()
-    yield made
-    made.close()
+def make_lab() -> Iterator[MakeLab]:
+    """Labs that are closed behind the test, however it ends."""
+    with ExitStack() as stack:
+        yield lambda *of_it, **named: stack.enter_context(closing(Lab(*of_it, **named)))
+
+
+@pytest.fixture
+def lab(make_lab: MakeLab) -> Lab:
+    return make_lab()
 
 
 def holding(lab: Lab, role: Role, speed: int, turn_rate: int = 0) -> Callable[[], None]:
@@ -178,8 +186,10 @@ def test_roles_models_and_ports() -> None:
     alone.close()
 
 
-def test_robots_that_nobody_drives_change_no_frame_and_end_with_the_scenario() -> None:
-    lab = Lab()
+def test_robots_that_nobody_drives_change_no_frame_and_end_with_the_scenario(
+    make_lab: MakeLab,
+) -> None:
+    lab = make_lab()
     plain = SimulatedSource(World(scenario_from_text(SCENE, "mine")))
     for _ in range(2):
         for _ in range(3 * RATE):
@@ -192,7 +202,6 @@ def test_robots_that_nobody_drives_change_no_frame_and_end_with_the_scenario() -
         assert lab.source.read() is None
         lab.source.rewind()
         plain.rewind()
-    lab.close()
 
 
 def test_a_robot_on_its_script_tells_how_it_really_moves(lab: Lab) -> None:
@@ -265,8 +274,10 @@ def test_while_somebody_drives_frames_do_not_end_and_scripts_go_on(lab: Lab) -> 
     assert lab.state("obstacle") == script.script.state(lab.time)
 
 
-def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls() -> None:
-    lab = Lab(SCENE.split("robots:")[0] + "observer: {}\n")
+def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls(
+    make_lab: MakeLab,
+) -> None:
+    lab = make_lab(SCENE.split("robots:")[0] + "observer: {}\n")
     lab.enable("observer")
     lab.tell("observer", Command.SETA, 2000)
     link, push = lab.links["observer"], holding(lab, "observer", 900)
@@ -289,14 +300,15 @@ def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls() -> None:
     # To the left it looks at the wall at right angles.
     assert ranges[0] == pytest.approx(2000 - 100, abs=2)
     assert ranges[6] > 1500
-    lab.close()
 
 
-def test_two_robots_do_not_pass_through_each_other() -> None:
+def test_two_robots_do_not_pass_through_each_other(
+    make_lab: MakeLab,
+) -> None:
     text = SCENE.replace("x: 2.0, y: 0,", "x: 2.0, y: 1.6,").replace(
         "{x: 0.8, y: -1.2, heading_deg: 90,", "{x: 1.5, y: 0, heading_deg: 180,"
     ).replace("distance_m: 2.4, speed: 0.4", "distance_m: 0.2, speed: 0.01")  # fmt: skip
-    lab = Lab(text)
+    lab = make_lab(text)
     for role in ("observer", "obstacle"):
         lab.enable(role)
         lab.tell(role, Command.SETA, 2000)
@@ -308,7 +320,6 @@ def test_two_robots_do_not_pass_through_each_other() -> None:
     lab.frames(3, both)
     gap = lab.state("obstacle").x - lab.state("observer").x
     assert gap == pytest.approx((0.33 + 0.455) / 2, abs=0.02)
-    lab.close()
 
 
 def test_frames_make_the_time_and_not_the_clock(lab: Lab) -> None:
@@ -377,15 +388,14 @@ def test_rewound_they_stand_at_their_start_again_with_motors_off(lab: Lab) -> No
     assert lab.truth.bodies(lab.time)[0].speed > 0.2
 
 
-def test_equal_commands_at_equal_frames_drive_equal_ways() -> None:
+def test_equal_commands_at_equal_frames_drive_equal_ways(make_lab: MakeLab) -> None:
     ends = []
     for _ in range(2):
-        lab = Lab(seed=3)
+        lab = make_lab(seed=3)
         lab.frames(0.5)
         lab.enable("observer")
         lab.frames(1.5, holding(lab, "observer", 250, 15))
         ends.append((lab.state("observer"), lab.odometry, lab.left))
-        lab.close()
     assert ends[0][:2] == ends[1][:2]
     assert np.array_equal(ends[0][2], ends[1][2])
 
