@@ -273,12 +273,14 @@ def wait_for_scene(pixels: Pixels, eventually: Eventually) -> Callable[[Page], N
 
 @pytest.fixture
 def eventually() -> Eventually:
-    """Ask until the answer is true; returns it."""
+    """Ask until the answer is true, or ``until`` says that it is as wanted; returns it."""
 
-    def wait(ask: Callable[[], Any], within_s: float = 10.0) -> Any:
+    def wait(
+        ask: Callable[[], Any], within_s: float = 10.0, until: Callable[[Any], bool] = bool
+    ) -> Any:
         deadline = time.monotonic() + within_s
-        while not (answer := ask()):
-            assert time.monotonic() < deadline, f"not within {within_s} s"
+        while not until(answer := ask()):
+            assert time.monotonic() < deadline, f"not within {within_s} s: {answer}"
             time.sleep(0.05)
         return answer
 

@@ -7,7 +7,7 @@ import re
 import pytest
 from playwright.sync_api import Page, ViewportSize, expect
 
-from .conftest import TOO_WIDE, KeepPicture, OpenPanel, Server
+from .conftest import TOO_WIDE, Eventually, KeepPicture, OpenPanel, Server
 
 _SIZES: tuple[ViewportSize, ...] = (
     {"width": 360, "height": 780},
@@ -24,44 +24,44 @@ _OVERFLOW = """() => {
 }"""
 _MAIN_OVERFLOW = """() => {
   const { scrollWidth, clientWidth } = document.querySelector("main");
-  return Math.max(scrollWidth - clientWidth, 0);
+  return [scrollWidth - clientWidth];
 }"""
-_TRIES = 20
+# The page may still be laying itself out.
+_SETTLED_S = 4.0
 
 
-def _comes_to(page: Page, measure: str, fits: object, where: str) -> None:
-    """Hold what the page measures; it may still be laying itself out."""
-    for _ in range(_TRIES):
-        if (measured := page.evaluate(measure)) == fits:
-            return
-        page.wait_for_timeout(200)
-    pytest.fail(f"{where}: {measured}")
+def _comes_to_nothing(page: Page, measure: str, where: str, eventually: Eventually) -> None:
+    eventually(
+        lambda: (where, page.evaluate(measure)), _SETTLED_S, lambda answer: not any(answer[1])
+    )
 
 
-def _does_not_scroll(page: Page, where: str) -> None:
-    _comes_to(page, _OVERFLOW, [0, 0], where)
+def _does_not_scroll(page: Page, where: str, eventually: Eventually) -> None:
+    _comes_to_nothing(page, _OVERFLOW, where, eventually)
     expect(page.locator("#stop-robots")).to_be_in_viewport(ratio=1)
     expect(page.get_by_role("button", name="Menu")).to_be_in_viewport(ratio=1)
 
 
 @pytest.mark.parametrize("size", _SIZES, ids=lambda size: f"{size['width']}")
 def test_the_window_never_scrolls_and_stop_stays_in_sight(
-    open_panel: OpenPanel, keep_picture: KeepPicture, size: ViewportSize
+    open_panel: OpenPanel, keep_picture: KeepPicture, size: ViewportSize, eventually: Eventually
 ) -> None:
     page = open_panel(viewport=size)
     for place in _PLACES:
         page.evaluate("(place) => { location.hash = place; }", place)
         page.wait_for_timeout(200)
-        _does_not_scroll(page, place)
+        _does_not_scroll(page, place, eventually)
     keep_picture(page, f"shell-{size['width']}")
     page.get_by_role("tab", name="Calibration").click()
     page.locator("observer-calibration button", has_text="Calibrate").first.click()
     expect(page.locator("observer-calibration-wizard")).to_be_visible()
-    _does_not_scroll(page, "wizard")
+    _does_not_scroll(page, "wizard", eventually)
     keep_picture(page, f"shell-wizard-{size['width']}")
 
 
-def test_nor_does_it_on_pages_of_the_past(open_panel: OpenPanel, two_runs: list[str]) -> None:
+def test_nor_does_it_on_pages_of_the_past(
+    open_panel: OpenPanel, two_runs: list[str], eventually: Eventually
+) -> None:
     page = open_panel()
     for place, ready in (
         (f"#history/{two_runs[0]}", "observer-run-chart .uplot"),
@@ -75,9 +75,9 @@ def test_nor_does_it_on_pages_of_the_past(open_panel: OpenPanel, two_runs: list[
             page.set_viewport_size(size)
             page.wait_for_timeout(300)
             where = f"{place} at {size['width']}"
-            _does_not_scroll(page, where)
-            _comes_to(page, TOO_WIDE, [], where)
-            _comes_to(page, _MAIN_OVERFLOW, 0, where)
+            _does_not_scroll(page, where, eventually)
+            for measure in (TOO_WIDE, _MAIN_OVERFLOW):
+                _comes_to_nothing(page, measure, where, eventually)
 
 
 def test_pages_of_the_past_have_a_title_of_their_own_and_no_live_speed(
@@ -176,7 +176,7 @@ def test_who_drives_on_a_phone_sees_the_whole_left_view(open_panel: OpenPanel) -
 
 
 def test_on_a_phone_the_way_to_the_live_view_has_a_heading_and_shows_once_it_has_the_focus(
-    open_panel: OpenPanel,
+    open_panel: OpenPanel, eventually: Eventually
 ) -> None:
     page = open_panel(viewport=_SIZES[0])
     expect(page.get_by_role("heading", name="Dynamic Observer", level=1)).to_have_count(1)
@@ -185,11 +185,11 @@ def test_on_a_phone_the_way_to_the_live_view_has_a_heading_and_shows_once_it_has
     link = page.get_by_role("link", name="Dynamic Observer")
     expect(link).to_be_focused()
     expect(link.locator("img")).to_be_in_viewport(ratio=1)
-    _does_not_scroll(page, "focused")
+    _does_not_scroll(page, "focused", eventually)
 
 
 def test_the_header_keeps_its_height_while_a_run_with_a_long_name_is_recorded(
-    open_panel: OpenPanel, server: Server, keep_picture: KeepPicture
+    open_panel: OpenPanel, server: Server, keep_picture: KeepPicture, eventually: Eventually
 ) -> None:
     page = open_panel()
     run = server.api.post("/api/runs", json={"name": "Walk past the long shelf, evening"}).json()
@@ -198,7 +198,7 @@ def test_the_header_keeps_its_height_while_a_run_with_a_long_name_is_recorded(
         for size in _SIZES:
             page.set_viewport_size(size)
             expect(stop).to_be_in_viewport(ratio=1)
-            _does_not_scroll(page, f"recording at {size['width']}")
+            _does_not_scroll(page, f"recording at {size['width']}", eventually)
             height = page.locator(".top").evaluate("top => top.clientHeight")
             assert height <= 60, f"{height} px at {size['width']}"
         page.set_viewport_size(_SIZES[3])
