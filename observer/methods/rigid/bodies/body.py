@@ -64,7 +64,7 @@ class BodyTrack:
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
             is around it.
         far: it is seen by points alone, and so far away that they only seem to come or go.
-        stood_s: seconds for which it has not moved.
+        stood_s: seconds for which it has not moved. unsure_s: for which it may as well stand.
         confirmed_at: (3,) metres, world, where its centre was when it was confirmed as moving; None
             before, and once it was seen to have left that place.
     """
@@ -98,6 +98,7 @@ class BodyTrack:
     stands: bool = True
     far: bool = False
     stood_s: float = 0.0
+    unsure_s: float = 0.0
     confirmed_at: Float64Array | None = None
     # (3,) u, v and disparity of its centre in the last frame, px.
     _centre_px: Float64Array | None = None

@@ -15,8 +15,9 @@ from observer.vision.lifecycle import expired, next_state
 # Below this the velocity is no more than noise. What is known to move, and does more than creep,
 # is not said to stand before it may well do so: that its speed became uncertain tells nothing.
 _MOVING_SIGMAS, _STILL_SIGMAS = 3.0, 2.0
-# m/s, of a person who walks: while that would not be significant, nothing tells that one stopped.
-_WALKS_MPS = 1.0
+# m/s, of a person who walks: while that would not be significant, nothing tells that one stopped,
+# for so many seconds.
+_WALKS_MPS, _UNSURE_S = 1.0, 0.5
 # The members that moved, beyond the first two, summed over the frames, before there is an
 # obstacle: two or three on one edge err alike.
 _CONFIRM_SIGHTINGS = 16
@@ -68,6 +69,7 @@ def judge(
     track.significance = float(np.sqrt(max(0.0, float(velocity @ np.linalg.solve(cov, velocity)))))
     speed = float(np.linalg.norm(velocity))
     sigma = _sigma_along(velocity, cov)
+    track.unsure_s = 0.0 if track.significance >= _STILL_SIGMAS else track.unsure_s + dt
     track.motion = _motion(track, speed, sigma, parameters.stopped_below_mps)
     track.stood_s = track.stood_s + dt if track.motion is MotionState.STOPPED else 0.0
     if track.significance >= parameters.confirm_sigmas:
@@ -95,10 +97,11 @@ def _motion(track: BodyTrack, speed: float, sigma: float, limit: float) -> Motio
     least = _STILL_SIGMAS if moved and speed > _CREEPING * limit else _MOVING_SIGMAS
     if speed >= limit and track.significance >= least:
         return MotionState.MOVING if speed - sigma > limit else track.motion
-    # Out of sight only the certainty fades, and likewise where limbs were taken for the body. But
-    # what fills the cells that were filled before stands, however uncertain its velocity.
-    unknown = track.missed_s > 0 or sigma > _WALKS_MPS / _MOVING_SIGMAS
-    if reported and unknown and not _is_unmoved(track):
+    # Out of sight only the certainty fades, and for a moment likewise where limbs were taken for
+    # the body. But what fills the cells that were filled before stands, however uncertain its
+    # velocity.
+    unsure = sigma > _WALKS_MPS / _MOVING_SIGMAS and track.unsure_s < _UNSURE_S
+    if reported and (track.missed_s > 0 or unsure) and not _is_unmoved(track):
         return track.motion
     return MotionState.IN_PLACE if track.changes.stirs else MotionState.STOPPED
 

@@ -17,6 +17,7 @@ from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.ground import tells_approach
+from observer.methods.rigid.dense.people import whole_person, with_head
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import (
     Expected,
@@ -25,7 +26,6 @@ from observer.methods.rigid.dense.segments import (
     followed_segment,
     fresh_segments,
     owners,
-    whole_person,
     widened,
 )
 from observer.methods.rigid.point_motion import PooledMotion
@@ -199,6 +199,8 @@ def _follow(
             continue
         if track.outline is None:
             segment = _first_seen(track, segment, scene, free)
+        if grows and not track.rigid:
+            segment = with_head(scene, segment, free & (owner < 0) | segment.mask)
         free &= ~segment.mask
         _measure(track, segment, scene)
 

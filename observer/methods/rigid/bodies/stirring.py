@@ -13,15 +13,9 @@ from observer.kernels.sight import place_of
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.changes import Changes
 from observer.methods.rigid.bodies.segment_tracking import begun
+from observer.methods.rigid.dense.people import is_person, standing_segment
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.dense.segments import (
-    Mask,
-    Segment,
-    is_person,
-    opened,
-    standing_segment,
-    widened,
-)
+from observer.methods.rigid.dense.segments import Mask, Segment, opened, widened
 from observer.types import MotionState, TrackState
 from observer.vision.lifecycle import TrackIds
 

@@ -21,17 +21,11 @@ Window = tuple[slice, slice]
 # The trunk is in this upper share of the rows; legs swing below it.
 TRUNK_SHARE = 0.6
 # m^2 and cells: what is smaller is no seed, and no segment.
-_SEED_M2, _SEGMENT_M2, _LEAST_CELLS = 0.03, 0.08, 12
+_SEED_M2, SEGMENT_M2, LEAST_CELLS = 0.03, 0.08, 12
 _MOST_SEEDS = 12
 # Metres by which a segment may grow beyond a seed, or beyond where it was expected, into what is
 # static: two things that touch are not to become one.
 _GROWTH_M = 0.12
-# Metres from what stirs within which a part of its body lies, and all of it.
-_BESIDE_M, _BODY_M = 0.75, 1.8
-# A person, arms included: metres, least height seen, and most width and height.
-_LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
-# An arm is a smaller part of a person than this, who stands while so much of him is static.
-_ARM_SHARE, _STANDS_SHARE = 0.35, 0.6
 # A step of the disparity that is no noise, cells.
 _STEP_CELLS = 0.5
 # A body's border shows something farther on this share of what is comparable, and of all of it;
@@ -140,78 +134,26 @@ def fresh_segments(scene: DenseScene, free: Mask) -> list[Segment]:
     found = []
     for label in np.argsort(-areas, kind="stable")[:_MOST_SEEDS] + 1:
         column, row, width, height, area = stats[label].tolist()
-        if area < _LEAST_CELLS:
+        if area < LEAST_CELLS:
             break
         window = (slice(row, row + height), slice(column, column + width))
         part = (labels[window] == label) & left[window]
         area = np.count_nonzero(part)
-        if area < _LEAST_CELLS:
+        if area < LEAST_CELLS:
             continue
         d = median(scene.disparity[window][part])
-        if area < _cells_of(scene, _SEED_M2, d):
+        if area < least_cells(scene, _SEED_M2, d):
             continue
         seed = np.zeros_like(left)
         seed[window] = part
-        mask = _grown(scene, left, seed, _widened(scene, seed, d), d)
-        if mask is None or np.count_nonzero(mask) < _cells_of(scene, _SEGMENT_M2, d):
+        mask = grown_mask(scene, left, seed, _widened(scene, seed, d), d)
+        if mask is None or np.count_nonzero(mask) < least_cells(scene, SEGMENT_M2, d):
             continue
         segment = segment_of(scene, mask)
         if segment.stands_apart:
             left &= ~mask
             found.append(segment)
     return found
-
-
-def is_person(segment: Segment, scene: DenseScene) -> bool:
-    """Return whether a segment stands apart, and is as large and as upright as a person."""
-    width, height = extent_m(segment, scene.grid)
-    upright = _LEAST_HEIGHT_M < height < _MOST_HEIGHT_M and width < min(_MOST_WIDTH_M, height)
-    return segment.stands_apart and upright
-
-
-def whole_person(scene: DenseScene, part: Segment, free: Mask) -> Segment:
-    """Return the person who stands, and of whom a segment is an arm; else the segment itself.
-
-    Args:
-        free: (h, w) cells that belong to nothing yet, those of the segment among them.
-    """
-    column, row = part.columns[1], (part.box[1] + part.box[3] - 1) / 2
-    px = scene.grid.to_px(np.array([[column, row]]))
-    at = scene.grid.camera.triangulate(px, np.array([part.disparity]))[0]
-    whole = standing_segment(scene, scene.T_world_camera.apply(at), free | part.mask)
-    if whole is None or not is_person(whole, scene) or part.area > _ARM_SHARE * whole.area:
-        return part
-    return whole if whole.static > _STANDS_SHARE else part
-
-
-def standing_segment(scene: DenseScene, place: Float64Array, free: Mask) -> Segment | None:
-    """Return the segment of what stands at a place (3,) m, world, or beside it; None if nothing.
-
-    Args:
-        free: (h, w) cells that belong to nothing yet.
-    """
-    grid = scene.grid
-    px, disparity = grid.camera.project(scene.T_camera_world.apply(place[None]))
-    if not np.isfinite(px).all():
-        return None
-    d = float(disparity[0])
-    column, row = np.round(grid.to_cells(px[0])).astype(int).tolist()
-    mask = None
-    for reach_m in (_BESIDE_M, _BODY_M):
-        reach = max(2, round(reach_m * grid.per_metre(d)))
-        near = np.zeros(grid.shape, np.bool_)
-        near[max(0, row - reach) : row + reach + 1, max(0, column - reach) : column + reach + 1] = (
-            True
-        )
-        seed = near & free & scene.standing if mask is None else mask
-        mask = _grown(scene, scene.standing & free & near, seed, near, d)
-        if mask is None:
-            return None
-        d = median(scene.disparity[mask])
-    assert mask is not None
-    if np.count_nonzero(mask) < _cells_of(scene, _SEGMENT_M2, d):
-        return None
-    return segment_of(scene, mask)
 
 
 def followed_segment(
@@ -223,12 +165,12 @@ def followed_segment(
         core: (h, w) the cells that are most likely its own. free: those that it may take.
         grows: beyond where it was expected; what stands does not.
     """
-    if np.count_nonzero(core) < _LEAST_CELLS:
+    if np.count_nonzero(core) < LEAST_CELLS:
         return None
     d = median(scene.disparity[core])
     near = _widened(scene, expected.mask, d) if grows else expected.mask
-    mask = _grown(scene, scene.standing & free & near, core, expected.mask, d)
-    if mask is None or np.count_nonzero(mask) < _cells_of(scene, _SEGMENT_M2 / 2, d):
+    mask = grown_mask(scene, scene.standing & free & near, core, expected.mask, d)
+    if mask is None or np.count_nonzero(mask) < least_cells(scene, SEGMENT_M2 / 2, d):
         return None
     return segment_of(scene, mask)
 
@@ -304,8 +246,8 @@ def _gap(scene: DenseScene, part: Segment, body: Segment) -> float:
     return abs(part.disparity - body.disparity) / scene.tolerance(body.disparity)
 
 
-def _cells_of(scene: DenseScene, area_m2: float, disparity: float) -> float:
-    return max(_LEAST_CELLS, area_m2 * scene.grid.per_metre(disparity) ** 2)
+def least_cells(scene: DenseScene, area_m2: float, disparity: float) -> float:
+    return max(LEAST_CELLS, area_m2 * scene.grid.per_metre(disparity) ** 2)
 
 
 def _widened(scene: DenseScene, mask: Mask, disparity: float) -> Mask:
@@ -313,7 +255,7 @@ def _widened(scene: DenseScene, mask: Mask, disparity: float) -> Mask:
     return widened(mask, max(2, int(_GROWTH_M * scene.grid.per_metre(disparity))))
 
 
-def _grown(
+def grown_mask(
     scene: DenseScene, free: Mask, seed: Mask, may_be_static: Mask, disparity: float
 ) -> Mask | None:
     """(h, w) the free cells of the seed's depth that hang together with it; None without any.

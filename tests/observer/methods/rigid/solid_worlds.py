@@ -33,6 +33,8 @@ from observer.vision.camera_rate import CameraRate
 CAMERA = StereoCamera(640, 400, 500.0, 500.0, 319.5, 199.5, 0.12)
 GRID = Grid.of(CAMERA)
 HERE = Pose.identity()
+# (h, w) every cell.
+ALL = np.ones(GRID.shape, np.bool_)
 HEIGHT_M = 1.0
 MOUNT = CameraMount(HEIGHT_M, 0.0)
 DT = 0.1
@@ -152,6 +154,16 @@ def seen(
         light=Light(),
         ground=ground,
     )
+
+
+def cells(scene: DenseScene, thing: Shape, *others: Shape) -> NDArray[np.bool_]:
+    """(h, w) where a thing is seen before the room and others, and stands."""
+    return cells_of(thing, [*ROOM, thing, *others]) & scene.standing
+
+
+def overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:
+    """Share of all their cells that two masks (h, w) have in common."""
+    return float((one & other).sum() / (one | other).sum())
 
 
 def outline_of(thing: Solid, evidence: int | None = None) -> Outline:

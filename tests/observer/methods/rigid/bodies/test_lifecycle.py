@@ -180,6 +180,9 @@ def test_who_comes_back_and_of_whose_velocity_nothing_is_known_yet_has_not_stopp
     track.filter = guest(STOOD, sigma=1.0).filter
     judged(track)
     assert track.motion is MotionState.MOVING
+    # But what stays so has not come back: something else is there.
+    judged(track, 10)
+    assert track.motion is MotionState.STOPPED
 
 
 def test_who_fills_what_was_filled_before_has_stopped_however_uncertain(guest: MakeTrack) -> None:

@@ -21,11 +21,11 @@ from observer.methods.rigid.dense.segments import (
     fresh_segments,
     owners,
     segment_of,
-    whole_person,
     window_of,
 )
 
 from ..solid_worlds import (
+    ALL,
     CAMERA,
     FLOOR,
     GRID,
@@ -35,15 +35,16 @@ from ..solid_worlds import (
     Plane,
     Shape,
     Solid,
+    cells,
     cells_of,
     disparity_of,
     on_floor,
+    overlap,
     person,
     seen,
 )
 
 Mask = NDArray[np.bool_]
-ALL = np.ones(GRID.shape, np.bool_)
 quick = settings(deadline=None, max_examples=10)
 
 
@@ -61,19 +62,9 @@ def world(
     return seen(shapes, HERE, evidence)
 
 
-def cells(scene: DenseScene, thing: Shape, *others: Shape) -> Mask:
-    """(h, w) where a thing is seen before the room and others, and stands."""
-    return cells_of(thing, [*ROOM, thing, *others]) & scene.standing
-
-
 def only(scene: DenseScene) -> Segment:
     (segment,) = fresh_segments(scene, ALL)
     return segment
-
-
-def overlap(one: Mask, other: Mask) -> float:
-    """Share of all their cells that two masks (h, w) have in common."""
-    return float((one & other).sum() / (one | other).sum())
 
 
 # --- what is found -------------------------------------------------------------------------
@@ -90,38 +81,6 @@ def test_what_arrived_is_one_segment(x: float, z: float) -> None:
     assert (segment.arrived, segment.hidden, segment.static) == (1.0, 0.0, 0.0)
     assert segment.disparity == pytest.approx(60.0 / (z - 0.125), rel=0.01)
     assert segment.area == segment.mask.sum()
-
-
-# --- an arm of who stands --------------------------------------------------------------------
-
-ARM = Solid((0.3, -0.4, 4.0), (0.2, 0.25, 0.2))
-
-
-def with_arm(body: Shape, *arrived: Shape) -> tuple[DenseScene, Segment]:
-    """What stands with an arm beside it; of it, what arrived did, and the rest was there."""
-    scene = world(body, ARM)
-    evidence = scene.evidence.copy()
-    for shape in arrived:
-        evidence[cells(scene, shape)] = ARRIVED
-    scene = seen([*ROOM, body, ARM], HERE, evidence)
-    return scene, segment_of(scene, cells(scene, ARM))
-
-
-def test_an_arm_of_who_stands_is_begun_as_the_whole_person() -> None:
-    who = person(0.0, 4.0)
-    scene, arm = with_arm(who, ARM)
-    assert overlap(whole_person(scene, arm, ALL).mask, cells(scene, who) | arm.mask) > 0.9
-
-
-def test_an_arm_of_who_walks_is_left_to_him() -> None:
-    who = person(0.0, 4.0)
-    scene, arm = with_arm(who, ARM, who)
-    assert whole_person(scene, arm, ALL) is arm
-
-
-def test_what_moves_beside_a_cabinet_is_no_arm() -> None:
-    scene, thing = with_arm(on_floor(0.0, 4.0, (1.8, 1.0, 0.3)), ARM)
-    assert whole_person(scene, thing, ALL) is thing
 
 
 def test_what_came_out_of_hiding_is_a_segment_too() -> None:

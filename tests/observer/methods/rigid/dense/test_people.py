@@ -1,0 +1,106 @@
+"""People of whom only a part moves, or seems to: their segments are whole."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
+from observer.methods.rigid.dense.people import whole_person, with_head
+from observer.methods.rigid.dense.scene import DenseScene
+from observer.methods.rigid.dense.segments import Segment, segment_of
+
+from ..solid_worlds import (
+    ALL,
+    HERE,
+    ROOM,
+    Shape,
+    Solid,
+    cells,
+    on_floor,
+    overlap,
+    person,
+    seen,
+)
+
+# --- an arm of who stands --------------------------------------------------------------------
+
+ARM = Solid((0.3, -0.4, 4.0), (0.2, 0.25, 0.2))
+
+
+def with_arm(body: Shape, *arrived: Shape) -> tuple[DenseScene, Segment]:
+    """What stands with an arm beside it; of it, what arrived did, and the rest was there."""
+    scene = seen([*ROOM, body, ARM])
+    evidence = np.where(scene.standing, STATIC, 0).astype(np.uint8)
+    for shape in arrived:
+        evidence[cells(scene, shape)] = ARRIVED
+    scene = seen([*ROOM, body, ARM], HERE, evidence)
+    return scene, segment_of(scene, cells(scene, ARM))
+
+
+def test_an_arm_of_who_stands_is_begun_as_the_whole_person() -> None:
+    who = person(0.0, 4.0)
+    scene, arm = with_arm(who, ARM)
+    assert overlap(whole_person(scene, arm, ALL).mask, cells(scene, who) | arm.mask) > 0.9
+
+
+def test_an_arm_of_who_walks_is_left_to_him() -> None:
+    who = person(0.0, 4.0)
+    scene, arm = with_arm(who, ARM, who)
+    assert whole_person(scene, arm, ALL) is arm
+
+
+def test_what_moves_beside_a_cabinet_is_no_arm() -> None:
+    scene, thing = with_arm(on_floor(0.0, 4.0, (1.8, 1.0, 0.3)), ARM)
+    assert whole_person(scene, thing, ALL) is thing
+
+
+# --- head and shoulders ----------------------------------------------------------------------
+
+# Who walks in plain clothes before a plain wall, of whom all below the shoulders moves.
+TALL = Solid((0.0, 0.1, 4.0), (0.45, 1.8, 0.25))
+SHOULDERS_M = 0.5
+
+
+def walking(*others: Shape, who: Solid = TALL) -> tuple[DenseScene, Segment]:
+    """Somebody in a room, and the segment of the part that moves; the rest seems to stand."""
+    scene = seen([*ROOM, who, *others])
+    (x, y, z), (width, height, depth) = who.centre, who.size
+    below = Solid((x, y + SHOULDERS_M / 2, z), (width, height - SHOULDERS_M, depth))
+    return scene, segment_of(scene, cells(scene, below, *others))
+
+
+def test_head_and_shoulders_of_who_walks_are_part_of_him_though_they_seem_to_stand() -> None:
+    scene, part = walking()
+    assert overlap(part.mask, cells(scene, TALL)) < 0.8
+    assert overlap(with_head(scene, part, ALL).mask, cells(scene, TALL)) > 0.95
+
+
+def test_a_wide_thing_above_who_walks_is_not_his_head() -> None:
+    cupboard = Solid((0.0, -1.1, 4.0), (2.5, 0.6, 0.25))
+    scene, part = walking(cupboard)
+    assert with_head(scene, part, ALL) is part
+
+
+def test_what_belongs_to_another_is_not_taken() -> None:
+    scene, part = walking()
+    assert with_head(scene, part, part.mask) is part
+
+
+def test_no_head_is_looked_for_above_the_image_or_on_who_is_whole() -> None:
+    scene, part = walking()
+    whole = with_head(scene, part, ALL)
+    assert with_head(scene, whole, ALL) is whole
+    cut = replace(part, cut=(False, False, True, False))
+    assert with_head(scene, cut, ALL) is cut
+
+
+def test_nobody_becomes_taller_than_people_are() -> None:
+    """Something narrow reaches up to the ceiling."""
+    post = Solid((0.0, -0.5, 4.0), (0.45, 3.0, 0.25))
+    scene, part = walking(who=post)
+    whole = with_head(scene, part, ALL)
+    height_m = (whole.box[3] - whole.box[1]) / scene.grid.per_metre(whole.disparity)
+    assert height_m == pytest.approx(2.4, abs=0.1)
