@@ -26,6 +26,8 @@ _LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
 _ARM_SHARE, _STANDS_SHARE = 0.35, 0.6
 # Head and shoulders are in this upper share of the rows.
 _SHOULDERS_SHARE = 0.35
+# Cosine of a camera's tilt up to which what is above in the image is above in the world.
+_LEVEL = 0.9
 
 
 def is_person(segment: Segment, scene: DenseScene) -> bool:
@@ -85,6 +87,7 @@ def with_head(scene: DenseScene, body: Segment, free: Mask) -> Segment:
 
     Plain cloth before a plain wall looks the same wherever it is, and so seems to stand. What is
     above a body at its depth is part of it, unless beside that nothing is farther, as at a wall.
+    Nothing is sought by a camera of which it is not known that it looks level.
 
     Args:
         free: (h, w) cells that belong to nothing yet, or to the body.
@@ -92,7 +95,7 @@ def with_head(scene: DenseScene, body: Segment, free: Mask) -> Segment:
     left, top, right, bottom = body.box
     _, height_m = extent_m(body, scene.grid)
     missing = round((_MOST_HEIGHT_M - height_m) * scene.grid.per_metre(body.disparity))
-    if body.cut[2] or missing <= 0:
+    if body.cut[2] or missing <= 0 or not _looks_level(scene):
         return body
     end = top + max(1, round(_SHOULDERS_SHARE * (bottom - top)))
     near = body.mask.copy()
@@ -103,3 +106,9 @@ def with_head(scene: DenseScene, body: Segment, free: Mask) -> Segment:
         return body
     whole = segment_of(scene, mask)
     return whole if whole.stands_apart and whole.apart >= body.apart else body
+
+
+def _looks_level(scene: DenseScene) -> bool:
+    if scene.ground is None:
+        return False
+    return bool(scene.T_camera_world.rotate(scene.ground.down)[1] > _LEVEL)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
+from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.people import whole_person, with_head
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, segment_of
@@ -104,3 +105,10 @@ def test_nobody_becomes_taller_than_people_are() -> None:
     whole = with_head(scene, part, ALL)
     height_m = (whole.box[3] - whole.box[1]) / scene.grid.per_metre(whole.disparity)
     assert height_m == pytest.approx(2.4, abs=0.1)
+
+
+def test_a_camera_that_may_look_down_seeks_no_head_above_in_the_image() -> None:
+    scene, part = walking()
+    tilted = GroundPlane(np.array([0.0, 0.8, 0.6]), 1.0)
+    for ground in (None, tilted):
+        assert with_head(replace(scene, ground=ground), part, ALL) is part
