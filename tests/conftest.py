@@ -46,10 +46,11 @@ _PYTHON_HELPERS = ("multiprocessing.resource_tracker", "multiprocessing.forkserv
 def pytest_configure(config: pytest.Config) -> None:
     """Keep our order of files among several processes; xdist begins with those of many tests.
 
-    In CI hypothesis tries the same examples every time: new ones are sought where somebody looks.
+    In CI hypothesis tries the same few examples every time: new ones are sought where somebody
+    looks.
     """
     if os.environ.get("CI"):
-        settings.register_profile("ci", derandomize=True)
+        settings.register_profile("ci", derandomize=True, max_examples=40)
         settings.load_profile("ci")
     if hasattr(config.option, "loadscopereorder"):
         config.option.loadscopereorder = False

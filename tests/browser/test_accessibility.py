@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -21,6 +21,14 @@ _LOOKS: dict[str, dict[str, Any]] = {
     "dark": {"color_scheme": "dark"},
     "phone": {"viewport": {"width": 360, "height": 780}, "has_touch": True},
 }
+
+
+def _looks(*in_ci: str, of: Iterable[str] = _LOOKS) -> pytest.MarkDecorator:
+    """Each look of a test; CI, whose time is short, takes only those that are named."""
+    looks = [pytest.param(name, marks=[pytest.mark.patient] * (name not in in_ci)) for name in of]
+    return pytest.mark.parametrize("look", looks, indirect=True)
+
+
 # Whatever is folded, unfolded: what is inside is seen, too.
 _UNFOLD = """() => {
   for (const each of document.querySelectorAll("details"))
@@ -70,7 +78,7 @@ class _Look:
         self.page.locator("#page-menu").get_by_role("button", name=name).click()
 
 
-@pytest.fixture(params=_LOOKS)
+@pytest.fixture
 def look(server: Server, open_panel: OpenPanel, request: pytest.FixtureRequest) -> Iterator[_Look]:
     """A page with live data, which pauses: the work of it would be waited for."""
     page = open_panel(refusals=True, reduced_motion="reduce", **_LOOKS[request.param])
@@ -80,6 +88,7 @@ def look(server: Server, open_panel: OpenPanel, request: pytest.FixtureRequest) 
     server.api.post("/api/playback", json={"paused": False}).raise_for_status()
 
 
+@_looks("light", "dark")
 def test_live_page_and_tabs(look: _Look) -> None:
     page = look.page
     look("live")
@@ -99,7 +108,7 @@ def test_live_page_and_tabs(look: _Look) -> None:
     look.end(least=10)
 
 
-@pytest.mark.parametrize("look", ["light", "dark"], indirect=True)
+@_looks("light", of=("light", "dark"))
 def test_dialogs(look: _Look) -> None:
     page = look.page
     page.get_by_role("tab", name="Source").click()
@@ -128,6 +137,7 @@ def test_dialogs(look: _Look) -> None:
     look.end(least=6)
 
 
+@_looks("phone")
 def test_runs_methods_and_steps(look: _Look, two_runs: list[str]) -> None:
     page = look.page
     look.go("#history")
@@ -163,6 +173,7 @@ def test_runs_methods_and_steps(look: _Look, two_runs: list[str]) -> None:
     look.end(least=8)
 
 
+@_looks("light")
 def test_wizard(server: Server, look: _Look, eventually: Eventually) -> None:
     page = look.page
     page.get_by_role("tab", name="Calibration").click()

@@ -1,11 +1,13 @@
 """The page's budget: weight, stillness while data flows, time to be usable, and latency.
 
 What is measured is printed, for those who run it with -s on a quiet machine. The bounds of times
-are wide: this shall pass beside other tests, and fail where the page got several times slower.
+are wide: this shall pass beside other tests, and fail where the page got several times slower. Only
+where somebody waits for the figures is what is wanted tried for again: CI's are never those.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import Any
 
@@ -23,7 +25,7 @@ _USABLE_WANTED_S = 2.0
 _LATENCY_WANTED_MS = 100.0
 _USABLE_WITHIN_S = 10.0
 _LATENCY_MEDIAN_MS, _LATENCY_P95_MS = 500.0, 2000.0
-_TRIES = 3
+_TRIES = 1 if os.environ.get("CI") else 3
 
 # Notes every layout shift that no key or click explains, and when live data was first shown.
 _WATCH = """() => {

@@ -75,7 +75,14 @@ _TOLD = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("look", ["light", "dark", "phone"])
+@pytest.mark.parametrize(
+    "look",
+    [
+        pytest.param("light", marks=pytest.mark.patient),
+        pytest.param("dark", marks=pytest.mark.patient),
+        "phone",
+    ],
+)
 def test_every_state_of_a_goal_is_told_to_everybody(
     open_panel: OpenPanel, keep_picture: KeepPicture, look: str
 ) -> None:
