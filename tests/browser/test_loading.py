@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from .conftest import DESKTOP, OpenPanel, Server
+from .conftest import DESKTOP, KeepPicture, OpenPanel, Server
 
 _PHONE = {"width": 390, "height": 844}
 # Held back until they are let go.
@@ -86,23 +87,36 @@ def test_a_part_that_does_not_come_says_so_and_is_asked_for_again(open_panel: Op
     page = open_panel(losses=True)
     page.route(_FORM, lambda route: route.abort())
     _reload(page)
-    expect(page.get_by_text("Part of this page did not load.")).to_be_visible()
+    notice = page.get_by_text("Part of this page did not load.")
+    expect(notice).to_be_visible()
+    # What fails again is said once.
+    with page.expect_event("requestfailed"):
+        page.get_by_role("tab", name="Robots").click()
+        page.get_by_role("tab", name="Parameters").click()
+    page.evaluate("() => new Promise((done) => setTimeout(done, 200))")
+    expect(notice).to_have_count(1)
     page.unroute(_FORM)
     page.get_by_role("tab", name="Robots").click()
     page.get_by_role("tab", name="Parameters").click()
     expect(page.get_by_role("searchbox", name="Find parameters")).to_be_visible()
 
 
-def test_the_speeds_of_a_paused_source_are_there(server: Server, open_panel: OpenPanel) -> None:
+def test_the_speeds_of_a_paused_source_are_there(
+    server: Server, open_panel: OpenPanel, keep_picture: KeepPicture
+) -> None:
     page = open_panel()
     let_go = _hold(page, _CHART)
     _reload(page)
     expect(page.locator("observer-obstacles .row-button").first).to_be_visible(timeout=30_000)
+    chart = page.locator("observer-speed-chart")
+    expect(chart).to_have_text(re.compile(r"^\s*Speed\s+Loading…\s*$"))
+    keep_picture(page, "speed-chart-loading")
     server.api.post("/api/playback", json={"paused": True}).raise_for_status()
     try:
         page.wait_for_selector('html[data-freshness="held"]')
         let_go()
-        expect(page.locator("observer-speed-chart ul.legend")).to_contain_text("Obstacle")
+        expect(chart.locator("ul.legend")).to_contain_text("Obstacle")
+        expect(chart).not_to_contain_text("Loading")
     finally:
         server.api.post("/api/playback", json={"paused": False}).raise_for_status()
 

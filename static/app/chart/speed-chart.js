@@ -56,7 +56,8 @@ class SpeedChart extends Part {
   #last = null;
 
   build() {
-    this.append(
+    // In place of the heading that says that it is being loaded.
+    this.replaceChildren(
       h(
         "div.pane-head",
         h("h2", "Speed"),

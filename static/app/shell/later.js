@@ -1,7 +1,7 @@
 /**
  * Parts of the page that are loaded once its first frame has been painted, so that it comes sooner:
  * those in sight first, then the others, one after another. What is wanted before its turn is loaded
- * at once. Until then its element is empty.
+ * at once. Until then its element is as the document has it.
  */
 
 import { Part } from "../elements/part.js";

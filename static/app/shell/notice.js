@@ -10,7 +10,8 @@ export const SHOWN = "notice-shown";
 const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 
 /**
- * Show one sentence in the page's corner; errors are spoken at once.
+ * Show one sentence in the page's corner; errors are spoken at once. Said again, it takes the place
+ * of the same one before.
  *
  * @param {string} text
  * @param {"done" | "error"} [kind]
@@ -36,6 +37,8 @@ export function notify(text, kind = "done", offer) {
     offer ? button(offer.words, taken, { class: "quiet offer" }) : "",
     close,
   );
+  for (const before of [...host.children])
+    if (before.firstElementChild?.textContent === text) before.remove();
   host.append(notice);
   const severity = kind === "error" ? "error" : "info";
   window.dispatchEvent(new CustomEvent(SHOWN, { detail: { text, severity } }));
