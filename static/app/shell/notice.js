@@ -10,8 +10,8 @@ export const SHOWN = "notice-shown";
 const SHOWN_MS = { done: 5000, error: 12000, offer: 12000 };
 
 /**
- * Show one sentence in the page's corner; errors are spoken at once. Said again, it takes the place
- * of the same one before.
+ * Show one sentence in the page's corner; errors are spoken at once. An error that is told
+ * again takes the place of the same one before.
  *
  * @param {string} text
  * @param {"done" | "error"} [kind]
@@ -37,7 +37,8 @@ export function notify(text, kind = "done", offer) {
     offer ? button(offer.words, taken, { class: "quiet offer" }) : "",
     close,
   );
-  for (const before of [...host.children])
+  // Not so what can be undone: each has its own button.
+  for (const before of kind === "error" ? [...host.children] : [])
     if (before.firstElementChild?.textContent === text) before.remove();
   host.append(notice);
   const severity = kind === "error" ? "error" : "info";

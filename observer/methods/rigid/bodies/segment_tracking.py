@@ -200,7 +200,7 @@ def _follow(
         if track.outline is None:
             segment = _first_seen(track, segment, scene, free)
         if grows and not track.rigid:
-            segment = with_head(scene, segment, free & (owner < 0) | segment.mask)
+            segment = with_head(scene, segment, (free & (owner < 0)) | segment.mask)
         free &= ~segment.mask
         _measure(track, segment, scene)
 

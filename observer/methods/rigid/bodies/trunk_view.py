@@ -15,12 +15,11 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array, Pose
 from observer.kernels.picture_shift import find_shifted
+from observer.methods.rigid.dense.people import SHOULDERS_SHARE
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, window_of
 from observer.types import Image
 
-# Head and shoulders are in this upper share of the rows: arms swing below it.
-_UPPER_SHARE = 0.35
 _LEAST_CELLS = 40
 # Cells around the mask whose contour counts.
 _CONTOUR_CELLS = 1
@@ -45,7 +44,7 @@ class TrunkView:
     def of(segment: Segment, scene: DenseScene, age_s: float) -> TrunkView | None:
         """Return the view of the trunk of a body so old; None where little of it is seen."""
         top, bottom = segment.box[1], segment.box[3]
-        end = top + max(1, round(_UPPER_SHARE * (bottom - top)))
+        end = top + max(1, round(SHOULDERS_SHARE * (bottom - top)))
         window = window_of(segment.mask, _CONTOUR_CELLS)
         upper = segment.mask[window].astype(np.uint8)
         first_row, first_column = window[0].start, window[1].start

@@ -24,8 +24,8 @@ _BESIDE_M, _BODY_M = 0.75, 1.8
 _LEAST_HEIGHT_M, _MOST_WIDTH_M, _MOST_HEIGHT_M = 0.8, 1.6, 2.4
 # An arm is a smaller part of a person than this, who stands while so much of him is static.
 _ARM_SHARE, _STANDS_SHARE = 0.35, 0.6
-# Head and shoulders are in this upper share of the rows.
-_SHOULDERS_SHARE = 0.35
+# Head and shoulders are in this upper share of the rows: arms swing below it.
+SHOULDERS_SHARE = 0.35
 # Cosine of a camera's tilt up to which what is above in the image is above in the world.
 _LEVEL = 0.9
 
@@ -97,7 +97,7 @@ def with_head(scene: DenseScene, body: Segment, free: Mask) -> Segment:
     missing = round((_MOST_HEIGHT_M - height_m) * scene.grid.per_metre(body.disparity))
     if body.cut[2] or missing <= 0 or not _looks_level(scene):
         return body
-    end = top + max(1, round(_SHOULDERS_SHARE * (bottom - top)))
+    end = top + max(1, round(SHOULDERS_SHARE * (bottom - top)))
     near = body.mask.copy()
     near[max(0, top - missing) : end, left:right] = True
     free = scene.standing & free & near

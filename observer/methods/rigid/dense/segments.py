@@ -247,6 +247,7 @@ def _gap(scene: DenseScene, part: Segment, body: Segment) -> float:
 
 
 def least_cells(scene: DenseScene, area_m2: float, disparity: float) -> float:
+    """Return of how many cells an area, m^2, seen at a disparity, px, consists; never too few."""
     return max(LEAST_CELLS, area_m2 * scene.grid.per_metre(disparity) ** 2)
 
 
@@ -261,6 +262,9 @@ def grown_mask(
     """(h, w) the free cells of the seed's depth that hang together with it; None without any.
 
     What was there before is left out, but for the cells that may be static.
+
+    Args:
+        free, seed, may_be_static: (h, w). disparity: px.
     """
     mask, count = grown(
         scene.disparity,
