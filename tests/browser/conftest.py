@@ -10,7 +10,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
@@ -42,6 +42,7 @@ TOO_WIDE = """() => [...document.querySelectorAll("body *")]
   .map(([e]) => e)
   .map((e) => e.outerHTML.slice(0, 120))"""
 
+_LOOKS = ("light", "dark", "phone")
 _START_S = 40.0
 # By a process of the lowest priority.
 _COMPARED_S = 120.0
@@ -49,6 +50,12 @@ _STOP_S = 10.0
 _REFUSED = re.compile(r"the server responded with a status of 4(09|22)")
 # What a page that loses its server cannot help but say.
 _LOST = re.compile(r"WebSocket connection to .* failed|net::ERR_")
+
+
+def looks(*in_ci: str, of: Sequence[str] = _LOOKS) -> list[Any]:
+    """Values of a parameter; CI, whose time is short, takes only those that are named."""
+    patient = pytest.mark.patient
+    return [look if look in in_ci else pytest.param(look, marks=patient) for look in of]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from .axe import findings
-from .conftest import Eventually, OpenPanel, Server
+from .conftest import Eventually, OpenPanel, Server, looks
 
 _MADE_MS = 120_000
 _TABS = ("Source", "Parameters", "Robots", "Calibration", "Runs", "Status")
@@ -21,14 +21,6 @@ _LOOKS: dict[str, dict[str, Any]] = {
     "dark": {"color_scheme": "dark"},
     "phone": {"viewport": {"width": 360, "height": 780}, "has_touch": True},
 }
-
-
-def _looks(*in_ci: str, of: Iterable[str] = _LOOKS) -> pytest.MarkDecorator:
-    """Each look of a test; CI, whose time is short, takes only those that are named."""
-    looks = [pytest.param(name, marks=[pytest.mark.patient] * (name not in in_ci)) for name in of]
-    return pytest.mark.parametrize("look", looks, indirect=True)
-
-
 # Whatever is folded, unfolded: what is inside is seen, too.
 _UNFOLD = """() => {
   for (const each of document.querySelectorAll("details"))
@@ -88,7 +80,7 @@ def look(server: Server, open_panel: OpenPanel, request: pytest.FixtureRequest) 
     server.api.post("/api/playback", json={"paused": False}).raise_for_status()
 
 
-@_looks("light", "dark")
+@pytest.mark.parametrize("look", looks("light", "dark"), indirect=True)
 def test_live_page_and_tabs(look: _Look) -> None:
     page = look.page
     look("live")
@@ -108,7 +100,7 @@ def test_live_page_and_tabs(look: _Look) -> None:
     look.end(least=10)
 
 
-@_looks("light", of=("light", "dark"))
+@pytest.mark.parametrize("look", looks("light", of=("light", "dark")), indirect=True)
 def test_dialogs(look: _Look) -> None:
     page = look.page
     page.get_by_role("tab", name="Source").click()
@@ -137,7 +129,7 @@ def test_dialogs(look: _Look) -> None:
     look.end(least=6)
 
 
-@_looks("phone")
+@pytest.mark.parametrize("look", looks("phone"), indirect=True)
 def test_runs_methods_and_steps(look: _Look, two_runs: list[str]) -> None:
     page = look.page
     look.go("#history")
@@ -173,7 +165,7 @@ def test_runs_methods_and_steps(look: _Look, two_runs: list[str]) -> None:
     look.end(least=8)
 
 
-@_looks("light")
+@pytest.mark.parametrize("look", looks("light"), indirect=True)
 def test_wizard(server: Server, look: _Look, eventually: Eventually) -> None:
     page = look.page
     page.get_by_role("tab", name="Calibration").click()

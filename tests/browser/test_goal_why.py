@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import ViewportSize, expect
 
 from .axe import findings
-from .conftest import TOO_WIDE, KeepPicture, OpenPanel, Server
+from .conftest import TOO_WIDE, KeepPicture, OpenPanel, Server, looks
 from .goal_steps import DRIVEN_S, goal_section, on_robots_tab, open_source, until_driving
 
 # Somebody goes to and fro across the way to a goal.
@@ -75,14 +75,7 @@ _TOLD = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    "look",
-    [
-        pytest.param("light", marks=pytest.mark.patient),
-        pytest.param("dark", marks=pytest.mark.patient),
-        "phone",
-    ],
-)
+@pytest.mark.parametrize("look", looks("phone"))
 def test_every_state_of_a_goal_is_told_to_everybody(
     open_panel: OpenPanel, keep_picture: KeepPicture, look: str
 ) -> None:

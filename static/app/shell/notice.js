@@ -38,8 +38,10 @@ export function notify(text, kind = "done", offer) {
     close,
   );
   // Not so what can be undone: each has its own button.
-  for (const before of kind === "error" ? [...host.children] : [])
-    if (before.firstElementChild?.textContent === text) before.remove();
+  if (kind === "error") {
+    const same = [...host.children].filter((each) => each.firstElementChild?.textContent === text);
+    for (const before of same) before.remove();
+  }
   host.append(notice);
   const severity = kind === "error" ? "error" : "info";
   window.dispatchEvent(new CustomEvent(SHOWN, { detail: { text, severity } }));

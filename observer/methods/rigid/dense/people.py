@@ -111,4 +111,4 @@ def with_head(scene: DenseScene, body: Segment, free: Mask) -> Segment:
 def _looks_level(scene: DenseScene) -> bool:
     if scene.ground is None:
         return False
-    return bool(scene.T_camera_world.rotate(scene.ground.down)[1] > _LEVEL)
+    return bool(scene.ground.mapped(scene.T_camera_world).down[1] > _LEVEL)

@@ -171,8 +171,8 @@ def test_who_shows_a_board_to_the_cameras_meets_no_robots() -> None:
     assert open_source("simulated:calibration").robots is None
 
 
-def test_roles_models_and_ports() -> None:
-    lab = Lab()
+def test_roles_models_and_ports(make_lab: MakeLab) -> None:
+    lab = make_lab()
     found = [(each.role, each.model, each.name) for each in lab.ports.values()]
     assert found == [("observer", "amigo-sh", "AmigoBot"), ("obstacle", "p3dx-sh", "P3-DX")]
     assert tuple(lab.ports.values()) == lab.robots.serve()
@@ -181,9 +181,8 @@ def test_roles_models_and_ports() -> None:
     for port in lab.ports.values():
         with pytest.raises(ConnectionRefusedError):
             Link(port.port)
-    alone = Lab(SCENE.split("robots:")[0] + "observer: {}\n")
+    alone = make_lab(SCENE.split("robots:")[0] + "observer: {}\n")
     assert list(alone.ports) == ["observer"]
-    alone.close()
 
 
 def test_robots_that_nobody_drives_change_no_frame_and_end_with_the_scenario(
@@ -274,9 +273,7 @@ def test_while_somebody_drives_frames_do_not_end_and_scripts_go_on(lab: Lab) -> 
     assert lab.state("obstacle") == script.script.state(lab.time)
 
 
-def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls(
-    make_lab: MakeLab,
-) -> None:
+def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls(make_lab: MakeLab) -> None:
     lab = make_lab(SCENE.split("robots:")[0] + "observer: {}\n")
     lab.enable("observer")
     lab.tell("observer", Command.SETA, 2000)
@@ -302,9 +299,7 @@ def test_it_stalls_at_the_crate_and_its_sonar_sees_it_and_the_walls(
     assert ranges[6] > 1500
 
 
-def test_two_robots_do_not_pass_through_each_other(
-    make_lab: MakeLab,
-) -> None:
+def test_two_robots_do_not_pass_through_each_other(make_lab: MakeLab) -> None:
     text = SCENE.replace("x: 2.0, y: 0,", "x: 2.0, y: 1.6,").replace(
         "{x: 0.8, y: -1.2, heading_deg: 90,", "{x: 1.5, y: 0, heading_deg: 180,"
     ).replace("distance_m: 2.4, speed: 0.4", "distance_m: 0.2, speed: 0.01")  # fmt: skip
