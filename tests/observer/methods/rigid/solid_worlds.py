@@ -14,6 +14,7 @@ from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import yaw_matrix
 from observer.methods.rigid.bodies.outline import Outline
+from observer.methods.rigid.bodies.segment_tracking import track_segments
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.dense.depth_image import RowTexture
@@ -29,6 +30,7 @@ from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
 from observer.mount import CameraMount
 from observer.parameters import Parameters
 from observer.vision.camera_rate import CameraRate
+from observer.vision.lifecycle import TrackIds
 
 CAMERA = StereoCamera(640, 400, 500.0, 500.0, 319.5, 199.5, 0.12)
 GRID = Grid.of(CAMERA)
@@ -230,6 +232,25 @@ class SolidView:
         sightings = WorldSightings(np.zeros((0, 3)), np.zeros((0, 3, 3)))
         self._points = self.tracker.step(self._points, sightings, motion, scene, now, p)
         return self.tracks
+
+
+def tracked(
+    tracks: list[BodyTrack],
+    points: TrackedPoints,
+    scene: DenseScene,
+    numbers: TrackIds | None = None,
+) -> TrackedPoints:
+    """Find the tracks' segments in a scene, and new ones; points get to know where they are."""
+    least = Parameters().obstacles.min_points
+    return track_segments(tracks, points, scene, step_to(), numbers or TrackIds(), least)
+
+
+def outlined(guest: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrack]:
+    """The track of somebody who has just arrived, and the list that it is in."""
+    tracks: list[BodyTrack] = []
+    tracked(tracks, TrackedPoints.none(), arrived(guest), numbers)
+    (host,) = tracks
+    return tracks, host
 
 
 def points_on(*places: Float64Array) -> TrackedPoints:

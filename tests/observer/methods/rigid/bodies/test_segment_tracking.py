@@ -3,20 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from observer.geometry import Float64Array, Pose
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, YAW_RATE, BodyFilter
-from observer.methods.rigid.bodies.segment_tracking import (
-    learn_box,
-    measure_limbs,
-    track_segments,
-    without_segments,
-)
+from observer.methods.rigid.bodies.filter import POSITION, YAW_RATE
+from observer.methods.rigid.bodies.segment_tracking import learn_box, measure_limbs
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.motion_test import pooled_motion
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints, WorldSightings
@@ -27,32 +21,20 @@ from observer.vision.lifecycle import TrackIds
 from ..solid_worlds import (
     CAMERA,
     DT,
-    GRID,
     ROOM,
     Shape,
-    Solid,
     SolidView,
     arrived,
     on_floor,
+    outlined,
     patch,
     person,
     points_on,
-    seen,
+    tracked,
 )
 from ..solid_worlds import step_to as now_at
 
 MakeTrack = Callable[..., BodyTrack]
-MIN_POINTS = Parameters().obstacles.min_points
-NEAR_WALL = Solid((0.0, -0.5, 4.0), (4.0, 1.5, 0.1))
-
-
-def tracked(
-    tracks: list[BodyTrack],
-    points: TrackedPoints,
-    scene: DenseScene,
-    numbers: TrackIds | None = None,
-) -> TrackedPoints:
-    return track_segments(tracks, points, scene, now_at(), numbers or TrackIds(), MIN_POINTS)
 
 
 def walk(
@@ -185,235 +167,6 @@ def test_the_offset_of_another_anchor_is_learned_when_it_is_first_used(
     np.testing.assert_allclose(track.mean[POSITION], before, atol=0.02)
     across = track.outline.offsets["left"][0] - track.outline.offsets["middle"][0]
     assert across == pytest.approx(-0.225, abs=0.05)
-
-
-# --- points --------------------------------------------------------------------------------
-
-
-def test_points_on_an_outline_know_whose_it_is() -> None:
-    tracks: list[BodyTrack] = []
-    on, beside = patch(0.1, 0.0, 3.87), patch(1.0, 0.0, 7.9)
-    points = points_on(on, beside).but(obstacle=np.full(18, NO_OBSTACLE))
-    points = tracked(tracks, points, arrived(person(0.1, 4.0)))
-    (track,) = tracks
-    assert points.within.tolist() == [track.id] * 9 + [NO_OBSTACLE] * 9
-
-
-def test_a_segment_with_a_body_s_points_on_it_is_that_body(make_track: MakeTrack) -> None:
-    track = make_track((0.1, 0.0, 3.9), number=1)
-    tracks = [track]
-    tracked(tracks, points_on(patch(0.1, 0.0, 3.87)), arrived(person(0.1, 4.0)))
-    assert tracks == [track]
-    assert track.outline is not None
-    assert track.outline.seen
-
-
-def test_a_segment_with_the_points_of_two_bodies_on_it_is_both_in_one(
-    make_track: MakeTrack,
-) -> None:
-    sure, part = make_track((0.1, -0.3, 3.9), number=1), make_track((0.1, 0.3, 3.9), number=2)
-    sure.state = TrackState.CONFIRMED
-    tracks = [part, sure]
-    points = points_on(patch(0.1, -0.3, 3.87), patch(0.1, 0.3, 3.87))
-    points = tracked(tracks, points, arrived(person(0.1, 4.0)))
-    assert tracks == [sure]
-    assert set(points.obstacle) == {1, NO_OBSTACLE}
-
-
-@pytest.mark.parametrize(("z", "same"), [(3.3, True), (6.0, False)])
-def test_points_of_a_body_that_was_seen_do_not_make_something_far_behind_it(
-    z: float, same: bool
-) -> None:
-    tracks, host = outlined(person(0.1, 3.0), TrackIds())
-    host.id, host.state = 1, TrackState.CONFIRMED
-    # The person is gone, and some of the points around lay on what was hidden.
-    tracked(tracks, points_on(patch(0.1, 0.0, z - 0.13)), arrived(person(0.1, z)))
-    assert host.outline is not None
-    assert host.outline.seen is same
-    assert (len(tracks) == 1) is same
-
-
-@pytest.mark.parametrize(("aside", "same"), [(0.3, True), (1.9, False)])
-def test_a_body_is_not_followed_by_a_side_that_is_nowhere_near_it(aside: float, same: bool) -> None:
-    """Though of a side that was not seen before nobody knows how far from its middle it is."""
-    tracks, host = outlined(person(0.0, 4.0), TrackIds())
-    assert host.outline is not None
-    shift = np.array([aside, 0.0, 0.0])
-    place = host.mean[POSITION] + shift
-    host.outline.move_origin(shift)
-    host.filter = BodyFilter.begin(place, np.zeros(3), np.eye(3) * 0.1**2, np.eye(3), 0.0)
-    tracked(tracks, TrackedPoints.none(), arrived(person(0.0, 4.0)))
-    assert host.outline.seen is same
-    np.testing.assert_allclose(host.mean[POSITION], place, atol=1e-9)
-
-
-@pytest.mark.parametrize("seen_before", [True, False])
-def test_whoever_was_out_of_sight_is_found_only_where_something_stands_apart(
-    seen_before: bool,
-) -> None:
-    """A part of a wall that they covered is none, though it is where they should be."""
-    tracks, host = outlined(person(0.0, 4.0), TrackIds())
-    assert host.outline is not None
-    host.missed_s = DT if seen_before else 4 * DT
-    wall = seen([*ROOM, Solid((0.0, 0.0, 4.0), (6.0, 2.4, 0.1))])
-    tracked(tracks, TrackedPoints.none(), wall)
-    assert host.outline.seen is seen_before
-    host.missed_s = 4 * DT
-    tracked(tracks, TrackedPoints.none(), arrived(person(0.0, 4.0)))
-    assert host.outline.seen
-
-
-def outlined(guest: Shape, numbers: TrackIds) -> tuple[list[BodyTrack], BodyTrack]:
-    tracks: list[BodyTrack] = []
-    tracked(tracks, TrackedPoints.none(), arrived(guest), numbers)
-    (host,) = tracks
-    return tracks, host
-
-
-def test_a_fragment_on_another_body_s_outline_is_absorbed(make_track: MakeTrack) -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
-    host.id, host.state = 7, TrackState.CONFIRMED
-    part = make_track((0.1, 0.3, 3.9), number=1)
-    tracks.append(part)
-    points = tracked(tracks, points_on(patch(0.1, 0.3, 3.87)), arrived(guest))
-    assert tracks == [host]
-    assert host.id == 7
-    assert (points.obstacle == NO_OBSTACLE).all()
-    assert (points.within == 7).all()
-
-
-def test_whoever_was_reported_keeps_its_number_when_an_outline_absorbs_it(
-    make_track: MakeTrack,
-) -> None:
-    guest, numbers = person(0.1, 4.0), TrackIds()
-    tracks, host = outlined(guest, numbers)
-    assert host.id < 0
-    part = make_track((0.1, 0.3, 3.9), number=1)
-    part.state = TrackState.CONFIRMED
-    tracks.append(part)
-    points = tracked(tracks, points_on(patch(0.1, 0.3, 3.87)), arrived(guest), numbers)
-    assert tracks == [host]
-    assert (host.id, host.state) == (1, TrackState.CONFIRMED)
-    assert (points.within == 1).all()
-
-
-def test_a_body_beside_an_outline_is_not_absorbed(make_track: MakeTrack) -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
-    beside = make_track((1.0, 0.0, 6.0), number=1)
-    tracks.append(beside)
-    points = tracked(tracks, points_on(patch(1.0, 0.0, 6.0)), arrived(guest))
-    assert tracks == [host, beside]
-    assert (points.obstacle == 1).all()
-
-
-def test_what_is_one_with_its_surroundings_is_counted_as_that(make_track: MakeTrack) -> None:
-    """Points that move on a wall, of which no segment stands apart."""
-    track = make_track((0.5, -0.2, 4.0), number=1)
-    track.points = 9
-    for k in range(3):
-        tracked([track], points_on(patch(0.5, -0.2, 4.0)), seen([*ROOM, NEAR_WALL]))
-        assert track.merged_s == pytest.approx((k + 1) * DT)
-    assert not track.far
-    assert track.outline is None
-
-
-def test_what_is_farther_than_segments_is_not_one_with_its_surroundings(
-    make_track: MakeTrack,
-) -> None:
-    track = make_track((0.5, -0.2, 7.9), number=1)
-    track.points, track.merged_s = 9, 0.1
-    for blind in (False, True):
-        scene = seen(ROOM)
-        if blind:
-            scene = replace(scene, disparity=np.full_like(scene.disparity, np.nan))
-        tracked([track], points_on(patch(0.5, -0.2, 7.99)), scene)
-        assert track.far
-        assert track.merged_s == 0.1
-    tracked([track], points_on(patch(0.5, -0.2, 4.0)), seen([*ROOM, NEAR_WALL]))
-    assert not track.far
-
-
-def test_a_body_that_lost_its_outline_is_one_with_its_surroundings(make_track: MakeTrack) -> None:
-    """No cell stands out of what is around it any more; its points are still followed."""
-    tracks, host = outlined(person(0.5, 4.0), TrackIds())
-    host.filter = make_track((0.5, -0.2, 4.0), number=host.id).filter
-    points = points_on(patch(0.5, -0.2, 4.0))
-    scene = seen([*ROOM, NEAR_WALL])
-    scene = replace(scene, standing=np.zeros_like(scene.standing))
-    points = points.but(obstacle=np.full(len(points), host.id))
-    for _ in range(3):
-        points = tracked(tracks, points, scene)
-    assert host.outline is not None
-    assert not host.outline.seen
-    assert host.merged_s == pytest.approx(3 * DT)
-
-
-def test_members_on_the_floor_do_not_stand(make_track: MakeTrack) -> None:
-    for place, stands in (((0.5, -0.2, 4.0), True), ((0.5, 0.9, 3.0), False)):
-        track = make_track(place, number=1)
-        track.points = 9
-        tracked([track], points_on(patch(*place)), seen([*ROOM, NEAR_WALL]))
-        assert track.merged_s > 0
-        assert track.stands is stands
-
-
-def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrack) -> None:
-    guest = person(0.3, 4.0)
-    for z, same in ((4.1, True), (6.5, False)):
-        track = make_track((0.3, 0.2, z), (0.0, 0.0, 0.0), number=1, sigma=0.1)
-        track.state, track.missed_s = TrackState.COASTING, 0.6
-        tracks = [track]
-        tracked(tracks, TrackedPoints.none(), arrived(guest))
-        assert (len(tracks) == 1) is same
-        assert (track.missed_s == 0.0) is same
-
-
-@pytest.mark.parametrize(("z", "same"), [(4.2, True), (7.5, False)])
-def test_who_left_the_image_and_turned_comes_back_as_who_it_was(
-    make_track: MakeTrack, z: float, same: bool
-) -> None:
-    """Though it went on straight as far as anybody could know."""
-    edge = 4.0 * (CAMERA.width / 2) / CAMERA.fx
-    guest = person(edge - 0.4, 4.0)
-    track = make_track((edge + 1.2, 0.2, z), (1.0, 0.0, 0.0), number=1, sigma=0.1)
-    track.state, track.missed_s, track.rigid = TrackState.COASTING, 1.2, False
-    tracks = [track]
-    tracked(tracks, TrackedPoints.none(), arrived(guest))
-    assert (len(tracks) == 1) is same
-    if same:
-        assert np.linalg.norm(track.mean[VELOCITY]) < 0.1, "the way that it went is over"
-
-
-def test_between_frames_with_depth_a_body_is_carried_on_as_seen() -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
-    host.filter = host.filter.with_velocity(np.array([0.9, 0.0, 0.0]), np.eye(3) * 1e-6)
-    before = host.outline.box_px
-    points = points_on(patch(0.15, 0.0, 3.87, side=0.1))
-    for _ in range(2):
-        host.filter = host.filter.predicted(DT, (0.1, 0.1), (0.0, 0.0), None)
-        host.missed_s += DT
-        points = without_segments(tracks, points, now_at())
-        assert host.outline.seen
-        assert host.missed_s == 0.0
-        assert (points.within == host.id).all()
-    went_px = 2 * DT * 0.9 * CAMERA.fx / 4.0
-    assert host.outline.box_px[0] - before[0] == pytest.approx(went_px, abs=2 * GRID.reduction)
-
-
-def test_without_depth_for_long_no_outline_is_seen_and_no_point_lies_on_one() -> None:
-    guest = person(0.1, 4.0)
-    tracks, host = outlined(guest, TrackIds())
-    points = points_on(patch(0.1, 0.0, 3.87)).but(within=np.full(9, host.id))
-    for _ in range(6):
-        host.missed_s += DT
-        points = without_segments(tracks, points, now_at())
-    assert not host.outline.seen
-    assert host.missed_s > 0
-    assert (points.within == NO_OBSTACLE).all()
-    assert (points.obstacle == 1).all()
 
 
 # --- rigid bodies and bodies with limbs ----------------------------------------------------
