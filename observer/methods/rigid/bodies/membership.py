@@ -44,6 +44,8 @@ _STRIDE_M = 0.35
 _LIMB_APART_M = 0.3
 # (m/s)^2: the velocity of a group is never known better than to a millimetre per second.
 _LEAST_VELOCITY_VARIANCE = 1e-6
+# Seconds for which both of two bodies must be known to be two for good.
+_KNOWN_S = 1.0
 # No instants before now.
 _NEVER, _NO_MOTION = np.zeros(0), np.zeros((0, 4))
 
@@ -201,11 +203,14 @@ def _stand_apart(a: BodyTrack, a_box: Box, b: BodyTrack, b_box: Box) -> bool:
     """Return whether two bodies are two things, too far beside each other to be one.
 
     They are seen as two now, or were both reported: one that is out of sight by now may not take
-    the name of another.
+    the name of another. Two that were both known for a while stay two, however near to each other:
+    a cart and who pushes it.
     """
     if a.outline is None or b.outline is None:
         return False
     reported = TrackState.TENTATIVE not in (a.state, b.state)
+    if reported and min(a.age_s, b.age_s) > _KNOWN_S:
+        return True
     if not (reported or (a.outline.seen and b.outline.seen)):
         return False
     across, _, along = (a.centre - b.centre).tolist()

@@ -193,6 +193,21 @@ def test_who_is_out_of_sight_does_not_take_the_name_of_somebody_else_who_was_rep
     assert are_one(hidden, other, REACH_M, P) is same
 
 
+@pytest.mark.parametrize(("age_s", "same"), [(0.5, True), (1.5, False)])
+def test_two_that_were_both_known_for_a_while_stay_two(
+    make_track: MakeTrack, age_s: float, same: bool
+) -> None:
+    """A cart and who pushes it move alike, side by side."""
+    cart = make_track(box=Box(np.zeros(3), np.array([1.1, 0.6, 0.6]), 0.0))
+    pusher = make_track(
+        (0.6, -0.2, 3.0), number=2, box=Box(np.zeros(3), np.array([0.5, 1.6, 0.3]), 0.0)
+    )
+    for track in (cart, pusher):
+        track.outline = SimpleNamespace(seen=True)  # type: ignore[assignment]
+        track.state, track.age_s = TrackState.CONFIRMED, age_s
+    assert are_one(cart, pusher, REACH_M, P) is same
+
+
 def test_the_end_of_a_turning_body_may_move_the_other_way(make_track: MakeTrack) -> None:
     box = Box(np.zeros(3), np.array([1.0, 0.3, 1.2]), 0.0)
     turning = make_track(velocity=(0.6, 0, 0), yaw_rate=1.2, box=box)
