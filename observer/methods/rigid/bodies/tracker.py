@@ -309,7 +309,9 @@ class BodyTracker:
             obstacle[obstacle == track.id] = NO_OBSTACLE
             self.tracks.remove(track)
         for older, younger in self._same(radius_m, parameters):
-            obstacle[obstacle == younger.id] = older.id
+            # Where somebody with limbs is out of sight, shadows and edges move: they show nobody.
+            hidden = not older.rigid and older.outline is not None and not older.outline.seen
+            obstacle[obstacle == younger.id] = NO_OBSTACLE if hidden else older.id
             self.tracks.remove(younger)
             if is_provisional(older.id) and not is_provisional(younger.id):
                 # Whoever was reported stays who it is.

@@ -14,15 +14,18 @@ from observer.geometry import Pose
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.expectation import expected_at, note_lasting_errors
 from observer.methods.rigid.bodies.filter import POSITION, VELOCITY
+from observer.methods.rigid.bodies.shape import Box
 from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.camera_step import CameraStep
 from observer.methods.rigid.motion_test import pooled_motion
+from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import NO_OBSTACLE, TrackedPoints
 from observer.parameters import EvidenceParameters, Parameters
 from observer.types import MotionState, TrackState
 from observer.vision.camera_rate import CameraRate
 
 from .... import builders
+from ..solid_worlds import outline_of, person
 
 P = Parameters()
 DT = 1 / 15
@@ -341,6 +344,31 @@ def test_a_body_found_in_two_parts_becomes_one(watched: Any, planted: Any) -> No
     assert (run.points.obstacle == oldest).mean() > 0.9
     assert track.box is not None
     assert track.box.size.max() > 0.85
+
+
+@pytest.mark.parametrize(
+    ("rigid", "seen", "joined"), [(True, False, True), (False, True, True), (False, False, False)]
+)
+def test_points_in_the_place_of_somebody_out_of_sight_do_not_show_him(
+    make_track: Any, rigid: bool, seen: bool, joined: bool
+) -> None:
+    """His shadow would do for that. Points of a rigid body are that body."""
+    whole = Box(np.zeros(3), np.array([0.5, 1.7, 0.3]), 0.0)
+    older, part = make_track(box=whole), make_track((0.1, 0.1, 3.0), number=2)
+    older.outline = outline_of(person(0.0, 3.0))
+    older.outline.seen, older.rigid = seen, rigid
+    older.outline.middle = older.centre
+    tracker = BodyTracker(count(9))
+    tracker.tracks = [older, part]
+    places = np.array([[0.1, 0.1, 3.0], [0.12, 0.1, 3.0]])
+    sums = PositionVelocityFilter.begin(places, np.tile(np.eye(3) * 1e4, (2, 1, 1)))
+    px = np.zeros((2, 2), np.float32)
+    points = TrackedPoints.begin(0, px, px, np.full(2, np.nan), sums)
+    points = tracker.update_lifecycle(
+        points.but(obstacle=np.full(2, 2)), np.zeros(3), lambda _: 0.1, DT, Parameters().obstacles
+    )
+    assert tracker.tracks == [older]
+    assert set(points.obstacle) == {1 if joined else NO_OBSTACLE}
 
 
 def test_a_duplicate_is_merged_into_the_older(watched: Any, box: Any, crate: Any) -> None:
