@@ -259,8 +259,8 @@ def _confirmed_by_outline(
     outline = track.outline
     if outline is None or not outline.seen or track.motion is not MotionState.MOVING:
         return False
-    if (outline.merged or outline.stands) and not outline.is_high:
-        # A patch of noise on a wall.
+    if (outline.merged or outline.stands or outline.beside_nearer) and not outline.is_high:
+        # A patch of noise on a wall, or of what only one camera sees beside somebody who passes.
         return False
     frames, sigmas = _ARRIVED_FRAMES, _ARRIVED_SIGMAS
     if light.swings:

@@ -151,6 +151,12 @@ class Outline:
         return self.segment.apart < _LEAST_APART or self.segment.clear < _LEAST_CLEAR
 
     @property
+    def beside_nearer(self) -> bool:
+        """True while something nearer, rather than the image's border, cuts off a side of it."""
+        (left, _, right, _), cut = self.segment.box, self.segment.cut
+        return (cut[0] and left > 1) or (cut[1] and right < self.grid.width - 1)
+
+    @property
     def stands(self) -> bool:
         """True while it is mostly where it was before."""
         return self.segment.static >= _STATIC_SHARE

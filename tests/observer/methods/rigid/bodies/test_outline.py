@@ -19,10 +19,23 @@ from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, extent_m, segment_of
 
-from ..solid_worlds import GRID, HERE, ROOM, Shape, Solid, cells_of, disparity_of, on_floor, seen
+from ..solid_worlds import (
+    CAMERA,
+    GRID,
+    HERE,
+    ROOM,
+    Shape,
+    Solid,
+    cells_of,
+    disparity_of,
+    on_floor,
+    seen,
+)
 
 quick = settings(deadline=None, max_examples=10)
 SIZE = (0.45, 1.2, 0.1)
+# Where the border of the image cuts through a body 4 m away.
+EDGE_M = 4.0 * (CAMERA.width / 2) / CAMERA.fx
 small = st.floats(-0.2, 0.2)
 
 
@@ -259,6 +272,24 @@ def test_what_is_higher_than_wide_is_upright() -> None:
     assert outlined(0.0, 4.0)[0].upright
     scene, segment = view(Solid((0.0, 0.5, 4.0), (0.6, 0.4, 0.1)))
     assert not Outline.of(segment, scene).upright
+
+
+@pytest.mark.parametrize(
+    ("x", "others", "cut", "beside"),
+    [
+        (0.1, (), False, False),
+        (0.1, (on_floor(0.3, 2.4, (0.3, 2.4, 0.1)),), True, True),
+        (0.1, (on_floor(-0.1, 2.4, (0.3, 2.4, 0.1)),), True, True),
+        (EDGE_M, (), True, False),
+        (-EDGE_M, (), True, False),
+    ],
+)
+def test_what_something_nearer_cuts_off_is_beside_it_and_at_the_border_it_is_not(
+    x: float, others: tuple[Shape, ...], cut: bool, beside: bool
+) -> None:
+    scene, segment = view(body(x, 4.0), *others)
+    assert any(segment.cut[:2]) is cut
+    assert Outline.of(segment, scene).beside_nearer is beside
 
 
 def test_frames_are_counted_by_what_they_show_of_motion() -> None:
