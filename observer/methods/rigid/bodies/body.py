@@ -60,6 +60,7 @@ class BodyTrack:
         by_points: its points measured it in this frame.
         drive: for how long points on it have moved steadily as one.
         changes: when something on it looked another than a moment before.
+        crosses: its points move across the view as surely as an obstacle's.
         part_moves: it began as the whole person of whom a part was seen to move.
         merged_s: seconds for which it has been seen as no thing of its own, but for one with what
             is around it.
@@ -93,6 +94,7 @@ class BodyTrack:
     by_points: bool = False
     drive: SteadyDrive = field(default_factory=SteadyDrive)
     changes: Changes = field(default_factory=Changes)
+    crosses: bool = False
     part_moves: bool = False
     merged_s: float = 0.0
     stands: bool = True

@@ -49,7 +49,7 @@ def seems_to_move(track: BodyTrack) -> bool:
     outline = track.outline
     seen = outline is not None and outline.seen
     if track.significance >= _SEEMING_SIGMAS:
-        return seen or track.points >= _SEEMING_POINTS
+        return seen or track.crosses or track.points >= _SEEMING_POINTS
     if outline is None or not seen or not outline.is_high:
         return False
     return track.loosened or outline.segment.arrived > _CAME_SHARE

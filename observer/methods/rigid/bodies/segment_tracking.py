@@ -192,13 +192,14 @@ def _follow(
         segment = followed_segment(scene, where, core, free & (core | (owner < 0)), grows=grows)
         if segment is None:
             continue
+        if track.outline is None and (segment.stands_apart or track.crosses):
+            # What crosses the view but is no thing of its own may be a head.
+            segment = _first_seen(track, segment, scene, free)
         found = track.outline is None or track.missed_s > _SEEN_BEFORE * now.dt
         if found and not segment.stands_apart:
             continue
         if track.outline is not None and leaps(track, segment, scene):
             continue
-        if track.outline is None:
-            segment = _first_seen(track, segment, scene, free)
         if grows and not track.rigid:
             segment = with_head(scene, segment, (free & (owner < 0)) | segment.mask)
         free &= ~segment.mask
@@ -243,7 +244,7 @@ def _seen_members(track: BodyTrack, points: TrackedPoints) -> NDArray[np.intp]:
 def _first_seen(track: BodyTrack, part: Segment, scene: DenseScene, free: Mask) -> Segment:
     """Return the segment of a body of which only members were known.
 
-    If they are those of an arm, the body is who waves it, and does not move as they do.
+    If they are those of a head or an arm, the body is whose it is, and may not move as they do.
     """
     whole = whole_person(scene, part, free)
     if whole is not part:

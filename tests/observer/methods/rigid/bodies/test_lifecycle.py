@@ -76,6 +76,20 @@ def test_a_patch_of_noise_on_what_stands_is_nobody(
     assert judged(track) is state
 
 
+@pytest.mark.parametrize(
+    ("height", "state"), [(0.5, TrackState.TENTATIVE), (1.2, TrackState.CONFIRMED)]
+)
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_patch_beside_somebody_nearer_is_nobody(
+    guest: MakeTrack, side: int, height: float, state: TrackState
+) -> None:
+    """Only one camera sees what is there; a person who passes behind is taller than that."""
+    track = guest(arrived=3, height=height)
+    cut = (side == 0, side == 1, False, False)
+    track.outline.segment = replace(track.outline.segment, cut=cut)
+    assert judged(track) is state
+
+
 def test_who_waves_is_confirmed_as_a_thing_of_its_own(guest: MakeTrack) -> None:
     """What flickers on a wall is none."""
     for clear, state in ((1.0, TrackState.CONFIRMED), (0.0, TrackState.TENTATIVE)):
@@ -138,6 +152,22 @@ def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: 
         track = make_track()
         track.points, track.merged_s, track.stands = points, merged_s, stands
         assert judged(track, P.confirm_hits + 5) is state
+
+
+@pytest.mark.parametrize(
+    ("velocity", "crosses"),
+    [((0.5, 0.0, 0.1), True), ((0.1, 0.0, -0.5), False), ((0.12, 0.0, 0.0), False)],
+)
+def test_points_of_what_is_one_with_its_surroundings_may_surely_cross_the_view(
+    make_track: MakeTrack, velocity: tuple[float, float, float], crosses: bool
+) -> None:
+    """They do not confirm it; and what comes straight on or creeps may be an edge that stands."""
+    track = make_track((0.0, 0.0, 4.0), velocity)
+    track.points, track.merged_s = 9, 0.1
+    judged(track)
+    assert not track.crosses, "one frame tells nothing"
+    assert judged(track, P.confirm_hits) is TrackState.TENTATIVE
+    assert track.crosses is crosses
 
 
 @pytest.mark.parametrize(

@@ -89,6 +89,14 @@ def test_points_seem_to_move_where_they_are_some_and_their_velocity_is_no_noise(
     assert seems_to_move(track) == seems
 
 
+def test_few_points_that_surely_cross_the_view_seem_to_move(make_track: MakeTrack) -> None:
+    track = make_track()
+    track.points, track.significance = 3, 12.0
+    assert not seems_to_move(track)
+    track.crosses = True
+    assert seems_to_move(track)
+
+
 def head(make_track: MakeTrack) -> BodyTrack:
     """The track of some points on a head, 1.7 m above the ground and 4 m away."""
     track = make_track((0.0, HEIGHT_M - 1.7, 4.0))
