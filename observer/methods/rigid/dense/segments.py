@@ -31,9 +31,9 @@ _STEP_CELLS = 0.5
 # A body's border shows something farther on this share of what is comparable, and of all of it;
 # what only seems to have appeared behind something else, on more. Beside what is near there is much
 # that only one camera sees: less is enough of what fills so much of the view, and came where it
-# was free.
+# was free, or goes away from where it was and stands apart this clearly.
 _APART, _CLEAR, _CLEAR_HIDDEN, _CLEAR_NEAR = 0.6, 0.2, 0.35, 0.1
-_NEAR_SHARE, _CAME_SHARE = 0.05, 0.7
+_NEAR_SHARE, _MOVED_SHARE, _APART_AWAY = 0.05, 0.7, 0.8
 # A cell is of an expected body up to so many tolerances of its disparity.
 _OWN_TOLERANCES = 1.5
 # A limb is this near to its body, metres; above or below it, or else smaller by this share.
@@ -71,7 +71,9 @@ class Segment:
     def stands_apart(self) -> bool:
         """True if it is a thing of its own, and no part of a wall or a slope."""
         least = _CLEAR if self.arrived > self.hidden else _CLEAR_HIDDEN
-        if self.arrived > _CAME_SHARE and self.area > _NEAR_SHARE * self.mask.size:
+        goes = self.hidden > _MOVED_SHARE and self.apart > _APART_AWAY
+        moved = goes or self.arrived > _MOVED_SHARE
+        if moved and self.area > _NEAR_SHARE * self.mask.size:
             least = _CLEAR_NEAR
         return self.apart >= _APART and self.clear >= least
 

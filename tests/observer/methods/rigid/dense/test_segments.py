@@ -184,6 +184,22 @@ def test_beside_what_is_near_less_has_to_be_seen(share: float, arrived: float, a
     assert segment.stands_apart is apart
 
 
+@pytest.mark.parametrize(
+    ("share", "hidden", "apart", "whole"),
+    [(0.2, 0.9, 0.9, True), (0.02, 0.9, 0.9, False), (0.2, 0.5, 0.9, False),
+     (0.2, 0.9, 0.7, False)],
+    ids=["goes away", "small", "hardly moved", "beside a wall that it uncovers"],
+)  # fmt: skip
+def test_so_has_of_who_goes_away_and_clearly_stands_apart(
+    share: float, hidden: float, apart: float, whole: bool
+) -> None:
+    scene = world(person(0.3, 4.0))
+    segment = segment_of(scene, cells(scene, person(0.3, 4.0)))
+    area = int(share * segment.mask.size)
+    segment = replace(segment, area=area, arrived=0.0, hidden=hidden, apart=apart, clear=0.15)
+    assert segment.stands_apart is whole
+
+
 def test_what_seems_to_come_out_of_hiding_must_stand_apart_more_clearly() -> None:
     """Beside it, at its depth, stands something; a quarter of its border is clear."""
     mask = window_mask(30, 90, 100, 130)
