@@ -23,15 +23,21 @@ _TURNED_M = 0.5
 _LEVEL, _EYE = np.array([1.0, 0.0, 1.0]), np.eye(3)
 
 
-def returns_as(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:
-    """Return whether a body that is out of sight may be this segment, heights left out."""
+def misfit(track: BodyTrack, segment: Segment, scene: DenseScene) -> float | None:
+    """Return how far a segment is from where a body out of sight should be; None if too far.
+
+    Returns:
+        A squared length in standard deviations, heights left out. Beyond the image's border a body
+        may have turned in any way: there it is scaled to the same limit.
+    """
     place, cov = measured_anchor(segment, "middle", scene)
     if has_left(track, scene):
-        # Beyond the border it may have turned in any way.
         way = track.missed_s * track.mean[VELOCITY]
-        gap = (place - (track.centre - way)) * _LEVEL
-        return bool(np.linalg.norm(gap) < np.linalg.norm(way) + _TURNED_M)
-    return _chi2(track, place - track.centre, cov, _CHANGED_M) < _FOUND_CHI2
+        gap = float(np.linalg.norm((place - (track.centre - way)) * _LEVEL))
+        room = float(np.linalg.norm(way)) + _TURNED_M
+        return _FOUND_CHI2 * (gap / room) ** 2 if gap < room else None
+    squared = _chi2(track, place - track.centre, cov, _CHANGED_M)
+    return squared if squared < _FOUND_CHI2 else None
 
 
 def leaps(track: BodyTrack, segment: Segment, scene: DenseScene) -> bool:

@@ -12,7 +12,7 @@ from observer.methods.rigid.bodies.filter import POSITION, VELOCITY, BodyFilter
 from observer.methods.rigid.bodies.legs import at_hips, shows_only_legs, swing_cov
 from observer.methods.rigid.bodies.limbs import judge_rigidity, points_show_whole
 from observer.methods.rigid.bodies.outline import Outline, anchor_of, free_cells, measured_anchor
-from observer.methods.rigid.bodies.segment_gate import has_left, leaps, returns_as
+from observer.methods.rigid.bodies.segment_gate import has_left, leaps, misfit
 from observer.methods.rigid.bodies.shape import BodyShape, Box
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.camera_step import CameraStep
@@ -335,6 +335,8 @@ def _bodies_of(
 ) -> list[BodyTrack]:
     """List the bodies that a new segment shows, the surest first: it is all of them in one.
 
+    But of several that were reported, and may have come back, it is only the likeliest.
+
     Args:
         inside: (N,) which points lie on it. obstacle: (N,) as of ``TrackedPoints``.
     """
@@ -344,10 +346,15 @@ def _bodies_of(
         count = np.count_nonzero(members)
         on_it = count >= min_points and inside[members].mean() >= _OWN_SHARE
         on_it = on_it and not (track.outline is not None and leaps(track, segment, scene))
-        if on_it or (track.missed_s > 0 and returns_as(track, segment, scene)):
-            found.append(track)
-    found.sort(key=lambda t: (t.state is TrackState.TENTATIVE, -t.points, -t.age_s))
-    return found
+        # Who is known by an outline is out of sight without it, whatever points are seen.
+        hidden = track.missed_s > 0 or not track.rigid
+        apart = misfit(track, segment, scene) if hidden else None
+        if on_it or apart is not None:
+            tentative = track.state is TrackState.TENTATIVE
+            rank = (tentative, -track.points if on_it else 0, apart or 0.0)
+            found.append((rank, on_it or tentative, track))
+    found.sort(key=lambda each: each[0])
+    return [track for k, (_, part, track) in enumerate(found) if k == 0 or part]
 
 
 # --- points ----------------------------------------------------------------------------------

@@ -231,6 +231,22 @@ def test_a_body_returns_from_behind_something_as_who_it_was(make_track: MakeTrac
         assert (track.missed_s == 0.0) is same
 
 
+def test_of_two_who_may_come_back_it_is_the_likelier_one_and_the_other_stays_known(
+    make_track: MakeTrack,
+) -> None:
+    """However long each of them was out of sight, and though a few points still show the one."""
+    for missed_s in ((0.6, 0.6), (0.6, 0.0)):
+        far = make_track((0.9, 0.2, 4.1), (0.0, 0.0, 0.0), number=1, sigma=0.2)
+        near = make_track((0.4, 0.2, 4.1), (0.0, 0.0, 0.0), number=2, sigma=0.2)
+        tracks = [far, near]
+        for track, missed in zip(tracks, missed_s, strict=True):
+            track.state, track.missed_s, track.rigid = TrackState.COASTING, missed, False
+        tracked(tracks, TrackedPoints.none(), arrived(person(0.3, 4.0)))
+        assert tracks == [far, near]
+        assert far.outline is None
+        assert near.outline is not None
+
+
 @pytest.mark.parametrize(("z", "same"), [(4.2, True), (7.5, False)])
 def test_who_left_the_image_and_turned_comes_back_as_who_it_was(
     make_track: MakeTrack, z: float, same: bool
