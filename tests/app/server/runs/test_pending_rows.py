@@ -85,8 +85,10 @@ def test_while_a_write_is_tried_again_no_further_one_is_queued(
     deadline = time.monotonic() + 10
     while not storage.speeds(record.id) and time.monotonic() < deadline:
         time.sleep(0.02)
-    assert len(storage.speeds(record.id)) == 300
+    # On a busy machine some may have come after it looked; they are written at the end.
+    assert len(storage.speeds(record.id)) > 1, "the write that was queued had one row"
     end(run, writer)
+    assert [row.time for row in storage.speeds(record.id)] == list(range(300))
     assert writer.dropped == 0
 
 
