@@ -162,8 +162,8 @@ def _confirmed(
     else:
         track.hits = max(0, track.hits - 1)
     by_points = track.hits >= parameters.confirm_hits and track.sightings >= _CONFIRM_SIGHTINGS
-    track.crosses = by_points and _crosses(track, camera_position)
-    track.crosses &= not _creeps(track, parameters)
+    surely = by_points and not _creeps(track, parameters)
+    track.crosses = surely and _crosses(track, camera_position)
     shown = track.far or track.merged_s == 0 or _shown_by_many(track)
     if by_points and shown and not _may_stand(track, camera_position, parameters, light):
         return True
