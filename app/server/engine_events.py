@@ -109,7 +109,8 @@ class EngineEvents:
         """Set a new engine up like the lost one; a run continues as a new segment."""
         async with self._shared.lock:
             source = self._source
-            if self._shared.opened_by == source.generation:
+            generation = source.generation
+            if self._shared.opened_by == generation:
                 # A request that waited for this engine has set it up already.
                 source.restoring = False
                 return
@@ -130,7 +131,9 @@ class EngineEvents:
                     await self._runs.close(RunState.FAILED, str(error))
                 source.failed(str(error))
             else:
-                source.restoring = False
+                # If this engine is gone again, the next one still has to be set up.
+                health = self._shared.engine.health
+                source.restoring = not (health.alive and health.generation == generation)
             finally:
                 self._shared.followers.status_changed()
 

@@ -57,15 +57,7 @@ class Shared:
             FieldError: the source cannot be opened; the previous one stays open.
             Conflict, StorageFull, NotAvailable: as for ``ask``.
         """
-        asking = asyncio.create_task(
-            ask(
-                self.engine,
-                command,
-                field=("body", "source"),
-                timeout_s=_LONGEST_OPENING_S,
-                repeatable=True,
-            )
-        )
+        asking = asyncio.create_task(self._ask_to_open(command))
         try:
             while not (await asyncio.wait({asking}, timeout=_OPEN_TIMEOUT_S))[0]:
                 if not self.preparing():
@@ -74,7 +66,17 @@ class Shared:
                     )
         finally:
             asking.cancel()
-        opened = asking.result()
+        return asking.result()
+
+    async def _ask_to_open(self, command: OpenSource | BeginCalibration) -> Opened:
+        opened = await ask(
+            self.engine,
+            command,
+            field=("body", "source"),
+            timeout_s=_LONGEST_OPENING_S,
+            repeatable=True,
+        )
+        # With the answer: a moment later another engine may run, which has opened nothing yet.
         self.opened_by = self.engine.health.generation
         return opened
 

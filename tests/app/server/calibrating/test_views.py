@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import replace
 from typing import Any
 
@@ -9,7 +10,7 @@ import pytest
 
 from app.contract.calibrating import CapturedView
 from app.contract.commands import BeginCalibration, ChangeCalibration, CloseSource, OpenSource
-from app.contract.events import EngineState
+from app.contract.events import EngineState, Event, StateEvent
 from app.runtime.errors import ProcessRefused
 from app.server import Conflict, FieldError, NotAvailable, NotThere, Server
 from app.server.status import status
@@ -170,6 +171,27 @@ async def test_engines_lost_hours_apart_are_not_three_in_a_row(peer: Any, server
     assert names(server) == ["1", "2", "3"]
     await server.calibrating.end()
     assert server.source.state.state is EngineState.PREVIEW
+
+
+async def test_an_engine_lost_as_it_answers_is_not_taken_for_the_next(
+    peer: Any, server: Server
+) -> None:
+    await captured(peer, server)
+    again = [True]
+
+    def replace_engine(event: Event) -> None:
+        if isinstance(event, StateEvent) and event.state is EngineState.CALIBRATING and again:
+            again.pop()
+            loop = asyncio.get_running_loop()
+            loop.call_soon(peer.lose)
+            loop.call_soon(peer.start_process)
+
+    peer.subscribe(replace_engine)
+    peer.lose()
+    peer.start_process()
+    await until(lambda: peer.generation == 3 and peer.calibrating)
+    await until(lambda: server.source.state.state is EngineState.CALIBRATING)
+    assert names(server) == ["1", "2", "3"]
 
 
 async def test_cameras_that_are_gone_with_the_engine_leave_the_views(
