@@ -131,6 +131,11 @@ class BodyTrack:
         offset = np.zeros(3) if self.box is None else self.R @ self.box.centre
         return self.mean[POSITION] + offset
 
+    @property
+    def seen_outline(self) -> Outline | None:
+        """Its outline, if it is seen in this frame."""
+        return None if self.outline is None or not self.outline.seen else self.outline
+
     def centre_velocity(self) -> tuple[Float64Array, Float64Array]:
         """(3,) m/s and its covariance (3, 3), world: of the centre.
 

@@ -117,8 +117,8 @@ def _sigma_along(velocity: Float64Array, cov: Float64Array) -> float:
 
 def _is_unmoved(track: BodyTrack) -> bool:
     """Return whether all of a body is seen where something was before."""
-    outline = track.outline
-    return outline is not None and outline.seen and outline.segment.static >= _UNMOVED_SHARE
+    outline = track.seen_outline
+    return outline is not None and outline.segment.static >= _UNMOVED_SHARE
 
 
 def is_over(track: BodyTrack, parameters: ObstacleParameters) -> bool:
@@ -241,10 +241,9 @@ def _crosses(track: BodyTrack, camera_position: Float64Array) -> bool:
 
 def _has_moved(track: BodyTrack) -> bool:
     """Return whether a body is a thing of its own, and not all of it where something was before."""
-    outline = track.outline
-    if outline is None:
+    if track.outline is None:
         return track.merged_s == 0
-    return outline.seen and not _is_unmoved(track)
+    return track.seen_outline is not None and not _is_unmoved(track)
 
 
 def _confirmed_by_outline(
@@ -258,8 +257,8 @@ def _confirmed_by_outline(
     What the camera cuts off as too bright changes with the exposure: while that swings, depths
     appear and disappear that stand, and it takes more to believe in them.
     """
-    outline = track.outline
-    if outline is None or not outline.seen or track.motion is not MotionState.MOVING:
+    outline = track.seen_outline
+    if outline is None or track.motion is not MotionState.MOVING:
         return False
     if (outline.merged or outline.stands or outline.beside_nearer) and not outline.is_high:
         # A patch of noise on a wall, or of what only one camera sees beside somebody who passes.

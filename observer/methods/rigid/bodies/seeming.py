@@ -46,11 +46,10 @@ def seems_to_move(track: BodyTrack) -> bool:
     """
     if track.state is not TrackState.TENTATIVE:
         return False
-    outline = track.outline
-    seen = outline is not None and outline.seen
+    outline = track.seen_outline
     if track.significance >= _SEEMING_SIGMAS:
-        return seen or track.crosses or track.points >= _SEEMING_POINTS
-    if outline is None or not seen or not outline.is_high:
+        return outline is not None or track.crosses or track.points >= _SEEMING_POINTS
+    if outline is None or not outline.is_high:
         return False
     return track.loosened or outline.segment.arrived > _CAME_SHARE
 

@@ -75,7 +75,8 @@ def track_segments(
     obstacle = points.obstacle.copy()
     free = free_cells([t.outline for t in tracks if t.outline is not None], scene.grid)
     for segment in fresh_segments(scene, free):
-        if any(_seen(t) and t.outline.take(segment, scene) for t in tracks if t.outline):
+        seen = [t.seen_outline for t in tracks if t.seen_outline is not None]
+        if any(outline.take(segment, scene) for outline in seen):
             continue
         inside = segment.mask[cells]
         found = _bodies_of(segment, inside, tracks, obstacle, scene, min_points)
@@ -93,8 +94,8 @@ def track_segments(
             tracks.remove(part)
     within = np.full(len(points), NO_OBSTACLE, np.int64)
     for track in tracks:
-        if track.outline is not None and track.outline.seen:
-            within[track.outline.segment.mask[cells]] = track.id
+        if track.seen_outline is not None:
+            within[track.seen_outline.segment.mask[cells]] = track.id
         else:
             _note_merged(track, points, scene, now.dt)
     return _absorbed(tracks, points.but(obstacle=obstacle, within=within))
@@ -341,7 +342,7 @@ def _bodies_of(
         inside: (N,) which points lie on it. obstacle: (N,) as of ``TrackedPoints``.
     """
     found = []
-    for track in [t for t in tracks if not _seen(t)]:
+    for track in [t for t in tracks if t.seen_outline is None]:
         members = obstacle == track.id
         count = np.count_nonzero(members)
         on_it = count >= min_points and inside[members].mean() >= _OWN_SHARE
@@ -358,10 +359,6 @@ def _bodies_of(
 
 
 # --- points ----------------------------------------------------------------------------------
-
-
-def _seen(track: BodyTrack) -> bool:
-    return track.outline is not None and track.outline.seen
 
 
 def _absorbed(tracks: list[BodyTrack], points: TrackedPoints) -> TrackedPoints:

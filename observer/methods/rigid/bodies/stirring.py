@@ -53,10 +53,11 @@ class Stirring:
         changes = _changes(scene)
         free = np.ones(scene.grid.shape, np.bool_)
         for track in [t for t in tracks if t.state is not TrackState.TENTATIVE]:
-            if track.outline is None or not track.outline.seen:
+            outline = track.seen_outline
+            if outline is None:
                 track.changes.forget()
                 continue
-            mine = _on_and_around(track.outline.segment, scene)
+            mine = _on_and_around(outline.segment, scene)
             # Of what travels nothing looks as it did.
             stays = track.motion is not MotionState.MOVING
             changed = stays and any(mine[cell] for cell, _ in changes)
@@ -122,6 +123,7 @@ def _apart(a: Float64Array, b: Float64Array) -> float:
 
 def _lies_on(track: BodyTrack, segment: Segment) -> bool:
     """Return whether a body that is not confirmed is seen on a segment."""
-    if track.outline is None or track.state is not TrackState.TENTATIVE:
+    outline = track.seen_outline
+    if outline is None or track.state is not TrackState.TENTATIVE:
         return False
-    return track.outline.seen and bool((track.outline.segment.mask & segment.mask).any())
+    return bool((outline.segment.mask & segment.mask).any())

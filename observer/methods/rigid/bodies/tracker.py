@@ -310,7 +310,7 @@ class BodyTracker:
             self.tracks.remove(track)
         for older, younger in self._same(radius_m, parameters):
             # Where somebody with limbs is out of sight, shadows and edges move: they show nobody.
-            hidden = not older.rigid and older.outline is not None and not older.outline.seen
+            hidden = not older.rigid and older.outline is not None and older.seen_outline is None
             obstacle[obstacle == younger.id] = NO_OBSTACLE if hidden else older.id
             self.tracks.remove(younger)
             if is_provisional(older.id) and not is_provisional(younger.id):
