@@ -13,12 +13,14 @@ import numpy as np
 from observer.geometry import Float64Array
 from observer.kernels.sight import place_of
 from observer.methods.rigid.dense.scene import DenseScene
-from observer.methods.rigid.dense.segments import Segment
+from observer.methods.rigid.dense.segments import Segment, segment_of
 
 # Metres above the ground up to which legs reach.
 _LEGS_M = 0.85
 # Metres between the outer edges of two legs that stride, feet included; and in depth, at most.
 _STRIDE_M, _AHEAD_M = 1.3, 0.7
+# Upper share of the rows of legs that tells where the hips are.
+_HIPS_SHARE = 0.2
 # Shares of the cells that are farther than the farther leg, and than the nearer one.
 _DEPTHS = (0.15, 0.85)
 # Metres, one standard deviation: how far a foremost or rearmost leg swings against the hips.
@@ -49,13 +51,21 @@ def is_other_leg(scene: DenseScene, part: Segment, leg: Segment) -> bool:
 
 
 def at_hips(segment: Segment, scene: DenseScene) -> Segment:
-    """Return a segment of legs at the disparity midway between them.
+    """Return a segment of legs as one that is seen by what is highest of them.
 
-    The median would leap from one leg to the other.
+    There they swing least, and the middle between their outer edges is that of the hips. The
+    disparity is midway between both: the median would leap from one leg to the other.
     """
+    hips = segment_of(scene, segment.mask, _HIPS_SHARE)
+    left, _, right = hips.columns
     disparity = scene.disparity[segment.mask]
     far, near = np.quantile(disparity[np.isfinite(disparity)], _DEPTHS)
-    return replace(segment, disparity=float(far + near) / 2)
+    return replace(
+        segment,
+        disparity=float(far + near) / 2,
+        columns=(left, (left + right) / 2, right),
+        cut=(*hips.cut[:2], *segment.cut[2:]),
+    )
 
 
 def swing_cov(along: Float64Array) -> Float64Array:

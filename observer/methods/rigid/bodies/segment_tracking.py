@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -263,10 +265,10 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         track.outline = Outline.of(segment, scene)
         if track.outline.upright and not points_show_whole(track, track.outline):
             track.loosen()
-    outline, anchor = track.outline, anchor_of(segment)
-    if outline.only_legs:
-        segment = at_hips(segment, scene)
-    place, cov = measured_anchor(segment, anchor, scene)
+    outline = track.outline
+    shown = at_hips(segment, scene) if outline.only_legs else segment
+    anchor = anchor_of(shown)
+    place, cov = measured_anchor(shown, anchor, scene)
     if outline.only_legs and anchor != "middle":
         cov = cov + swing_cov(_along(place, scene))
     if track.forgotten and not track.rigid:
@@ -281,6 +283,7 @@ def _measure(track: BodyTrack, segment: Segment, scene: DenseScene) -> None:
         track.filter = track.filter.with_position(place - offset, cov)
         if track.filter.manoeuvres:
             track.steady_s = 0.0
+    segment = replace(segment, disparity=shown.disparity)
     outline.note(segment, track.mean[POSITION], scene, track.age_s)
     track.missed_s = track.merged_s = 0.0
     track.far = False

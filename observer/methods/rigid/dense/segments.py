@@ -92,8 +92,12 @@ class Expected:
         return replace(before, mask=self.mask, box=box, disparity=self.disparity)
 
 
-def segment_of(scene: DenseScene, mask: Mask) -> Segment:
-    """Describe the cells of a mask (h, w), which must not be empty."""
+def segment_of(scene: DenseScene, mask: Mask, trunk_share: float = TRUNK_SHARE) -> Segment:
+    """Describe the cells of a mask (h, w), which must not be empty.
+
+    Args:
+        trunk_share: upper share of the rows that tells where it is.
+    """
     box = _box_of(mask)
     (d, left, middle, right), evidence, (farther, same, around), cut = described(
         mask,
@@ -102,7 +106,7 @@ def segment_of(scene: DenseScene, mask: Mask) -> Segment:
         scene.evidence,
         scene.standing,
         scene.grid.reduction,
-        TRUNK_SHARE,
+        trunk_share,
         _STEP_CELLS * scene.grid.reduction,
         *scene.tolerances,
     )

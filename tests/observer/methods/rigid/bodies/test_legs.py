@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from observer.geometry import Pose
 from observer.methods.rigid.bodies.legs import at_hips, is_other_leg, shows_only_legs, swing_cov
-from observer.methods.rigid.bodies.outline import Outline
+from observer.methods.rigid.bodies.outline import Outline, anchor_of, measured_anchor
 from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import Segment, segment_of
@@ -38,6 +38,17 @@ def legs(*places: tuple[float, float]) -> tuple[DenseScene, list[Segment]]:
     evidence = np.where(np.any(masks, axis=0), ARRIVED, STATIC).astype(np.uint8)
     scene = seen(shapes, LOW, evidence)
     return scene, [segment_of(scene, mask & scene.standing) for mask in masks]
+
+
+def striding(x: float, z: float) -> list[Solid]:
+    """Two legs as far apart at the feet as in a long stride, in slices of a leg's height."""
+    heights = np.arange(0.05, 0.86, 0.1)
+    out = (0.85 - heights) * 0.6
+    return [
+        Solid((x + side * away, 1.0 - height, z), (0.16, 0.1, 0.16))
+        for side in (-1, 1)
+        for height, away in zip(heights, out, strict=True)
+    ]
 
 
 def outlined(segment: Segment, scene: DenseScene) -> Outline:
@@ -82,6 +93,19 @@ def test_the_hips_are_midway_between_the_legs(near: float, apart: float) -> None
     both = segment_of(scene, one.mask | other.mask)
     middle = (one.disparity + other.disparity) / 2
     assert at_hips(both, scene).disparity == pytest.approx(middle, rel=0.02)
+
+
+@pytest.mark.parametrize("x", [-0.3, 0.0, 0.4])
+@pytest.mark.parametrize("z", [1.1, 1.2])
+def test_the_hips_are_seen_though_a_foot_is_out_of_view(x: float, z: float) -> None:
+    solids = striding(x, z)
+    shapes = [*ROOM, *solids]
+    mask = np.any([cells_of(each, shapes, LOW) for each in solids], axis=0)
+    scene = seen(shapes, LOW, np.where(mask, ARRIVED, STATIC).astype(np.uint8))
+    hips = at_hips(segment_of(scene, mask & scene.standing), scene)
+    assert anchor_of(hips) == "middle"
+    place, _ = measured_anchor(hips, "middle", scene)
+    assert place[0] == pytest.approx(x, abs=0.02)
 
 
 def test_a_leg_swings_across_the_line_of_sight() -> None:
