@@ -1,0 +1,226 @@
+"""When a body is confirmed: by its outline, or by its points."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
+from observer.methods.rigid.dense.grey_change import Light
+from observer.types import MotionState, TrackState
+
+from .judging import AWAY, STEADY, STOOD, MakeTrack, P, judged
+
+
+def test_who_enters_free_space_is_confirmed_without_any_point(guest: MakeTrack) -> None:
+    assert judged(guest(arrived=3)) is TrackState.CONFIRMED
+
+
+def test_too_few_frames_of_evidence_confirm_nobody(guest: MakeTrack) -> None:
+    assert judged(guest(arrived=2, hidden=3), 20) is TrackState.TENTATIVE
+
+
+@pytest.mark.parametrize("against", ["wall", "before"])
+@pytest.mark.parametrize(
+    ("height", "state"), [(0.5, TrackState.TENTATIVE), (1.2, TrackState.CONFIRMED)]
+)
+def test_a_patch_of_noise_on_what_stands_is_nobody(
+    guest: MakeTrack, against: str, height: float, state: TrackState
+) -> None:
+    """What is as high as a part of a person may be one with a wall, or where it was before."""
+    track = guest(arrived=3, height=height)
+    segment = track.outline.segment
+    on_wall = replace(segment, clear=0.0)
+    track.outline.segment = on_wall if against == "wall" else replace(segment, static=0.9)
+    assert judged(track) is state
+
+
+@pytest.mark.parametrize(
+    ("height", "state"), [(0.5, TrackState.TENTATIVE), (1.2, TrackState.CONFIRMED)]
+)
+@pytest.mark.parametrize("side", [0, 1])
+def test_a_patch_beside_somebody_nearer_is_nobody(
+    guest: MakeTrack, side: int, height: float, state: TrackState
+) -> None:
+    """Only one camera sees what is there; a person who passes behind is taller than that."""
+    track = guest(arrived=3, height=height)
+    cut = (side == 0, side == 1, False, False)
+    track.outline.segment = replace(track.outline.segment, cut=cut)
+    assert judged(track) is state
+
+
+def test_who_waves_is_confirmed_as_a_thing_of_its_own(guest: MakeTrack) -> None:
+    """What flickers on a wall is none."""
+    for clear, state in ((1.0, TrackState.CONFIRMED), (0.0, TrackState.TENTATIVE)):
+        track = guest(STOOD)
+        track.outline.segment = replace(track.outline.segment, apart=1.0, clear=clear)
+        for k in range(30):
+            track.changes.note(0.1 * k, changed=k % 3 < 2)
+        assert judged(track) is state
+        assert track.motion is MotionState.IN_PLACE
+
+
+def test_who_comes_out_of_hiding_needs_more_frames_and_a_surer_velocity(guest: MakeTrack) -> None:
+    """Of 3.9 standard deviations, and then of more than 16."""
+    for sigma, state in ((0.13, TrackState.TENTATIVE), (0.03, TrackState.CONFIRMED)):
+        assert judged(guest(AWAY, hidden=4, sigma=sigma)) is state
+    assert judged(guest(arrived=3, sigma=0.13)) is TrackState.CONFIRMED
+
+
+def test_what_others_uncover_seems_to_move_across_and_is_not_confirmed(guest: MakeTrack) -> None:
+    for velocity in ((0.5, 0.0, 0.0), (0.5, 0.0, 0.4), (0.0, 0.0, -0.5)):
+        assert judged(guest(velocity, hidden=50), 20) is TrackState.TENTATIVE
+
+
+def test_an_outline_confirms_only_while_it_moves(guest: MakeTrack) -> None:
+    for velocity in (STOOD, (P.stopped_below_mps / 2, 0.0, 0.0)):
+        # However surely it creeps.
+        track = guest(velocity, arrived=50, hidden=50, sigma=1e-3)
+        assert judged(track, 20) is TrackState.TENTATIVE
+        assert track.motion is MotionState.STOPPED
+
+
+def test_a_velocity_that_is_hardly_known_confirms_nobody(guest: MakeTrack) -> None:
+    assert judged(guest(arrived=10, sigma=0.4), 20) is TrackState.TENTATIVE
+
+
+def test_an_outline_confirms_only_while_it_is_seen(guest: MakeTrack) -> None:
+    track = guest(arrived=10)
+    track.outline.seen = False
+    assert judged(track) is TrackState.TENTATIVE
+    track.outline.seen, track.missed_s = True, 0.1
+    assert judged(track) is TrackState.TENTATIVE
+
+
+def test_a_confirmed_one_stays_confirmed_when_it_stops(guest: MakeTrack) -> None:
+    track = guest(arrived=3)
+    judged(track)
+    track.filter = guest(STOOD).filter
+    assert judged(track) is TrackState.CONFIRMED
+    assert track.motion is MotionState.STOPPED
+
+
+def test_points_of_what_is_one_with_its_surroundings_do_not_confirm(make_track: MakeTrack) -> None:
+    """Unless they are many, and stand out of the ground: reflections lie below it."""
+    for points, merged_s, stands, state in (
+        (11, 0.1, True, TrackState.TENTATIVE),
+        (11, 0.0, True, TrackState.CONFIRMED),
+        (20, 0.1, True, TrackState.CONFIRMED),
+        (20, 0.1, False, TrackState.TENTATIVE),
+    ):
+        track = make_track()
+        track.points, track.merged_s, track.stands = points, merged_s, stands
+        assert judged(track, P.confirm_hits + 5) is state
+
+
+@pytest.mark.parametrize(
+    ("velocity", "crosses"),
+    [((0.5, 0.0, 0.1), True), ((0.1, 0.0, -0.5), False), ((0.12, 0.0, 0.0), False)],
+)
+def test_points_of_what_is_one_with_its_surroundings_may_surely_cross_the_view(
+    make_track: MakeTrack, velocity: tuple[float, float, float], crosses: bool
+) -> None:
+    """They do not confirm it; and what comes straight on or creeps may be an edge that stands."""
+    track = make_track((0.0, 0.0, 4.0), velocity)
+    track.points, track.merged_s = 9, 0.1
+    judged(track)
+    assert not track.crosses, "one frame tells nothing"
+    assert judged(track, P.confirm_hits) is TrackState.TENTATIVE
+    assert track.crosses is crosses
+
+
+@pytest.mark.parametrize(
+    ("velocity", "state"),
+    [((0.5, 0.0, 0.1), TrackState.CONFIRMED), ((0.1, 0.0, -0.5), TrackState.TENTATIVE)],
+)
+def test_what_is_farther_than_segments_is_confirmed_by_points_only_if_it_crosses_the_view(
+    make_track: MakeTrack, velocity: tuple[float, float, float], state: TrackState
+) -> None:
+    for merged_s in (0.0, 0.1):
+        track = make_track((0.0, 0.0, 9.0), velocity)
+        track.points, track.merged_s, track.far = 20, merged_s, True
+        assert judged(track, P.confirm_hits + 5) is state
+
+
+def test_points_that_creep_where_something_was_before_confirm_nothing(guest: MakeTrack) -> None:
+    """A highlight on a chair, while the light changes; and a robot that drives slowly."""
+    for speed, evidence, state in (
+        (0.1, STATIC, TrackState.TENTATIVE),
+        (0.25, STATIC, TrackState.CONFIRMED),
+        (0.1, ARRIVED, TrackState.CONFIRMED),
+    ):
+        track = guest((speed, 0.0, 0.0), sigma=0.005, evidence=evidence)
+        track.points = 12
+        assert judged(track, 5) is state
+
+
+@pytest.mark.parametrize(
+    ("velocity", "evidence", "rigid", "state"),
+    [
+        ((0.7, 0.0, -0.7), STATIC, False, TrackState.TENTATIVE),
+        ((0.0, 0.0, -0.7), STATIC, False, TrackState.CONFIRMED),
+        ((0.7, 0.0, -0.7), ARRIVED, False, TrackState.CONFIRMED),
+        ((0.7, 0.0, -0.7), STATIC, True, TrackState.CONFIRMED),
+    ],
+)
+def test_points_of_limbs_that_cross_what_stands_confirm_nobody(
+    guest: MakeTrack,
+    velocity: tuple[float, float, float],
+    evidence: int,
+    rigid: bool,
+    state: TrackState,
+) -> None:
+    """Who comes along the line of sight may fill for a while what was filled before."""
+    track = guest(velocity, evidence=evidence)
+    track.points, track.rigid = 16, rigid
+    assert judged(track, 5) is state
+
+
+@pytest.mark.parametrize(
+    ("velocity", "evidence", "state"),
+    [
+        ((0.0, 0.0, -0.25), STATIC, TrackState.TENTATIVE),
+        ((0.0, 0.0, 0.25), STATIC, TrackState.TENTATIVE),
+        ((0.2, 0.0, -0.2), STATIC, TrackState.CONFIRMED),
+        ((0.0, 0.0, -0.6), STATIC, TrackState.CONFIRMED),
+        ((0.0, 0.0, -0.25), ARRIVED, TrackState.CONFIRMED),
+    ],
+)
+def test_in_light_that_flickers_what_only_comes_or_goes_may_stand(
+    guest: MakeTrack, velocity: tuple[float, float, float], evidence: int, state: TrackState
+) -> None:
+    """Unless it is fast, moves across the view, or enters what was free."""
+    for light, expected in ((STEADY, TrackState.CONFIRMED), (Light(flickers=True), state)):
+        track = guest(velocity, sigma=0.005, evidence=evidence)
+        track.points = 12
+        assert judged(track, 5, light=light) is expected
+
+
+def test_while_the_exposure_swings_it_takes_more_to_enter_free_space(guest: MakeTrack) -> None:
+    """What is cut off as too bright has another depth when it is not."""
+    swings = Light(swings=True)
+    certain, uncertain = 0.02, 0.12
+    for arrived, sigma, expected in (
+        (3, certain, TrackState.TENTATIVE),
+        (6, uncertain, TrackState.TENTATIVE),
+        (6, certain, TrackState.CONFIRMED),
+    ):
+        assert judged(guest(arrived=arrived, sigma=sigma), light=swings) is expected
+        assert judged(guest(arrived=arrived, sigma=sigma)) is TrackState.CONFIRMED
+
+
+@pytest.mark.parametrize("why", ["part_moves", "loosened"])
+def test_a_person_of_whom_a_part_or_points_moved_is_confirmed_by_a_less_sure_velocity(
+    guest: MakeTrack, why: str
+) -> None:
+    """Of 4 standard deviations; of 2.5, which is hardly more than who waves may show, nobody is."""
+    for speed, known, state in (
+        (0.8, True, TrackState.CONFIRMED),
+        (0.8, False, TrackState.TENTATIVE),
+        (0.5, True, TrackState.TENTATIVE),
+    ):
+        track = guest((0.0, 0.0, -speed), sigma=0.2, evidence=STATIC)
+        setattr(track, why, known)
+        track.points = 12
+        assert judged(track, 5) is state
