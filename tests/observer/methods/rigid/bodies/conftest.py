@@ -1,9 +1,11 @@
-"""Tracks that are seen as outlines."""
+"""Tracks that are seen as outlines, and bodies of known points."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
+import numpy as np
 import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
@@ -11,6 +13,7 @@ from observer.methods.rigid.dense.free_space import ARRIVED
 
 from ..solid_worlds import Solid, outline_of
 from .judging import MakeTrack
+from .planted_bodies import SIZE
 
 
 @pytest.fixture
@@ -32,3 +35,21 @@ def guest(make_track: MakeTrack) -> Callable[..., BodyTrack]:
         return track
 
     return make
+
+
+@pytest.fixture
+def box(planted: Any, points_on_a_box: Any) -> Any:
+    """Gives a box-shaped body of 60 points that moves as told."""
+
+    def make(pose: Any, seed: int = 0, per_face: int = 15, **kinds: Any) -> Any:
+        rng = np.random.default_rng(seed)
+        local, normals = points_on_a_box(rng, kinds.pop("size", SIZE), per_face)
+        return planted(local, pose, normals, **kinds)
+
+    return make
+
+
+@pytest.fixture
+def crate(box: Any) -> Any:
+    """One that stands."""
+    return box(lambda _: ((0.9, 0.0, 3.5), 0.4), seed=9)
