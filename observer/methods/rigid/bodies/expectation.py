@@ -23,8 +23,6 @@ _WALKING = 0.6
 _UNSEEN_TURNS = 2.0
 # m/s, one standard deviation of what a gait adds to a trunk's velocity for more than a frame.
 _GAIT_MPS = 0.06
-# And what legs add, where nothing else is in view.
-_LEGS_MPS = 0.1
 # rad/s^2, of a steady and of a manoeuvring body.
 _YAW_ACCELERATION = (0.3, 5.0)
 # A point seen more often than this knows its own motion, and needs no guess.
@@ -73,8 +71,6 @@ def note_lasting_errors(
         errors = now.rate.lasting_errors(place, velocity, now.camera, bias_px, stretch)[0]
         drift = errors @ now.T_camera_world.rotation
         gait = 0.0 if track.rigid else _GAIT_MPS
-        if outline is not None and outline.only_legs and not track.rigid:
-            gait = _LEGS_MPS
         track.lasting_cov = drift.T @ drift + gait**2 * np.eye(3)
 
 

@@ -12,21 +12,17 @@ from numpy.typing import NDArray
 
 from observer.geometry import Float64Array
 from observer.methods.rigid.bodies.body import BodyTrack
-from observer.methods.rigid.bodies.expectation import note_lasting_errors
 from observer.methods.rigid.bodies.filter import VELOCITY
 from observer.methods.rigid.bodies.legs import shows_only_legs
 from observer.methods.rigid.bodies.outline import Outline
-from observer.methods.rigid.bodies.tracker import BodyTracker
 from observer.methods.rigid.bodies.trunk_motion import measure_trunk
 from observer.methods.rigid.dense.ground import GroundPlane
 from observer.methods.rigid.dense.scene import DenseScene
 from observer.methods.rigid.dense.segments import segment_of
 from observer.methods.rigid.position_velocity_filter import PositionVelocityFilter
 from observer.methods.rigid.tracked_points import TrackedPoints, WorldSightings
-from observer.parameters import Parameters
 
 from ..solid_worlds import GRID, ROOM, Solid, cells_of, seen
-from ..solid_worlds import step_to as now_at
 
 MakeTrack = Callable[..., BodyTrack]
 DT = 1 / 15
@@ -122,18 +118,6 @@ def test_what_shows_only_legs_has_no_trunk(
     assert unknown.outline.only_legs is not trunk
     measure_trunk(unknown, np.zeros(0, np.intp), *no_points(), scene, DT)
     assert (unknown.outline.trunk is not None) is trunk
-
-
-def test_legs_alone_make_the_velocity_less_sure(unknown: BodyTrack) -> None:
-    unknown.outline = scene_at(PLACE)[1]
-    unknown.loosen()
-    tracker, sigmas = BodyTracker(), []
-    tracker.tracks.append(unknown)
-    for only_legs in (False, True):
-        unknown.outline.only_legs = only_legs
-        note_lasting_errors(tracker.tracks, now_at(), Parameters().evidence)
-        sigmas.append(float(np.sqrt(unknown.lasting_cov[0, 0])))
-    assert sigmas[1] > 1.4 * sigmas[0]
 
 
 @pytest.mark.parametrize("only_legs", [False, True])
