@@ -67,11 +67,13 @@ def test_an_obstacle_is_confirmed_with_box_and_row(
 def _stands_out(answer: dict[str, Any]) -> bool:
     """Whether the pixel is on a moving point of an obstacle.
 
-    What stands out beside an obstacle and is no point of it yet is told otherwise.
+    What stands out beside an obstacle and is no point of it yet is told otherwise. Numbers that do
+    not apply are absent.
     """
-    significance, threshold = (answer["numbers"][key] for key in ("significance", "threshold"))
+    numbers = answer["numbers"]
+    significance, threshold = (numbers.get(key) or 0 for key in ("significance", "threshold"))
     on_it = re.search(r"obstacles\.min_points|is separate in depth", answer["would_change"])
-    return bool(on_it) and (significance or 0) > threshold
+    return bool(on_it) and significance > threshold
 
 
 def test_a_pixel_of_it_is_answered_with_numbers(server: Server, confirmed: Confirmed) -> None:
