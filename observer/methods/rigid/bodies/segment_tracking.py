@@ -77,8 +77,7 @@ def track_segments(
     obstacle = points.obstacle.copy()
     free = free_cells([t.outline for t in tracks if t.outline is not None], scene.grid)
     for segment in fresh_segments(scene, free):
-        seen = [t.seen_outline for t in tracks if t.seen_outline is not None]
-        if any(outline.take(segment, scene) for outline in seen):
+        if any(t.seen_outline.take(segment, scene) for t in tracks if t.seen_outline is not None):
             continue
         inside = segment.mask[cells]
         found = _bodies_of(segment, inside, tracks, obstacle, scene, min_points)

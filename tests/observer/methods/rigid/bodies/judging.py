@@ -12,11 +12,12 @@ from observer.methods.rigid.dense.grey_change import Light
 from observer.parameters import Parameters
 from observer.types import TrackState
 
+from ..solid_worlds import DT
+
 P = Parameters().obstacles
 MakeTrack = Callable[..., BodyTrack]
-STOOD, AWAY = (0.0, 0.0, 0.0), (0.2, 0.0, 0.5)
+STOOD = (0.0, 0.0, 0.0)
 STEADY = Light()
-DT = 0.1
 
 
 def judged(track: BodyTrack, frames: int = 1, *, light: Light = STEADY) -> TrackState:

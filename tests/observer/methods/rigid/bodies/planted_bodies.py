@@ -8,6 +8,8 @@ from observer.methods.rigid.bodies.body import BodyTrack
 from observer.types import TrackState
 
 SIZE = (0.4, 0.3, 0.5)
+# Seconds between two frames.
+DT = 1 / 15
 
 
 def to_the_right(speed: float = 0.4, x: float = -0.6, z: float = 3.0) -> Any:

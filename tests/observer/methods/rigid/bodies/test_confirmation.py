@@ -10,7 +10,9 @@ from observer.methods.rigid.dense.free_space import ARRIVED, STATIC
 from observer.methods.rigid.dense.grey_change import Light
 from observer.types import MotionState, TrackState
 
-from .judging import AWAY, STEADY, STOOD, MakeTrack, P, judged
+from .judging import STEADY, STOOD, MakeTrack, P, judged
+
+AWAY = (0.2, 0.0, 0.5)
 
 
 def test_who_enters_free_space_is_confirmed_without_any_point(guest: MakeTrack) -> None:

@@ -7,11 +7,11 @@ import pytest
 
 from observer.methods.rigid.bodies.body import BodyTrack
 from observer.methods.rigid.bodies.filter import BodyFilter
-from observer.methods.rigid.bodies.lifecycle import is_over, judge
+from observer.methods.rigid.bodies.lifecycle import is_over
 from observer.methods.rigid.dense.free_space import STATIC
 from observer.types import MotionState, TrackState
 
-from .judging import DT, STOOD, MakeTrack, P, judged
+from .judging import STOOD, MakeTrack, P, judged
 
 
 def test_what_moves_as_a_thing_of_its_own_goes_on(guest: MakeTrack) -> None:
@@ -59,7 +59,7 @@ def stands(track: BodyTrack, at: tuple[float, float, float], frames: int) -> lis
     track.filter = BodyFilter.begin(np.array(at), np.array(STOOD), cov, cov, 0.01)
     over = []
     for _ in range(frames):
-        judge(track, np.zeros(3), DT, P)
+        judged(track)
         over.append(is_over(track, P))
     return over
 

@@ -17,9 +17,7 @@ from observer.parameters import Parameters
 from observer.types import MotionState, TrackState
 
 from ..solid_worlds import outline_of, person
-from .planted_bodies import alive, to_the_right
-
-DT = 1 / 15
+from .planted_bodies import DT, alive, to_the_right
 
 
 def test_its_number_is_provisional_until_it_is_confirmed_and_then_lasts(

@@ -21,10 +21,9 @@ from observer.types import MotionState, TrackState
 from observer.vision.camera_rate import CameraRate
 
 from .... import builders
-from .planted_bodies import alive, to_the_right
+from .planted_bodies import DT, alive, to_the_right
 
 P = Parameters()
-DT = 1 / 15
 CAMERA = StereoCamera(512, 256, 443.0, 443.0, 255.5, 127.5, 0.12)
 
 
