@@ -42,6 +42,15 @@ _TURN = """() => {
   messageQueue.push({ type: "SetOrientationMessage", name, owner: "", wxyz });
   requestRender();
 }"""
+# As if the server had sent it.
+_REMOVE = """(name) => {
+  const { messageQueue, requestRender } = window.__viserMutable;
+  window.removed = (window.removed ?? 0) + 1;
+  messageQueue.push({ type: "RemoveSceneNodeMessage", name, owner: "" });
+  requestRender();
+}"""
+# The server hangs up on it.
+_INVALID_POSE = """() => window.__viserMutable.sendMessage({ type: "ViewerCameraMessage" })"""
 
 
 def _found(page: Page) -> Frame | None:
@@ -107,19 +116,14 @@ def test_two_people_hide_different_layers(
     one, two = open_scene(), open_scene()
     _layer(one, "cloud").uncheck(force=True)
     _layer(two, "boxes").uncheck(force=True)
-    # A page that heard nothing for long, of a busy server, loads its scene again.
-    eventually(lambda: _shown(one, "cloud") is False and _shown(two, "boxes") is False, 30)
+    eventually(lambda: _shown(one, "cloud") is False and _shown(two, "boxes") is False)
     # The label stands at the box.
     assert _shown(two, "boxes/label_0") is False
     assert _shown(one, "cloud/points") is False
     for page, layers in ((one, ("boxes", "arrows", "trails")), (two, ("cloud", "truth"))):
         assert all(_shown(page, layer) for layer in layers)
-    # Also after the server has sent everything anew, and to the next page of the same browser.
-    reloaded = _viewer(one)
-    with one.expect_event("framenavigated", lambda frame: frame == reloaded):
-        reloaded.evaluate("location.reload()")
-    eventually(lambda: _shown(one, "boxes"), 30)
-    eventually(lambda: _shown(one, "cloud") is False, 30)
+    # Also to the next page of the same browser.
+    two.close()
     one.reload()
     eventually(lambda: _shown(one, "boxes"), 30)
     eventually(lambda: _shown(one, "cloud") is False, 30)
@@ -127,6 +131,22 @@ def test_two_people_hide_different_layers(
     expect(_layer(one, "boxes")).to_be_checked()
     _layer(one, "cloud").check(force=True)
     eventually(lambda: _shown(one, "cloud"), 30)
+
+
+def test_a_lost_link_is_renewed_without_loading_the_scene_again(
+    open_scene: Callable[..., Page], eventually: Eventually
+) -> None:
+    page = open_scene()
+    _layer(page, "boxes").uncheck(force=True)
+    eventually(lambda: _shown(page, "boxes") is False)
+    viewer = _viewer(page)
+    # What the server sends only to a new link.
+    viewer.evaluate(_REMOVE, "/display/world/truth")
+    eventually(lambda: _shown(page, "truth") is None)
+    viewer.evaluate(_INVALID_POSE)
+    eventually(lambda: _shown(page, "truth"))
+    eventually(lambda: _shown(page, "boxes") is False)
+    assert viewer.evaluate("window.removed") == 1
 
 
 def test_the_legend_has_the_colours_of_the_scene(

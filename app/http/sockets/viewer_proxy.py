@@ -46,6 +46,7 @@ _LONGEST_SUBPROTOCOL = 100
 # ``static/app/scene-frame``.
 _OUR_SCRIPTS = (
     b'<script src="app/module-workers.js" crossorigin></script>'
+    b'<script src="app/viewer-link.js" crossorigin></script>'
     b'<script src="app/frame-pace.js" crossorigin></script>'
     b'<script type="module" src="app/main.js"></script>'
 )

@@ -31,6 +31,7 @@ class Scene extends Part {
   #pick = h("div.scene-pick", { hidden: true }, this.#pickWords, this.#cancel);
   /** @type {SceneFacts | null} */
   #facts = null;
+  #runs = false;
 
   build() {
     this.#trouble.hidden = true;
@@ -44,8 +45,7 @@ class Scene extends Part {
     // First the page: the viewer takes the processor for seconds where there is no graphics card.
     this.hear("painted", () => this.#load());
     setTimeout(() => this.#load(), PATIENCE_MS);
-    // The viewer does not reconnect by itself and would go on showing its last scene.
-    this.hear("reconnected", () => this.#load({ again: true }));
+    this.hear("reconnected", () => this.#back());
     const { floorPick, driver } = this.hub;
     this.hear("change", () => this.#showPick(), floorPick);
     this.hear("stopping", () => floorPick.cancel(), driver);
@@ -55,18 +55,21 @@ class Scene extends Part {
     this.#mark();
   }
 
-  #load({ again = false } = {}) {
-    if (this.#frame.src && !again) return;
-    this.#controls.hidden = true;
-    this.#wait.hidden = false;
-    this.hub.floorPick.possible = false;
-    if (again) {
+  #load() {
+    if (!this.#frame.src) this.#frame.src = ADDRESS;
+  }
+
+  /** The server is back: a viewer that runs keeps its link by itself. */
+  #back() {
+    if (this.#runs) {
+      this.#tell({ kind: "back" });
+    } else if (this.#frame.src) {
       // Another frame: a second address in this one would be a step of the browser's "back".
       const frame = viewerFrame();
       this.#frame.replaceWith(frame);
       this.#frame = frame;
+      this.#load();
     }
-    this.#frame.src = ADDRESS;
   }
 
   /** @param {MessageEvent} event */
@@ -82,6 +85,7 @@ class Scene extends Part {
 
   /** @param {boolean} draws */
   async #start(draws) {
+    this.#runs = true;
     this.#trouble.hidden = draws;
     this.#paint();
     if (draws) this.#facts ??= await request("GET", "/scene").catch(() => null);

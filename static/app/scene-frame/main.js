@@ -90,7 +90,7 @@ addEventListener("message", ({ source, data }) => {
   if (message.kind === "choice") choose(message);
   else if (message.kind === "reset") camera?.reset();
   else if (message.kind === "pick") pick(message.base);
-  else paint(message.colour);
+  else if (message.kind === "ground") paint(message.colour);
 });
 addEventListener("keydown", ({ key, code, ctrlKey, metaKey, altKey, repeat }) => {
   const meant = (code === "Space" || key === "Escape") && !ctrlKey && !metaKey && !altKey;

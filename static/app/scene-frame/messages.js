@@ -16,10 +16,11 @@
  */
 
 /**
- * @typedef {Choice | {kind: "reset"} | {kind: "ground", colour: string} |
+ * @typedef {Choice | {kind: "reset"} | {kind: "back"} | {kind: "ground", colour: string} |
  *   {kind: "pick", base: string | null}} ToFrame
- *   `reset`: look at the robot again; `ground`: colour where nothing is drawn; `pick`: wait for
- *   clicks on the floor, as seen from the robot's node; null: no more
+ *   `reset`: look at the robot again; `back`: the page has its server back; `ground`: colour where
+ *   nothing is drawn; `pick`: wait for clicks on the floor, as seen from the robot's node; null: no
+ *   more
  */
 
 /**

@@ -16,6 +16,7 @@ from ..wire import read_on
 from .browsers import browser, cookie
 
 ADDRESS = re.compile(r"/viewer/[A-Za-z0-9_-]{43}/")
+_SCRIPTS = ("module-workers", "viewer-link", "frame-pace", "main")
 # A sandboxed page has this origin and sends no cookie.
 SANDBOXED = {"Origin": "null"}
 
@@ -39,7 +40,7 @@ async def test_it_admits_to_the_scene_alone(serve: Any, token: str, eventually: 
             assert page.is_success
             assert "sandbox allow-scripts;" in page.headers["content-security-policy"]
             scripts = re.findall(r'src="(app/[\w-]+\.js)"', page.text[:2000])
-            assert scripts == ["app/module-workers.js", "app/frame-pace.js", "app/main.js"]
+            assert scripts == [f"app/{name}.js" for name in _SCRIPTS]
             for name in (*scripts, "app/scene-client.js"):
                 script = await client.get(address + name, headers=SANDBOXED)
                 assert script.is_success, name

@@ -1,0 +1,49 @@
+/**
+ * Has viser's client connect again after it lost its link to the server. The client by itself does so
+ * only while the frame has the keyboard's focus, which is on the page around it.
+ *
+ * A classic script: it must run before the client's, which starts the worker that holds the link.
+ */
+
+"use strict";
+
+{
+  const RETRY_MS = 1000;
+  // A link without data for this long may be dead without having been closed.
+  const SILENT_MS = 3000;
+
+  /** @type {Worker | null} */
+  let link = null;
+  let open = false;
+  let heard = 0;
+
+  const connect = () => link?.postMessage({ type: "retry" });
+
+  /** @param {Worker} worker @param {{type?: string, versionMismatch?: boolean} | null} message */
+  const hear = (worker, message) => {
+    if (message?.type === "connected" || message?.type === "message_batch") {
+      link = worker;
+      open = true;
+      heard = performance.now();
+    } else if (message?.type === "closed") {
+      link = worker;
+      open = false;
+      // A server of another version has a client of its own.
+      const again = message.versionMismatch ? () => location.reload() : connect;
+      setTimeout(() => !open && again(), RETRY_MS);
+    }
+  };
+
+  window.Worker = class extends Worker {
+    /** @param {string | URL} address @param {WorkerOptions} [options] */
+    constructor(address, options) {
+      super(address, options);
+      this.addEventListener("message", ({ data }) => hear(this, data));
+    }
+  };
+
+  window.addEventListener("message", ({ source, data }) => {
+    const back = source === parent && data?.kind === "back";
+    if (back && open && performance.now() - heard > SILENT_MS) connect();
+  });
+}
