@@ -24,7 +24,7 @@ _MOST_PROCESSES = 4
 _NICENESS = 10
 
 COMPILING = (
-    "compiling the vision code for this computer's processor (once, about 20 seconds); "
+    "compiling the vision code for this computer's processor (once, about half a minute); "
     "sources open when it is done"
 )
 

@@ -66,6 +66,22 @@ def test_nine_steps_are_gone_through_by_keys_and_kept_in_the_address(
     expect(page.locator("observer-steps")).to_be_hidden()
 
 
+def test_a_page_that_waits_for_its_first_answer_says_so(open_panel: OpenPanel) -> None:
+    waiting: list[Route] = []
+    page = open_panel()
+    expect(page.locator(".beside-runs")).to_be_hidden()
+    page.route("**/api/steps?*", waiting.append)
+    _go(page, "#steps")
+    steps = page.locator("observer-steps")
+    expect(steps.get_by_text("Processing the frames…")).to_be_visible()
+    expect(steps.get_by_text("This step has no parameters.")).to_be_hidden()
+    expect(page.locator(".beside-runs")).to_contain_text("apply to the live source")
+    for route in waiting:
+        route.continue_()
+    _seen(page)
+    expect(steps.get_by_text("Processing the frames…")).to_be_hidden()
+
+
 def test_an_answer_leaves_the_address_of_another_place_alone(open_panel: OpenPanel) -> None:
     """Between going back and being told so, the address is that of the place that is left."""
     waiting: list[Route] = []

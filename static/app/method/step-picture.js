@@ -10,7 +10,8 @@ const MOST_KEPT = 14;
 
 export class StepPicture {
   #image = h("img", { alt: "", hidden: true });
-  element = h("div.step-picture", this.#image);
+  #wait = h("p.step-picture-wait", "Processing the frames…");
+  element = h("div.step-picture", this.#image, this.#wait);
   #newest = new Newest();
   #kept = new KeptPictures();
   #waiting = new AbortController();
@@ -35,6 +36,7 @@ export class StepPicture {
       this.#image.src = url;
       this.#image.alt = alt;
       this.#image.hidden = false;
+      this.#wait.hidden = true;
       await this.#image.decode().catch(() => {});
       this.shown(url, alt);
       return true;

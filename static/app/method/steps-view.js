@@ -47,7 +47,7 @@ const FORMATS = /** @type {const} */ ([
 export class StepsView extends Part {
   #choice = new StepsChoice();
   #strip = h("ol.steps-strip");
-  #title = h("h3");
+  #title = h("h3", "Loading…");
   #text = h("p");
   #picture = new StepPicture();
   #caption = h("figcaption");
@@ -56,7 +56,7 @@ export class StepsView extends Part {
   #status = h("p.visually-hidden", { role: "status" });
   #numbers = h("div");
   #fields = h("div.step-parameters");
-  #noFields = h("p.hint", "This step has no parameters.");
+  #noFields = h("p.hint", { hidden: true }, "This step has no parameters.");
   #export = new ExportMenu(() => [{ title: "This step", items: this.#exports() }]);
   /** @type {StepPresentation | null} */
   #presentation = null;
