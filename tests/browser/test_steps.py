@@ -68,9 +68,13 @@ def test_nine_steps_are_gone_through_by_keys_and_kept_in_the_address(
 
 def test_a_page_that_waits_for_its_first_answer_says_so(open_panel: OpenPanel) -> None:
     waiting: list[Route] = []
+
+    def hold(route: Route) -> None:
+        waiting.append(route)
+
     page = open_panel()
     expect(page.locator(".beside-runs")).to_be_hidden()
-    page.route("**/api/steps?*", waiting.append)
+    page.route("**/api/steps?*", hold)
     _go(page, "#steps")
     steps = page.locator("observer-steps")
     expect(steps.get_by_text("Processing the frames…")).to_be_visible()
