@@ -18,6 +18,7 @@ from typing import IO, Any
 
 import observer.kernels
 from observer.kernels.compiled import Kernel
+from observer.processes import die_with_parent
 
 # Processes that compile, for some hundred megabytes each.
 _MOST_PROCESSES = 4
@@ -56,7 +57,7 @@ def make_ready(tell: Callable[[str], None]) -> None:
     # A process of its own: this one may have heartbeats to send meanwhile. Its failure is none of
     # ours, for what is missing then is compiled when it is called.
     subprocess.run(
-        [sys.executable, "-P", "-m", observer.kernels.__name__],
+        [sys.executable, "-P", "-m", observer.kernels.__name__, str(os.getpid())],
         env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -82,7 +83,14 @@ def build() -> tuple[int, float]:
         missing.sort(key=lambda name: -_length(every_kernel()[name]))
         processes = min(_MOST_PROCESSES, os.cpu_count() or 1, len(missing))
         if processes:
-            with ProcessPoolExecutor(processes, get_context("spawn")) as pool:
+            pool = ProcessPoolExecutor(
+                processes,
+                get_context("spawn"),
+                # They would outlive this process if it were killed.
+                initializer=die_with_parent,
+                initargs=(os.getpid(),),
+            )
+            with pool:
                 list(pool.map(_compile, missing))
     return len(missing), time.monotonic() - began
 

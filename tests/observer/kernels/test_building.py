@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numba
 import numpy as np
+import psutil
 import pytest
 
 from observer.kernels import cache
@@ -152,3 +154,26 @@ def test_a_processor_without_a_cache_is_told_and_compiles_once(tmp_path: Path) -
         capture_output=True, text=True, timeout=300,
     )  # fmt: skip
     assert ended.stdout.strip() == "all kernels are compiled"
+
+
+@COMPILED
+@pytest.mark.slow
+@pytest.mark.timeout(120)
+def test_compiling_ends_with_the_process_that_asked_for_it(tmp_path: Path) -> None:
+    program = "from observer.kernels.building import make_ready; make_ready(print)"
+    asker = psutil.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.DEVNULL,
+        env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )  # fmt: skip
+    compiling: list[psutil.Process] = []
+    # The one that was started, at least one of its pool, and the pool's resource tracker.
+    while len(compiling) < 3 and asker.poll() is None:
+        time.sleep(0.1)
+        compiling = asker.children(recursive=True)
+    assert asker.poll() is None
+    asker.kill()
+    asker.wait()
+    _, alive = psutil.wait_procs(compiling, timeout=10)
+    for process in alive:
+        process.kill()
+    assert not alive
